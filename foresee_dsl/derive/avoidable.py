@@ -33,31 +33,20 @@ UNSURE = 2
 """So many children at most have a score between the two. Ours: they ask whether the driver reacts at all; of cyclists
 beside `pdm`, one in four of them failed."""
 _PROPERTY = {
-    Kind.LATE: "delay",
-    Kind.EARLY: "moving",
-    Kind.PACE: "timing",
-    Kind.HESITATES: "brakes",
-    Kind.BRAKES: "brakes",
-    Kind.HALTS: "brakes",
-    Kind.DRIFTS: "line",
-    Kind.CUTS_IN: "line",
-    Kind.SWERVES: "steer",
-    Kind.RUNS_LIGHT: "ignores",
-    Kind.TAKES_WAY: "ignores",
+    Kind.LATE: ("delay", "late_start"),
+    Kind.EARLY: ("moving", "early_start"),
+    Kind.PACE: ("timing", "pace"),
+    Kind.HESITATES: ("brakes", "hesitates"),
+    Kind.BRAKES: ("brakes", "hard_braking"),
+    Kind.HALTS: ("brakes", "stops_after_turn"),
+    Kind.DRIFTS: ("line", "drifts"),
+    Kind.CUTS_IN: ("line", "cuts_in"),
+    Kind.SWERVES: ("steer", "swerves"),
+    Kind.RUNS_LIGHT: ("ignores", "runs_light"),
+    Kind.TAKES_WAY: ("ignores", "takes_right_of_way"),
 }
-NAMES = {
-    Kind.LATE: "late_start",
-    Kind.EARLY: "early_start",
-    Kind.PACE: "pace",
-    Kind.HESITATES: "hesitates",
-    Kind.BRAKES: "hard_braking",
-    Kind.HALTS: "stops_after_turn",
-    Kind.DRIFTS: "drifts",
-    Kind.CUTS_IN: "cuts_in",
-    Kind.SWERVES: "swerves",
-    Kind.RUNS_LIGHT: "runs_light",
-    Kind.TAKES_WAY: "takes_right_of_way",
-}
+"""The property that each behaviour changes, and its name."""
+NAMES = {kind: name for kind, (_, name) in _PROPERTY.items()}
 """What a mutant's `origin` calls the behaviours."""
 
 _Found = list[tuple[tuple[str, ...], tuple[Change, ...]]]
@@ -100,7 +89,7 @@ def _worth(scored: Scored, chosen: list[Candidate]) -> float:
 
 def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
     """Return a candidate as a change; None where it cannot be made of this actor."""
-    name, actor = _PROPERTY[candidate.kind], candidate.actor
+    name, actor = _PROPERTY[candidate.kind][0], candidate.actor
     if name == "ignores":
         obeys = not any(isinstance(item, IgnoresRule) for item in situation.actors[actor].body)
         rule = "signals" if candidate.kind is Kind.RUNS_LIGHT else "priority"

@@ -187,11 +187,7 @@ AVOIDABLE = replace(FOCUSED, name="avoidable", search=CarefulSettings())
 """Ours: first what hits the ego as it drove and a careful driver could have avoided; then as `focused`."""
 
 HEAVY_WEATHER = Preset(
-    name="heavy_weather",
-    recipes=(("heavy_weather",),),
-    targets="letter",
-    farthest_m=None,
-    steer=SteerSettings(),
+    name="heavy_weather", recipes=(("heavy_weather",),), targets="letter", farthest_m=None, steer=SteerSettings()
 )
 """One child: the same in heavy weather, and nothing else is changed (paper, section 4.4, RQ5)."""
 

@@ -11,19 +11,17 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, SumoBundle
+from foresee_dsl.compile.placement.background_traffic import random_route
 from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, Polyline
-from foresee_dsl.compile.roads.routing import onward
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
 from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.fuzz import settings as s
 
 STEP_M = 1.0
 """Spacing of the candidate places, m (ours)."""
-TURN_WEIGHTS = {"straight": 3.0, "left": 1.0, "right": 1.0, "back": 0.0}
-"""As of background traffic."""
 BESIDE_M = 1.5
 """Without sidewalks people are this far beside the rightmost lane, m (ours: a verge)."""
 
@@ -125,21 +123,8 @@ class Around:
 
     def route(self, place: LanePlace, missing_m: float, kind: LaneKind) -> tuple[str, ...]:
         """Draw a route from a place that goes on for so long, or to the end of the network."""
-        edges = [place.lane.edge]
         missing_m -= place.lane.line.length_m - place.along_m
-        while missing_m > 0:
-            ways = onward(self.network, edges[-1], kind)
-            if len(edges) == 1:  # the first turn is one that its lane allows
-                found = self.network.movements_from(place.lane.edge, kind)
-                allowed = {way.to_edge for way in found if way.from_lane == place.lane.id}
-                ways = tuple(way for way in ways if way.to_edge in allowed)
-            weights = np.array([TURN_WEIGHTS[way.turn] for way in ways])
-            if not ways or weights.sum() == 0:
-                break
-            way = ways[int(self.rng.choice(len(ways), p=weights / weights.sum()))]
-            edges.append(way.to_edge)
-            missing_m -= self.network.lanes[way.to_lane].line.length_m
-        return tuple(edges)
+        return random_route(self.network, self.rng, place.lane, missing_m, kind, most_edges=math.inf)
 
     def _near(self, x: float, y: float) -> bool:
         return s.NEAREST_M <= math.hypot(x - self._start[0], y - self._start[1]) <= s.FARTHEST_M

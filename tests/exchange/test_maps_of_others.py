@@ -14,8 +14,8 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.maps import opendrive, osm, sumo
+from foresee_dsl.exchange.maps.osm import drives_on_the_left, read_osm
 from foresee_dsl.exchange.maps.osm_crossings import crossings_of
-from foresee_dsl.exchange.maps.osm_files import drives_on_the_left, read_osm
 from tests.support.crooked_nets import net, road
 from tests.support.crooked_nets import opendrive as xodr
 

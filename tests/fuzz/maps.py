@@ -83,7 +83,7 @@ def look(kind: str, data: bytes, folder: Path) -> str:
     """Import a map, without the drive; return "imported", "refused", or what went wrong."""
     from foresee_dsl.compile.foreign.networks import foreign_net
     from foresee_dsl.exchange.maps import osm
-    from foresee_dsl.exchange.maps.osm_files import read_osm
+    from foresee_dsl.exchange.maps.osm import read_osm
     from foresee_dsl.exchange.maps.starter import starter
 
     name = SEEDS[kind][0]

@@ -212,10 +212,7 @@ def _footways(
         ends = [(get["from"], f"{get['from']}_{get['fromLane']}"), (get["to"], f"{get['to']}_{get['toLane']}")]
         if all(lanes[lane].kinds == {"pedestrian"} for _, lane in ends):
             first, second = (edge if functions[edge] == "walkingarea" else lane for edge, lane in ends)
-            if "via" in get:
-                yield first, get["via"]
-            else:
-                yield first, second
+            yield first, get.get("via", second)
 
 
 def _junction_of(internal_edge: str) -> str:

@@ -12,17 +12,7 @@ from foresee_dsl.errors import CompileError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.streets import layout
 from foresee_dsl.language.streets.layout import BACK, Directed, Ring, lanes_of
-from foresee_dsl.language.streets.lines import (
-    XY,
-    at,
-    beside,
-    curve,
-    marks,
-    number,
-    shifted,
-    with_points_at,
-    xy,
-)
+from foresee_dsl.language.streets.lines import XY, at, beside, curve, marks, number, shifted, with_points_at, xy
 
 LANE_WIDTH_M = 3.3
 """Ours: between the 3.25 m and 3.5 m that are usual on urban main roads."""
@@ -331,11 +321,8 @@ def _ramp(item: m.OnRamp | m.OffRamp, edges: Mapping[str, Directed], ends: Mappi
     meets = beside(point, heading, right)
     away_at, away_heading = at(edge.line, s - TAPER_M if joins else s + TAPER_M)
     away = beside(away_at, away_heading, right + lane_width)
-    given = (
-        [ends[item.junction], *(xy(p) for p in item.via)]
-        if joins
-        else [*(xy(p) for p in item.via), ends[item.junction]]
-    )
+    via, end_at = [xy(p) for p in item.via], ends[item.junction]
+    given = [end_at, *via] if joins else [*via, end_at]
     taper = math.atan2(meets[1] - away[1], meets[0] - away[0])
     if joins:
         before = given[-2:] if len(given) > 1 else [given[-1], away]

@@ -136,7 +136,8 @@ class _Around:
                 continue
             limit = lane.speed_mps if spec.cruise_mps is None else min(lane.speed_mps, spec.cruise_mps)
             cruise = min(limit * pace, spec.max_speed_mps)
-            route = self._route(lane, cruise * self._end_s - (lane.line.length_m - front), kind)
+            missing_m = cruise * self._end_s - (lane.line.length_m - front)
+            route = random_route(self._network, self._rng, lane, missing_m, kind, most_edges=MAX_EDGES)
             line = self._network.line(route, start_lane=lane.id, after_m=round(front, 3), kind=kind)
             actor = PlacedActor(name, spec, "sumo", *lane.line.at(front), speed_mps=cruise, cruise_mps=cruise)
             yield replace(actor, lane=lane.id, route=route, line=line)
@@ -234,18 +235,21 @@ class _Around:
         ]
         return [(lane, at) for lane, at in found if shapely.contains_xy(self._near, *lane.line.at(at)[:2])]
 
-    def _route(self, lane: Lane, missing_m: float, kind: LaneKind) -> tuple[str, ...]:
-        """Draw a route from a lane that goes on for a length after its first edge."""
-        edges = [lane.edge]
-        while missing_m > 0 and len(edges) < MAX_EDGES:
-            ways = onward(self._network, edges[-1], kind)
-            if len(edges) == 1:  # the first turn is one that its lane allows
-                allowed = {m.to_edge for m in self._network.movements_from(lane.edge, kind) if m.from_lane == lane.id}
-                ways = tuple(m for m in ways if m.to_edge in allowed)
-            weights = np.array([TURN_WEIGHTS[m.turn] for m in ways])
-            if not ways or weights.sum() == 0:
-                break
-            way = ways[int(self._rng.choice(len(ways), p=weights / weights.sum()))]
-            edges.append(way.to_edge)
-            missing_m -= self._network.lanes[way.to_lane].line.length_m
-        return tuple(edges)
+
+def random_route(
+    network: RoadNetwork, rng: np.random.Generator, lane: Lane, missing_m: float, kind: LaneKind, *, most_edges: float
+) -> tuple[str, ...]:
+    """Draw a route from a lane that goes on for a length after its first edge, or to where it leads no further."""
+    edges = [lane.edge]
+    while missing_m > 0 and len(edges) < most_edges:
+        ways = onward(network, edges[-1], kind)
+        if len(edges) == 1:  # the first turn is one that its lane allows
+            allowed = {m.to_edge for m in network.movements_from(lane.edge, kind) if m.from_lane == lane.id}
+            ways = tuple(m for m in ways if m.to_edge in allowed)
+        weights = np.array([TURN_WEIGHTS[m.turn] for m in ways])
+        if not ways or weights.sum() == 0:
+            break
+        way = ways[int(rng.choice(len(ways), p=weights / weights.sum()))]
+        edges.append(way.to_edge)
+        missing_m -= network.lanes[way.to_lane].line.length_m
+    return tuple(edges)

@@ -103,12 +103,7 @@ class RoadNetwork(Topology):
         return build_line(self, edges, start_lane, after_m, behind_m, beyond_m, kind)
 
     def nearest_lane(
-        self,
-        x: float,
-        y: float,
-        heading_rad: float | None = None,
-        kind: LaneKind = "car",
-        within_m: float = 10.0,
+        self, x: float, y: float, heading_rad: float | None = None, kind: LaneKind = "car", within_m: float = 10.0
     ) -> NearLane | None:
         """Return the lane (inside junctions too) nearest to a point, m, no farther away than `within_m`; or None.
 

@@ -87,25 +87,15 @@ class Ahead(Replay):
         super().reset(mission, vehicle, seed)
         self._mission, self._first, self._crossings = mission, who_go_first(mission), crossings_of(mission)
 
-    def step(self, observation: Observation) -> Control:
-        """Answer with the recorded states until it is free, then as it judges."""
-        if self._bicycle is None:
-            raise RuntimeError("stepped before reset")
-        if self._ground is not None:
-            self._ground.hold(self._bicycle, self._state)
+    def _control(self, bicycle: Bicycle, observation: Observation) -> Control:
+        """Follow the recorded states until it is free, then drive as it judges."""
         others = self._others(observation)
         if self._frame % _DECIDES_EVERY == 0:
             self._decide(observation, others)
-        if self._as_recorded():
-            control = self._follow(self._bicycle)
-            self._level = self._state.acceleration
-        else:
-            control = self._drive(self._bicycle)
-        before = self._state
-        self._state = self._bicycle.step(before, control, STEP_S)
-        self._along += math.hypot(self._state.x - before.x, self._state.y - before.y)
-        self._frame += 1
-        return control
+        if not self._as_recorded():
+            return self._drive(bicycle)
+        self._level = self._state.acceleration
+        return self._follow(bicycle)
 
     def _as_recorded(self) -> bool:
         """Whether it does just what was recorded: until something asks for less speed than that."""

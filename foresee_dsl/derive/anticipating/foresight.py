@@ -26,7 +26,16 @@ from foresee_dsl.derive.anticipating.settings import (
     WALKER_HASTENS_MPS,
 )
 from foresee_dsl.derive.anticipating.way import Way
-from foresee_dsl.derive.preventability.risk import CRITICAL_TTC_S, MERGES_RAD, MOVED_M, WANDER_M, in_view
+from foresee_dsl.derive.preventability.risk import (
+    CRITICAL_TTC_S,
+    MERGES_RAD,
+    MOVED_M,
+    WANDER_M,
+    course_of,
+    in_view,
+    merged,
+    moved_on,
+)
 from foresee_dsl.drivers.protocol import Mission
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
@@ -163,34 +172,19 @@ def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) ->
         return [_moved(other, time_s, 0.0, speed) for speed in speeds]
     brakes = max(-other.acceleration_mps2, 0.0)
     if turned >= math.cos(MERGES_RAD):
-        return [_merged(_moved(other, time_s, brakes, other.speed_mps), me)]
+        return [merged(_moved(other, time_s, brakes, other.speed_mps), me)]
     # It keeps on, or begins to wait.
     return [_moved(other, time_s, a, other.speed_mps) for a in (brakes, max(brakes, COMFORTABLE_MPS2))]
 
 
 def _moved(other: Other, time_s: FloatArray, brakes_mps2: float, speed_mps: float) -> FloatArray:
-    rolls = np.minimum(time_s, speed_mps / brakes_mps2) if brakes_mps2 > 0 else time_s
-    moved = speed_mps * rolls - brakes_mps2 * rolls**2 / 2
     steers = other.kind != "pedestrian" and speed_mps > MOVED_M / STEP_S
-    turned = other.yaw_rate_rad_s / speed_mps * moved if steers else np.zeros_like(moved)
-    chord, course = moved * np.sinc(turned / (2 * np.pi)), other.course_rad + turned / 2
-    boxes = np.empty((len(time_s), 5))
-    boxes[:, 0], boxes[:, 1] = other.x + chord * np.cos(course), other.y + chord * np.sin(course)
-    boxes[:, 2] = other.heading_rad + turned
+    per_m = other.yaw_rate_rad_s / speed_mps if steers else 0.0
+    pose = other.x, other.y, other.heading_rad
+    boxes = moved_on(pose, other.course_rad, speed_mps, brakes_mps2, per_m, time_s)
     # What stands does not sway: beside it there is room as soon as the bodies nearly miss each other.
     sways = 0.0 if other.kind == "pedestrian" or other.speed_mps > STANDS_MPS else 1.5 * WANDER_M
     boxes[:, 3:] = (max(other.length_m - sways, 0.1), max(other.width_m - sways, 0.1))
-    return boxes
-
-
-def _merged(boxes: FloatArray, me: FloatArray) -> FloatArray:
-    """Let a way that crosses the ego's line from the side continue along it: a cut-in."""
-    cos, sin = math.cos(me[2]), math.sin(me[2])
-    lateral = (boxes[:, 1] - me[1]) * cos - (boxes[:, 0] - me[0]) * sin
-    over = lateral * lateral[0] < 0.0
-    boxes[over, 0] += lateral[over] * sin
-    boxes[over, 1] -= lateral[over] * cos
-    boxes[over, 2] = me[2]
     return boxes
 
 
@@ -202,10 +196,7 @@ def other_at(trace: Trace, actor: int, frame: int) -> Other | None:
     x, y, heading, speed, acceleration, rate = (
         float(np.nan_to_num(row[k])) for k in (X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE)
     )
-    course = heading
-    if frame > 0:
-        dx, dy = (trace.states[frame, actor, [X, Y]] - trace.states[frame - 1, actor, [X, Y]]).tolist()
-        course = math.atan2(dy, dx) if math.hypot(dx, dy) > MOVED_M else heading
+    course = course_of(trace, actor, frame)
     return Other(info.kind, x, y, heading, course, speed, acceleration, rate, info.length_m, info.width_m)
 
 

@@ -11,10 +11,9 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.derive.operators.model_swap import ModelSwap
-from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, LineShift, TimingShift
+from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, HeavyWeather, LineShift, TimingShift
 from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Operator, Situation
 from foresee_dsl.derive.operators.steer import Steer
-from foresee_dsl.derive.operators.weather import HeavyWeather
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.boxes import pairwise_box_distance

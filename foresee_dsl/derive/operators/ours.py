@@ -1,6 +1,9 @@
-"""Our own operators: when an actor is where (pace, later start, head start), and beside which line."""
+"""Operators that the paper does not have: when an actor is where, beside which line; and its heavy weather (RQ5)."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 from numpy.random import Generator
@@ -156,3 +159,33 @@ def _retimed(boxes: FloatArray, *, factor: float = 1.0, delay_s: float = 0.0, ah
     changed[:, 0] += beyond * np.cos(changed[:, 2])
     changed[:, 1] += beyond * np.sin(changed[:, 2])
     return changed
+
+
+HEAVY: Mapping[str, float] = MappingProxyType({"rain": 1.0, "fog": 0.5, "wetness": 1.0})
+"""The paper names high fog density, wetness and precipitation, and a sun at 45 degrees, which dazzles nobody. Ours: as
+much rain and water as there can be, and fog in which one sees 100 m."""
+
+
+class HeavyWeather(BuiltIn):
+    """As much rain and wetness as there can be, in fog; nothing is drawn."""
+
+    name, property = "heavy_weather", "weather"
+
+    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+        """Return what becomes worse."""
+        del target, preset, rng
+        return tuple(
+            Change(actor="weather", property=name, was=situation.weather[name], now=Quantity.of(value, "ratio", 2))
+            for name, value in HEAVY.items()
+            if situation.weather[name].si < value
+        )
+
+    def letter_target(self, situation: Situation) -> str:
+        """The weather is nobody's."""
+        del situation
+        return "weather"
+
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
+        """Return the track as it was: the roll-out knows no weather."""
+        del change, run
+        return boxes

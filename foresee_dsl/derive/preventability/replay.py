@@ -59,19 +59,22 @@ class Replay:
         self._along = 0.0
         self._least_mps2 = 0.0
 
-    def step(self, observation: Observation) -> Control:  # noqa: ARG002  the protocol's
+    def step(self, observation: Observation) -> Control:
         """Answer with what leads to the next recorded frame, or with braking."""
         if self._bicycle is None:
             raise RuntimeError("stepped before reset")
         if self._ground is not None:
             self._ground.hold(self._bicycle, self._state)
-        following = self._frame < min(self._brakes_from, len(self._states) - 1)
-        control = self._follow(self._bicycle) if following else self._brake(self._bicycle)
+        control = self._control(self._bicycle, observation)
         before = self._state
         self._state = self._bicycle.step(before, control, STEP_S)
         self._along += math.hypot(self._state.x - before.x, self._state.y - before.y)
         self._frame += 1
         return control
+
+    def _control(self, bicycle: Bicycle, observation: Observation) -> Control:  # noqa: ARG002 - it looks at nothing
+        following = self._frame < min(self._brakes_from, len(self._states) - 1)
+        return self._follow(bicycle) if following else self._brake(bicycle)
 
     def _follow(self, bicycle: Bicycle) -> Control:
         wanted = self._states[self._frame + 1]

@@ -134,7 +134,7 @@ def is_risk(trace: Trace, path: RecordedPath, other: int, frame: int, sight: Sig
     ego[:, 3:] = (info.length_m, info.width_m + 2 * WANDER_M)
     boxes = predicted(trace, other, frame, time_s)
     if trace.actors[other].kind != "pedestrian" and math.cos(them[HEADING] - me[HEADING]) >= math.cos(MERGES_RAD):
-        boxes = _merged(boxes, me)
+        boxes = merged(boxes, me[[X, Y, HEADING]])
     return bool(box_overlap(ego, boxes).any()) and in_view(trace, other, frame, sight)
 
 
@@ -158,20 +158,31 @@ def predicted(trace: Trace, actor: int, frame: int, time_s: FloatArray) -> Float
         float(np.nan_to_num(trace.states[frame, actor, k])) for k in (X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE)
     )
     info = trace.actors[actor]
-    brakes = max(-acceleration, 0.0)
-    rolls = np.minimum(time_s, speed / brakes) if brakes > 0 else time_s
-    moved = speed * rolls - brakes * rolls**2 / 2
-    turned = rate / speed * moved if speed > 0 and info.kind != "pedestrian" else np.zeros_like(moved)
-    # The chord of an arc lies at the mean direction.
-    chord, course = moved * np.sinc(turned / (2 * np.pi)), _course(trace, actor, frame) + turned / 2
-    boxes = np.empty((len(time_s), 5))
-    boxes[:, 0], boxes[:, 1] = x + chord * np.cos(course), y + chord * np.sin(course)
-    boxes[:, 2] = heading + turned
+    per_m = rate / speed if speed > 0 and info.kind != "pedestrian" else 0.0
+    boxes = moved_on((x, y, heading), course_of(trace, actor, frame), speed, max(-acceleration, 0.0), per_m, time_s)
     boxes[:, 3:] = (info.length_m, info.width_m)
     return boxes
 
 
-def _course(trace: Trace, actor: int, frame: int) -> float:
+def moved_on(
+    pose: tuple[float, float, float], course: float, speed: float, brakes: float, turns_per_m: float, time_s: FloatArray
+) -> FloatArray:
+    """Return where somebody is after some times who brakes evenly along an arc, [N, 5] boxes without their sizes.
+
+    `pose`: x, y, heading. `course`: the direction of motion. `turns_per_m`: rad per metre.
+    """
+    rolls = np.minimum(time_s, speed / brakes) if brakes > 0 else time_s
+    moved = speed * rolls - brakes * rolls**2 / 2
+    turned = turns_per_m * moved
+    # The chord of an arc lies at the mean direction.
+    chord, towards = moved * np.sinc(turned / (2 * np.pi)), course + turned / 2
+    boxes = np.empty((len(time_s), 5))
+    boxes[:, 0], boxes[:, 1] = pose[0] + chord * np.cos(towards), pose[1] + chord * np.sin(towards)
+    boxes[:, 2] = pose[2] + turned
+    return boxes
+
+
+def course_of(trace: Trace, actor: int, frame: int) -> float:
     """The direction (rad) of an actor's last step; where it points when it has made none."""
     heading = float(trace.states[frame, actor, HEADING])
     if frame == 0:
@@ -180,17 +191,15 @@ def _course(trace: Trace, actor: int, frame: int) -> float:
     return math.atan2(dy, dx) if math.hypot(dx, dy) > MOVED_M else heading
 
 
-def _merged(boxes: FloatArray, ego: FloatArray) -> FloatArray:
-    """Let a path that crosses the ego's line from the side continue along it."""
-    cos, sin = math.cos(ego[HEADING]), math.sin(ego[HEADING])
-    dx, dy = boxes[:, 0] - ego[X], boxes[:, 1] - ego[Y]
-    lateral = dy * cos - dx * sin
+def merged(boxes: FloatArray, ego: FloatArray) -> FloatArray:
+    """Let a path that crosses the ego's line (`ego`: x, y, heading) from the side continue along it: a cut-in."""
+    cos, sin = math.cos(ego[2]), math.sin(ego[2])
+    lateral = (boxes[:, 1] - ego[1]) * cos - (boxes[:, 0] - ego[0]) * sin
     over = lateral * lateral[0] < 0.0
-    merged = boxes.copy()
-    merged[over, 0] += lateral[over] * sin
-    merged[over, 1] -= lateral[over] * cos
-    merged[over, 2] = ego[HEADING]
-    return merged
+    boxes[over, 0] += lateral[over] * sin
+    boxes[over, 1] -= lateral[over] * cos
+    boxes[over, 2] = ego[2]
+    return boxes
 
 
 def _in_front(trace: Trace, other: int, frame: int) -> bool:

@@ -291,10 +291,7 @@ def _green(signals: Mapping[str, Signal], passage: Passage, placed: PlacedRoute)
     at = (green - lead + 1.0) % cycle
     k, begun = max((k, begun) for k, begun in enumerate(starts) if begun <= at)
     phase = signal.phases[k]
-    return {
-        "shown": _word(signal.stages[phase.stage]),
-        "since": f"{phase.since_stage_s + at - begun:.1f} s",
-    }
+    return {"shown": _word(signal.stages[phase.stage]), "since": f"{phase.since_stage_s + at - begun:.1f} s"}
 
 
 def _m(length: float) -> str:

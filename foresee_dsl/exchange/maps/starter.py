@@ -98,10 +98,7 @@ def _why(roads: RoadNetwork) -> str:
 
 
 def best_way(
-    roads: RoadNetwork,
-    signals: frozenset[str],
-    bridged: frozenset[str] = frozenset(),
-    without: Collection[str] = (),
+    roads: RoadNetwork, signals: frozenset[str], bridged: frozenset[str] = frozenset(), without: Collection[str] = ()
 ) -> Way | None:
     """Return the way for the ego: over a signal if there is any, from a street, with a turn, of a middle length.
 
@@ -149,11 +146,7 @@ class _Streets:
 
     @classmethod
     def of(
-        cls,
-        roads: RoadNetwork,
-        signals: frozenset[str],
-        room_m: tuple[float, float, float],
-        without: Collection[str],
+        cls, roads: RoadNetwork, signals: frozenset[str], room_m: tuple[float, float, float], without: Collection[str]
     ) -> _Streets:
         lanes = {
             edge.id: edge.drivable[0]

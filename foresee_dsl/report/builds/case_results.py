@@ -164,16 +164,13 @@ def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResu
     """Return a result for each test that `foresee verify` ran; what is not as expected failed."""
     from foresee_dsl.campaign.regression.expectations import Status
 
-    broke = (Status.CRASHED, Status.TIMED_OUT, Status.STALE)
+    broke = dict.fromkeys((Status.CRASHED, Status.TIMED_OUT, Status.STALE), Outcome.ERROR)
+    outcomes = {Status.AS_EXPECTED: Outcome.PASSED, **broke}
     return tuple(
         CaseResult(
             suite=one.path.parent.as_posix(),
             name=one.path.stem + (f"::{one.case}" if one.case else ""),
-            outcome=Outcome.PASSED
-            if one.status is Status.AS_EXPECTED
-            else Outcome.ERROR
-            if one.status in broke
-            else Outcome.FAILED,
+            outcome=outcomes.get(one.status, Outcome.FAILED),
             rule=one.status.value,
             message=f"{one.status.label}: {one.now or one.status.meaning}",
             place=_at_line(place_of(one.file), one.line),

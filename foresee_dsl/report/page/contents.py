@@ -219,27 +219,21 @@ def _each_alone(source: Source) -> tuple[Finding, ...]:
     """Return every failure as a finding of its own, for a file without findings."""
     campaign = source.campaign
     families = {case.test_case: case.family for case in campaign.test_cases}
-    found = [
+    kinds = {verdict.value for verdict in FAILURES}
+    failures: list[tuple[str, CaseRun | Child, str, str | None]] = [
+        (_case_name(case), case, case.test_case, case.test_case)
+        for case in campaign.test_cases
+        if case.verdict in kinds
+    ]
+    failures += [(child.mutant, child, clip.test_case, child.file) for clip, child in _failing_children(campaign)]
+    return tuple(
         Finding.model_validate(
             {
-                "name": _case_name(case), "sentence": case.reason, "class": "", "verdict": case.verdict,
-                "test_case": case.test_case, "family": case.family, "file": case.test_case,
-                "preventability": case.preventability.verdict if case.preventability else None,
-                "anticipation": case.anticipation.answer if case.anticipation else None,
+                "name": name, "sentence": run.reason, "class": "", "verdict": run.verdict, "test_case": test_case,
+                "family": families.get(test_case, ""), "file": file,
+                "preventability": run.preventability.verdict if run.preventability else None,
+                "anticipation": run.anticipation.answer if run.anticipation else None,
             }
         )
-        for case in campaign.test_cases
-        if case.verdict in {v.value for v in FAILURES}
-    ]  # fmt: skip
-    for clip, child in _failing_children(campaign):
-        found.append(
-            Finding.model_validate(
-                {
-                    "name": child.mutant, "sentence": child.reason, "class": "", "verdict": child.verdict,
-                    "test_case": clip.test_case, "family": families.get(clip.test_case, ""), "file": child.file,
-                    "preventability": child.preventability.verdict if child.preventability else None,
-                    "anticipation": child.anticipation.answer if child.anticipation else None,
-                }
-            )
-        )  # fmt: skip
-    return tuple(found)
+        for name, run, test_case, file in failures
+    )  # fmt: skip

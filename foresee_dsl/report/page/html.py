@@ -51,19 +51,16 @@ def rendered(contents: Contents, reader: Reader) -> str:
         "anticipation": [(a, a) for a in options_of(findings, lambda found: found.anticipation)],
         "driver": [(d, d) for d in options_of(findings, lambda found: found.driver)],
     }
-    return (
-        _templates()
-        .get_template("page.html.j2")
-        .render(
-            contents=contents,
-            filters={name: options for name, options in filters.items() if len(options) > 1},
-            style=style,
-            script=script,
-            style_hash=_hash(style),
-            script_hash=_hash(script),
-            family_title=family_title,
-            data={name: _data(value) for name, value in {**reader.roads.as_dict(), **reader.playbacks}.items()},
-        )
+    template = _templates().get_template("page.html.j2")
+    return template.render(
+        contents=contents,
+        filters={name: options for name, options in filters.items() if len(options) > 1},
+        style=style,
+        script=script,
+        style_hash=_hash(style),
+        script_hash=_hash(script),
+        family_title=family_title,
+        data={name: _data(value) for name, value in {**reader.roads.as_dict(), **reader.playbacks}.items()},
     )
 
 

@@ -73,20 +73,10 @@ def as_markdown(contents: Contents, strips: Sequence[str]) -> str:
 
 
 def _rendered(contents: Contents, sections: Sequence[tuple[Found, Marked]], count: int) -> str:
-    text = (
-        _templates()
-        .get_template("report.md.j2")
-        .render(
-            contents=contents,
-            sections=sections[:count],
-            left=[found for found, _ in sections[count:]],
-            code=code,
-            block=block,
-            mark=Marked,
-            code_free=escaped,
-            commands=lambda run: "\n".join(run.command_lines),
-        )
-    )
+    text = _templates().get_template("report.md.j2").render(
+        contents=contents, sections=sections[:count], left=[found for found, _ in sections[count:]], code=code,
+        block=block, mark=Marked, code_free=escaped, commands=lambda run: "\n".join(run.command_lines),
+    )  # fmt: skip
     return re.sub(r"\n{3,}", "\n\n", text)
 
 

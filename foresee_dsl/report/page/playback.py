@@ -1,23 +1,27 @@
-"""One run as a page plays it: who was where, who was seen, what the parent's run did instead."""
+"""One run as a page plays it: who was where, who was seen, what signals showed, what the parent's run did instead."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.bundle import Signal, SumoBundle
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.derive.preventability.risk import sight_of
 from foresee_dsl.kernels.boxes import pairwise_box_distance
-from foresee_dsl.report.page.numbers import CM, MRAD, deltas, toggles
-from foresee_dsl.report.page.signals import signal_heads
+from foresee_dsl.report.page.numbers import CM, MRAD, deltas, line, toggles
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 NEAR_M = 90.0
 """Actors that are never this near to the ego are left out; ours: a little beyond what its sensors see of a car."""
+SIGNALS_NEAR_M = 100.0
+"""Signals farther away from the ego during the whole run are left out; ours: what its camera sees at most."""
 LONG_RUN_FRAMES = 400
 """A run of more frames (20 s) is shown with every second one; ours: positions between two are interpolated."""
 APART_M = 0.3
@@ -179,3 +183,67 @@ def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
     frame = run.trace.frame_at(run.start_s + time_s)
     state = run.trace.states[frame, columns.get(actor, 0)]
     return [round(float(v), 2) for v in state[[X, Y]]] if not np.isnan(state[X]) else []
+
+
+def signal_heads(trace: Trace, bundle: SumoBundle, frames: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """Return the signal heads near the ego: a line `at` the road (cm), and `colours`: frame, letter, frame, letter...
+
+    A letter is SUMO's, in lower case: r, y, g, u (red and yellow), o (off). Frames count those shown.
+    """
+    track = trace.states[:, 0, [X, Y]]
+    heads = []
+    for column, junction in enumerate(trace.signals):
+        signal = bundle.signals.get(junction)
+        place = bundle.network.junctions.get(junction)
+        if signal is None or place is None:
+            continue
+        if np.nanmin(np.hypot(track[:, 0] - place.x, track[:, 1] - place.y)) > SIGNALS_NEAR_M:
+            continue
+        states = _states(trace, column, signal, frames)
+        heads += [{"at": line(at), "colours": _changes(states, link)} for at, link in _places(bundle.network, signal)]
+    return heads
+
+
+def _states(trace: Trace, column: int, signal: Signal, frames: NDArray[np.int64]) -> list[str]:
+    """Return SUMO's state string of a signal at each frame."""
+    names = trace.signal_stages[column]
+    found = []
+    for frame in frames:
+        stage = names[trace.stages[frame, column]]
+        phase, _ = signal.phase_at(stage, float(trace.elapsed[frame, column]))
+        found.append(signal.phases[phase].state.lower())
+    return found
+
+
+def _changes(states: list[str], link: int) -> list[int | str]:
+    changes: list[int | str] = []
+    before = ""
+    for k, state in enumerate(states):
+        colour = state[link] if link < len(state) else "o"
+        if colour != before:
+            changes += [k, colour]
+            before = colour
+    return changes
+
+
+def _places(network: RoadNetwork, signal: Signal) -> Iterator[tuple[list[tuple[float, float]], int]]:
+    """Yield a line and a link for each head: part of the stop line for each way on from a lane, a crossing's ends."""
+    links: dict[str, list[int]] = {}
+    for movement in network.movements:
+        if movement.tls == signal.tls and movement.link not in links.setdefault(movement.from_lane, []):
+            links[movement.from_lane].append(movement.link)
+    for lane, mine in links.items():
+        for share, link in enumerate(mine):
+            yield _stop_line(network.lanes[lane], share, len(mine)), link
+    for crossing in network.crossings.values():
+        if crossing.tls == signal.tls:
+            yield [crossing.lane.shape[0]] * 2, crossing.link
+            yield [crossing.lane.shape[-1]] * 2, crossing.link
+
+
+def _stop_line(lane: Lane, share: int, shares: int) -> list[tuple[float, float]]:
+    """Return a part of the stop line at a lane's end, from the right."""
+    (x0, y0), (x1, y1) = lane.shape[-2], lane.shape[-1]
+    heading = math.atan2(y1 - y0, x1 - x0)
+    left = [(k / shares - 0.5) * lane.width_m * 0.9 for k in (share, share + 1)]
+    return [(x1 - math.sin(heading) * way, y1 + math.cos(heading) * way) for way in left]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
 from foresee_dsl.derive.anticipating import Answer
@@ -23,6 +21,7 @@ from foresee_dsl.report.page.recorded import Anticipation, Preventability
 from foresee_dsl.report.page.runs import Outcome, Reader
 from foresee_dsl.simulate.trace import Trace
 
+_RECORDED = "as its file records"
 _NO_FILE_NAME = re.compile(r"[^\w.-]+")
 
 
@@ -47,6 +46,9 @@ def write_view(
         case = load_test_case(address, allow_outside=allow_outside)
         driver = driver or _recorded_driver(case)
         trace = run_test_case(case, driver, seed).trace
+    origin = case.mutant.origin if case.mutant is not None else None
+    careful = next((answer for answer in Preventable if origin and answer.origin == origin.preventable), None)
+    ahead = next((answer for answer in Answer if origin and answer.origin == origin.anticipating), None)
     outcome = Outcome(
         name=case_name(case),
         address=case.id,
@@ -55,8 +57,8 @@ def write_view(
         driver=driver,
         seed=seed,
         trace=None,
-        preventability=_recorded_preventability(case),
-        anticipation=_recorded_anticipation(case),
+        preventability=Preventability(verdict=careful.value, why=_RECORDED) if careful else None,
+        anticipation=Anticipation(answer=ahead.value, why=_RECORDED) if ahead else None,
     )
     reader = Reader()
     run = reader.run(outcome, case, trace, _parent(case, driver, seed))
@@ -93,22 +95,6 @@ def _recorded_driver(case: TestCase) -> str:
     if ":" in driver:
         raise DriverError(f"{case.id} records a program as its driver ({driver}): `--driver '{driver}'` starts it")
     return driver
-
-
-def _recorded_preventability(case: TestCase) -> Preventability | None:
-    origin = case.mutant.origin if case.mutant is not None else None
-    known: Mapping[Any, Preventable] = {answer.origin: answer for answer in Preventable}
-    if origin is None or origin.preventable is None:
-        return None
-    return Preventability(verdict=known[origin.preventable].value, why="as its file records")
-
-
-def _recorded_anticipation(case: TestCase) -> Anticipation | None:
-    origin = case.mutant.origin if case.mutant is not None else None
-    known: Mapping[Any, Answer] = {answer.origin: answer for answer in Answer}
-    if origin is None or origin.anticipating is None:
-        return None
-    return Anticipation(answer=known[origin.anticipating].value, why="as its file records")
 
 
 def _parent(case: TestCase, driver: str, seed: int) -> Parent | None:

@@ -63,20 +63,14 @@ def _mistake(mistake: Mistake) -> dict[str, Any]:
     place = mistake.text
     if place is None:
         return _plain(mistake.message)
-    return {"message": mistake.message, "path": place.path.as_posix(), "line": place.line, "column": place.column}
+    return _plain(mistake.message, place.path.as_posix(), place.line, place.column)
 
 
 def _diagnostic(found: Diagnostic) -> dict[str, Any]:
-    span = found.span
     message = f"{found.message}: {found.help}" if found.help else found.message
     path = absolute(Path(found.path)).as_posix() if found.path else ""
-    return {
-        "message": message,
-        "path": path,
-        "line": span.line if span is not None else 0,
-        "column": span.column if span is not None else 0,
-    }
+    return _plain(message, path, *((found.span.line, found.span.column) if found.span is not None else ()))
 
 
-def _plain(message: str) -> dict[str, Any]:
-    return {"message": message, "path": "", "line": 0, "column": 0}
+def _plain(message: str, path: str = "", line: int = 0, column: int = 0) -> dict[str, Any]:
+    return {"message": message, "path": path, "line": line, "column": column}

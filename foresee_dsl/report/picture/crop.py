@@ -36,12 +36,8 @@ class Frame:
     @property
     def bounds(self) -> Bounds:
         """Left, bottom, right and top, m."""
-        return (
-            self.left,
-            self.top - self.height / self.scale,
-            self.left + self.width / self.scale,
-            self.top,
-        )
+        wide, high = self.width / self.scale, self.height / self.scale
+        return self.left, self.top - high, self.left + wide, self.top
 
     def pixels(self, points: FloatArray) -> FloatArray:
         """Return [N, 2] points of the world in pixels, y downwards."""

@@ -10,7 +10,7 @@ import numpy as np
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.report.picture.palette import PAINTS
 from foresee_dsl.report.picture.sheet import PAD, Part, Shape, Sheet, Words
-from foresee_dsl.report.show.png import MISSING, as_png, dashed
+from foresee_dsl.report.show.png import MISSING, as_png, dashed, filled, places
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -59,7 +59,7 @@ def _part(picture: Image, part: Part, sheet: Sheet, scale: float, *, dark: bool,
 
 def _shape(picture: Image, shape: Shape, scale: float, *, dark: bool) -> None:
     from PIL import Image as Images
-    from PIL import ImageChops, ImageDraw
+    from PIL import ImageDraw
 
     fill, line, opacity = _colours(shape.paint, dark)
     rings = [ring * scale for ring in shape.rings]
@@ -77,12 +77,7 @@ def _shape(picture: Image, shape: Shape, scale: float, *, dark: bool) -> None:
         picture.paste(colour, corner, weak)
 
     if shape.closed and fill:
-        mask = Images.new("1", size)
-        for ring in rings:  # the even-odd rule: a ring within another is a hole
-            inside = Images.new("1", size)
-            ImageDraw.Draw(inside).polygon(_places(ring - low), fill=1)
-            mask = ImageChops.logical_xor(mask, inside)
-        paste(fill, mask)
+        paste(fill, filled([ring - low for ring in rings], size))
     if line and wide:
         mask = Images.new("1", size)
         draw = ImageDraw.Draw(mask)
@@ -90,7 +85,7 @@ def _shape(picture: Image, shape: Shape, scale: float, *, dark: bool) -> None:
             whole = np.vstack([ring, ring[:1]]) if shape.closed else ring
             on, off = (part * scale for part in shape.dash) if shape.dash else (0.0, 0.0)
             for piece in dashed(whole - low, on, off) if on else (whole - low,):
-                draw.line(_places(piece), fill=1, width=wide, joint="curve")
+                draw.line(places(piece), fill=1, width=wide, joint="curve")
         paste(line, mask)
 
 
@@ -116,7 +111,3 @@ def _words(picture: Image, words: Words, sheet: Sheet, scale: float, *, dark: bo
     own.text((side / 2, side / 2), words.text, fill=fill, font=font, anchor="mm")
     turned = sheet_of_words.rotate(-words.angle_deg, Image.Resampling.BICUBIC)
     picture.paste(turned, (round(x - side / 2), round(y - side / 2)), turned)
-
-
-def _places(points: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[tuple[float, float]]:
-    return [(x, y) for x, y in points.tolist()]

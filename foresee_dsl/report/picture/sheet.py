@@ -291,10 +291,7 @@ class _Map:
             shapes.append(Shape(body.tone, (outline,), width=0.8))
             if body.kind != "obstacle" and length > 6:
                 front_left, rear_left, rear_right, front_right = outline
-                screen = (
-                    front_left + 0.22 * (rear_left - front_left),
-                    front_right + 0.22 * (rear_right - front_right),
-                )
+                screen = (front_left + 0.22 * (rear_left - front_left), front_right + 0.22 * (rear_right - front_right))
                 nose = (front_left + front_right) / 2 + 0.02 * (rear_left - front_left)
                 shapes.append(Shape("plate", (np.array([screen[0], nose, screen[1]]),), width=0.0))
         words: tuple[Words, ...] = ()

@@ -62,13 +62,7 @@ class Watched:
 
 
 def watch(
-    address: str,
-    *,
-    svg: Path | None,
-    whole: bool,
-    port: int,
-    allow_outside: bool,
-    say: Callable[[str], None],
+    address: str, *, svg: Path | None, whole: bool, port: int, allow_outside: bool, say: Callable[[str], None]
 ) -> None:
     """Serve the picture of an address until the process is ended; `svg`: a file that is written again too.
 

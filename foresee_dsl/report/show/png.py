@@ -100,27 +100,31 @@ def _panel(panel: Panel) -> Image:
 
 
 def _draw(picture: Image, draw: ImageDraw, one: Drawn, scale: float) -> None:
-    from PIL import Image, ImageChops
-    from PIL import ImageDraw as Drawing
-
     half = picture.width / 2
     rings = [ring * (scale, -scale) + half for ring in one.rings]
     if one.closed and one.style.fill:
         if len(rings) == 1:
-            draw.polygon(_places(rings[0]), fill=one.style.fill)
-        else:  # the even-odd rule: a ring within another is a hole
-            mask = Image.new("1", picture.size)
-            for ring in rings:
-                inside = Image.new("1", picture.size)
-                Drawing.Draw(inside).polygon(_places(ring), fill=1)
-                mask = ImageChops.logical_xor(mask, inside)
-            picture.paste(one.style.fill, mask=mask)
+            draw.polygon(places(rings[0]), fill=one.style.fill)
+        else:
+            picture.paste(one.style.fill, mask=filled(rings, picture.size))
     if one.style.line:
         wide = max(round(one.style.width_m * scale), _FINER)
         for ring in rings:
             points = np.vstack([ring, ring[:1]]) if one.closed else ring
             for piece in dashed(points, _DASH_M * scale, _DASH_M * scale) if one.style.dashed else (points,):
-                draw.line(_places(piece), fill=one.style.line, width=wide, joint="curve")
+                draw.line(places(piece), fill=one.style.line, width=wide, joint="curve")
+
+
+def filled(rings: Sequence[FloatArray], size: tuple[int, int]) -> Image:
+    """Return what is inside of rings by the even-odd rule: a ring within another is a hole."""
+    from PIL import Image, ImageChops, ImageDraw
+
+    mask = Image.new("1", size)
+    for ring in rings:
+        inside = Image.new("1", size)
+        ImageDraw.Draw(inside).polygon(places(ring), fill=1)
+        mask = ImageChops.logical_xor(mask, inside)
+    return mask
 
 
 def dashed(points: FloatArray, length: float, gap: float) -> list[FloatArray]:
@@ -138,7 +142,7 @@ def _north(draw: ImageDraw, panel: Panel, side: int) -> None:
     ahead = np.array((math.cos(turn), -math.sin(turn)))
     aside = np.array((ahead[1], -ahead[0]))
     points = [middle + size * (a * ahead + b * aside) for a, b in ((1, 0), (-0.7, 0.45), (-0.35, 0), (-0.7, -0.45))]
-    draw.polygon(_places(np.array(points)), fill=_INK, outline=_PAPER)
+    draw.polygon(places(np.array(points)), fill=_INK, outline=_PAPER)
 
 
 def _scale(draw: ImageDraw, panel: Panel, x: float, bottom: float) -> None:
@@ -146,8 +150,9 @@ def _scale(draw: ImageDraw, panel: Panel, x: float, bottom: float) -> None:
     left, right, high, low = x + 8, x + 8 + length, bottom - 13, bottom - 9
     marks = np.array([(left, high), (left, low), (right, low), (right, high)])
     for a, b in pairwise(marks):
-        draw.line(_places(np.array([a, b])), fill=_INK, width=2)
+        draw.line(places(np.array([a, b])), fill=_INK, width=2)
 
 
-def _places(points: FloatArray) -> list[tuple[float, float]]:
+def places(points: FloatArray) -> list[tuple[float, float]]:
+    """Return points as pillow takes them."""
     return [(x, y) for x, y in points.tolist()]

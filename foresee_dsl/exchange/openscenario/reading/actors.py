@@ -20,7 +20,7 @@ from foresee_dsl.exchange.openscenario.reading.conditions import Way
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
-from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.openscenario.reading.places import Places, point_of
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.reading.ways import trajectories as tracks
 from foresee_dsl.exchange.openscenario.reading.ways.held_up import path_if_held_up, way_on
@@ -133,7 +133,7 @@ class ActorBuilder:
         self._goes(entity, front, way)
         body: list[m.ActorItem] = [m.EdgeRoute(edges=way)]
         if goal is not None and tracks.nearest(self.network, goal, "car") is not None:
-            body.append(m.GoalAt(place=_point(goal)))
+            body.append(m.GoalAt(place=point_of(goal)))
         return BuiltActor(
             m.Ego(model=entity.model, state=_state(front, state.speed_mps or 0.0, entity), body=tuple(body))
         )
@@ -162,7 +162,7 @@ class ActorBuilder:
             path = [(middle.x, middle.y), *path]  # it drives there first
         self._walks(entity, path)
         last = profile.speed_mps[-1] if profile is not None else speed
-        points = tuple(_point(Pose(x, y, 0.0)) for x, y in self._going_on(path, last, entity))
+        points = tuple(point_of(Pose(x, y, 0.0)) for x, y in self._going_on(path, last, entity))
         return BuiltActor(_actor(entity, middle, speed, _walk(entity, points, speed)), whens)
 
     def _on_lanes(self, state: EntityState, middle: Pose, routing: Element | None) -> BuiltActor:
@@ -202,7 +202,7 @@ class ActorBuilder:
             "a default controller does"
         )
         self._walks(state.entity, path)
-        points = tuple(_point(Pose(x, y, 0.0)) for x, y in path)
+        points = tuple(point_of(Pose(x, y, 0.0)) for x, y in path)
         return BuiltActor(_actor(state.entity, middle, speed, _walk(state.entity, points, speed)))
 
     def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:
@@ -210,7 +210,7 @@ class ActorBuilder:
         entity, speed = state.entity, state.speed_mps or 0.0
         end = self._straight_end(middle, length_m)
         self._walks(entity, [(middle.x, middle.y), (end.x, end.y)])
-        points = (_point(middle), _point(end))
+        points = (point_of(middle), point_of(end))
         body = _walk(entity, points, min(speed, entity.most_mps))
         return BuiltActor(_actor(entity, middle, speed, body))
 
@@ -299,11 +299,7 @@ def _timed(profile: tracks.SpeedProfile | None, routing: Element | None) -> trac
 
 def _state(place: Pose, speed: float, entity: Entity) -> m.State:
     return m.State(
-        at=_point(place),
+        at=point_of(place),
         heading=quantity(math.remainder(place.heading_rad, math.tau), "angle"),
         speed=quantity(min(speed, entity.most_mps * _LIMIT) if entity.kind != "obstacle" else 0.0, "speed"),
     )
-
-
-def _point(pose: Pose) -> m.Point:
-    return m.Point(x=quantity(pose.x, "length"), y=quantity(pose.y, "length"))

@@ -20,12 +20,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.units import Dimension
 
 Op = Literal["<", "<=", ">", ">="]
-_RULES: Mapping[str, Op] = {
-    "lessThan": "<",
-    "lessOrEqual": "<=",
-    "greaterThan": ">",
-    "greaterOrEqual": ">=",
-}
+_RULES: Mapping[str, Op] = {"lessThan": "<", "lessOrEqual": "<=", "greaterThan": ">", "greaterOrEqual": ">="}
 STANDS_MPS = 0.1
 """A slower entity stands (ours: the resolution of a change of speed that is complete)."""
 _SAME = {"speed": 0.1, "acceleration": 0.1, "length": 0.5, "time": 0.05}
@@ -165,10 +160,8 @@ class ConditionReader:
             raise NotExpressed(f"conditions: {kind.tag}{_called(kind)}")
         limit, rule = number(kind, "value") + delay, kind.get("rule", "")
         op: Op = ">=" if rule == "equalTo" else _rule(kind)  # time comes to it once, and goes on
-        if op in (">", ">="):
-            return (
-                m.Comparison(left=m.Measure(what="time"), op=op, right=quantity(limit, "time")) if limit > 0 else None
-            )
+        if limit <= 0 and op in (">", ">="):
+            return None
         if limit <= 0:
             raise NeverStarts
         return m.Comparison(left=m.Measure(what="time"), op=op, right=quantity(limit, "time"))

@@ -10,9 +10,10 @@ from typing import TypeVar
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.exchange.naming import number
+from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.roads import RoadPlace, Roads
 from foresee_dsl.exchange.outcome import NotExpressed, SourceError
+from foresee_dsl.language import model as m
 
 _Found = TypeVar("_Found")
 
@@ -221,3 +222,8 @@ def _along(roads: Roads, points: list[RoadPlace], path_s: float) -> tuple[str, f
         road, s = last.road, last.s
     moved, _ = roads.moved(RoadPlace(road, s, points[-1].lane), left if onward else -left)
     return moved.road, moved.s
+
+
+def point_of(pose: Pose) -> m.Point:
+    """Return a place as a point of the language."""
+    return m.Point(x=quantity(pose.x, "length"), y=quantity(pose.y, "length"))

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
-from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
-from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.openscenario.reading.places import Places, point_of
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.actions import WIDEST_LINE_M
@@ -125,9 +124,9 @@ def synchrony_of(
         losses.note("steady speeds before the places of a SynchronizeAction are left out")
     return m.Synchronises(
         actor=state.entity.name,
-        place=_point(places.pose(own)),
+        place=point_of(places.pose(own)),
         other=master.entity.name,
-        there=_point(places.pose(theirs)),
+        there=point_of(places.pose(theirs)),
         speed=speed,
     )
 
@@ -154,7 +153,3 @@ def _is_left(state: EntityState, other: EntityState, places: Places) -> bool:
     here, there = places.initial(state.entity.ref), places.initial(other.entity.ref)
     c, s = math.cos(there.heading_rad), math.sin(there.heading_rad)
     return (here.y - there.y) * c - (here.x - there.x) * s > 0
-
-
-def _point(pose: Pose) -> m.Point:
-    return m.Point(x=quantity(pose.x, "length"), y=quantity(pose.y, "length"))
