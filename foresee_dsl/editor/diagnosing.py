@@ -25,8 +25,10 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
         if not places:
             return result.diagnostics
         from foresee_dsl.compile import placement_lints, placement_mistakes
+        from foresee_dsl.language.lints.lint import without_repeated
 
-        return (*result.diagnostics, *placement_mistakes(result.cases), *placement_lints(result.cases))
+        found = without_repeated(result.diagnostics, placement_mistakes(result.cases))
+        return (*found, *placement_lints(result.cases))
     except InputError as error:
         return error.diagnostics
     except ForeseeError as error:

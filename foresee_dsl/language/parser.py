@@ -72,7 +72,8 @@ def parse(text: str, path: str) -> Document:
     if maker.settles:
         from foresee_dsl.language.syntax.parameters import settle
 
-        errors += settle(maker.stated, whole=all(node.kind is not Extension for node in nodes))
+        whole = all(node.kind is not Extension for node in nodes)
+        errors += settle(maker.stated, whole=whole, partial=partial)
     models = [builder.build(node) for node in nodes]
     errors += [*maker.errors, *builder.errors, *_nameless(nodes, path)]
     if errors:

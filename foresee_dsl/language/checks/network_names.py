@@ -23,18 +23,21 @@ def unknown_names(document: Document, load: Callable[[Path], Document]) -> Itera
     network = _network(model, Path(document.path).parent, load) if isinstance(model, m.Scenario) else None
     if network is None or not isinstance(model, m.Scenario):
         return
-    junctions = [item.name for item in network.body if isinstance(item, m.Junction)]
-    roads = [item.name for item in network.body if isinstance(item, m.Road)]
+    ramps = (m.OnRamp, m.OffRamp)
+    crossed = (m.Junction, m.Roundabout, m.Zebra, m.Bump, *ramps)
+    junctions = [item.name for item in network.body if isinstance(item, crossed)]
+    roads = [item.name for item in network.body if isinstance(item, (m.Road, *ramps))]
     edges = {*roads, *(f"{road}_back" for road in roads)}
+    parts = tuple(f"{item.name}_" for item in network.body if isinstance(item, crossed[1:]))  # `circle_west`
     findings = Findings(document)
     for statement in model.body:
         if isinstance(statement, m.Network | m.Param | m.Case):
             continue
         for item, field, kind, name in _named(statement):
-            if kind == "junction" and name not in junctions:
+            if kind == "junction" and name not in junctions and not name.startswith(parts):
                 help = did_you_mean(name, junctions)
                 findings.add(item, field, UNKNOWN_JUNCTION, f"there is no junction called {name}", help)
-            elif kind == "road" and name not in edges:
+            elif kind == "road" and name.partition("#")[0] not in edges:
                 help = did_you_mean(name, roads)
                 findings.add(item, field, UNKNOWN_ROAD, f"there is no road or edge called {name}", help)
     yield from findings.sorted()

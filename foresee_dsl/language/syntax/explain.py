@@ -12,7 +12,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput
 from lark.lexer import PatternStr
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.keywords import USAGE, words_of
+from foresee_dsl.language.keywords import KEYWORDS, USAGE, words_of
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
@@ -74,6 +74,20 @@ _UNSUPPORTED = (
 """Words of networks that the language does not know on purpose, and why."""
 
 
+_OF_ROADS = {
+    **dict.fromkeys(("max_speed", "maxspeed", "speed_limit", "limit"), "speed"),
+    **dict.fromkeys(("width", "lanewidth"), "lane_width"),
+    **dict.fromkeys(("crosswalk", "crossing", "zebra_crossing", "pedestrian_crossing"), "zebra"),
+    **dict.fromkeys(("bike_lane", "bicycle_lane"), "cycle_lane"),
+    **dict.fromkeys(("bike_track", "bicycle_track", "cycleway"), "cycle_track"),
+    **dict.fromkeys(("pavement", "footpath", "sidewalks"), "sidewalk"),
+    **dict.fromkeys(("street", "edge", "highway"), "road"),
+    **dict.fromkeys(("node", "intersection", "crossroads"), "junction"),
+    **dict.fromkeys(("circle", "rotary", "traffic_circle"), "roundabout"),
+}
+"""What parts of networks are called elsewhere."""
+
+
 class Refusal:
     """One statement that the grammar refused, and the message for it.
 
@@ -115,7 +129,10 @@ class Refusal:
             found = pattern.match(self._text)
             if found is not None:
                 self.start, self.end = found.span("place")
-                return "FS003", message, found.expand(help_)
+                help = found.expand(help_)
+                if help.startswith("write `expect") and not self._reads(help.split("`")[1]):
+                    help = "write it like `expect never collision(ego)`"
+                return "FS003", message, help
         arrow = self._text.find("->", max(0, self.start - 1), self.start + 2)  # its `-` may have been read as a sign
         if arrow >= 0:
             self.start, self.end = arrow, arrow + 2
@@ -133,7 +150,7 @@ class Refusal:
     def _unexpected(self, error: UnexpectedInput, words: Collection[str], shown: str) -> tuple[str, str, str]:
         usage = self._usage()
         if self._is_word() and (found := closest(self.word, words)) is not None and found != self.word:
-            goes_on = self._reads(self._text[: self.start] + found + self._text[self.end :])
+            goes_on = self._goes_on(self._text[: self.start] + found, self._text[self.end :])
             help = f"did you mean '{found}'?" if goes_on else f"the word is `{found}`{f': {usage}' if usage else ''}"
             return "FS004", f"unknown word '{shown}'", help
         if (isinstance(error, UnexpectedCharacters) and not self._is_word()) or self.word in _SIGNS:
@@ -147,7 +164,7 @@ class Refusal:
             return "FS003", f"the statement stops too early: expected {self._expected()}", self._going_on() or usage
         if self._rule == "action" and self._is_word() and "starts" in words:
             return "FS004", f"unknown action '{shown}'", f"an actor can do one of: {', '.join(sorted(words))}"
-        if self._expected() == _END and not usage:
+        if self._expected() == _END and (not usage or self.word == ","):
             return "FS003", f"unexpected `{shown}`: expected {_END}", "begin a new line, or write `;` between them"
         meant = self._meant_here(words)
         if meant:
@@ -161,9 +178,17 @@ class Refusal:
         missing = self._missing(words)
         if missing:
             return f"{missing} {self.word}"
+        light = "amber" if self.word in ("yellow", "orange") and "amber" in words else ""
+        if light:
+            return light
         others = [word for word in words if self._reads(f"{self._text[: self.start]}{word}{self._text[self.end :]}")]
         if self.word in _keywords() and len(others) == 1:
             return others[0]
+        if "LSQB" in self._accepted and self._is_word():
+            listed = re.match(r"\w+(?:\s*,\s*\w+)*", self._text[self.start :])
+            if listed is not None and self._reads(f"{self._text[: self.start]}[{listed[0]}]"):
+                self.end = self.start + listed.end()
+                return f"[{listed[0]}]"
         for value in self._missing_values():
             if self._reads(f"{self._text[: self.start]}{value}{self._text[self.start :]}"):
                 return f"{value.lstrip()}{self.word}"
@@ -172,7 +197,7 @@ class Refusal:
     def _missing_values(self) -> Iterable[str]:
         """Return values that may be missing before the place, each with its sign."""
         if "COMMA" in self._accepted and "(" in self._text[: self.start]:
-            yield ", 0 m"
+            yield from (", 0 m", ", ego")
         measured = self._behind(_MEASURED)
         if "COMPARE" in self._accepted and measured is not None and measured[1] in m.MEASURED:
             yield f" < {EXAMPLES[m.MEASURED[measured[1]]]} "
@@ -200,6 +225,16 @@ class Refusal:
         if len(found) > 1:  # the one of the example: `ego in junction j4`, not `in lane j4`
             found = [word for word in found if word in self._example().split()]
         return found[0] if len(found) == 1 else ""
+
+    def _goes_on(self, text: str, behind: str) -> bool:
+        """Whether the statement is one with this text before the rest; or is wrong again only further behind."""
+        try:
+            parse_tree(text + behind, self._rule)
+        except UnexpectedEOF:
+            return False
+        except UnexpectedInput as error:
+            return (error.pos_in_stream or 0) > len(text) + 1
+        return True
 
     def _reads(self, text: str) -> bool:
         """Whether the statement, written like this, is one."""
@@ -247,11 +282,12 @@ class Refusal:
         place = PLACES.get(self._rule, "a file")
         if self._rule in _OF_NETWORKS and (why := next((w for words, w in _UNSUPPORTED if self.word in words), "")):
             return "FS271", f"'{shown}' is not supported", why
-        homes = _homes().get(self.word, ())
+        ours = _OF_ROADS.get(self.word) if self._rule in _OF_NETWORKS else None
+        homes = _homes().get(self.word, ()) if ours is None else ()
         if homes and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in homes:
             help = f"put `add` or `change` in front of it: `add {self.word} ...`"
             return "FS008", f"'{shown}' cannot stand alone in {place}", help
-        meant = closest(self.word, words) if self._is_word() else None
+        meant = ours or (closest(self.word, words) if self._is_word() else None)
         if homes and self.word not in words and (meant is None or meant.rstrip("s") != self.word):
             return "FS008", f"'{shown}' cannot stand in {place}", f"it belongs in {_either(homes)}"
         if meant is not None:
@@ -297,7 +333,8 @@ class Refusal:
             )
         if self._rule in ("scenario_item", "clip_item") and re.search(r":\s*[\w.]+\s+at\b", self._text):
             return _STATE_USAGE
-        usual = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else "")
+        setting = KEYWORDS[word].example if word in KEYWORDS and KEYWORDS[word].group == "setting" else ""
+        usual = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else setting)
         if self._rule == "action" and word not in ("wait", "then"):
             verb = re.match(r"[^\W\d]\w*\s+([^\W\d]\w*)", self._text)
             usual = USAGE.get(verb[1], ACTION_USAGE) if verb is not None and verb[1] in _actions() else ACTION_USAGE

@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.syntax.foreign_signs import inside, sign
 from foresee_dsl.language.syntax.foreign_words import ACTORS, FIRST, OPENSCENARIO, SCENIC_CLASSES, TOP, Foreign
 from foresee_dsl.language.units import UNITS
@@ -38,6 +39,8 @@ _OTHER_ACTIONS: Mapping[str, str] = MappingProxyType(
         "moves": "starts",
     }
 )
+_VERBS = ("starts", "stops", "leaves")
+"""Actions that need no more than their actor."""
 _TURNS = re.compile(r"(?P<name>[^\W\d]\w*)\s+turns\s+(?P<colour>(?:to\s+)?(?:red|green|amber|yellow))\b")
 
 
@@ -52,11 +55,35 @@ def _statement(text: str, rule: str, word: str) -> Foreign | None:
     if rule == "action":
         return _action(text, word)
     plain = text.removesuffix(" {}")
-    top = (_variable(plain) or _spawned(text) or _scenic(text) or _kind(word)) if rule in TOP else None
+    top = None
+    if rule in TOP:
+        top = (
+            _variable(plain) or _at_once(plain) or _spawned(text) or _scenic(text) or _kind(word) or _of_weather(plain)
+        )
+    if rule == "network_item" and (road := _road(plain)) is not None:
+        return road
     return top or _expectation(text) or (_assigned(plain) if rule != "assignment" else None) or _first(text, rule, word)
 
 
+_UNTYPED = re.compile(r"param\s+(?P<name>[a-z]\w*)(?=\s*=\s*-?(?P<value>[0-9.]+)\s*(?P<unit>[^\W\d][\w/^]*)?)")
+_ROAD_ENDS = re.compile(r"road\s+(?P<name>\w+)\s+(?:from\s+)?(?P<one>\w+)\s*(?:->|=>|to\b|-)\s*(?P<other>\w+)")
+
+
+def _road(text: str) -> Foreign | None:
+    """A road whose ends are not said by `from` and `to`."""
+    found = _ROAD_ENDS.match(text)
+    if found is None or re.match(r"road\s+\w+\s+from\s+\w+\s+to\b", text):
+        return None
+    help = f"did you mean `road {found['name']} from {found['one']} to {found['other']}`?"
+    return Foreign(0, found.end(), f"`{found[0]}`: a road has its ends behind `from` and `to`", help)
+
+
 def _variable(text: str) -> Foreign | None:
+    untyped = _UNTYPED.match(text)
+    if untyped is not None:
+        known = UNITS.get(untyped["unit"] or "")
+        help = f"did you mean `{untyped[0]}: {known.dimension if known is not None else 'ratio'}`?"
+        return Foreign(0, untyped.end(), f"`{untyped[0]}`: a parameter has a type", help)
     found = _PARAM.match(text)
     if found is None:
         return None
@@ -88,6 +115,12 @@ def _scenic(text: str) -> Foreign | None:
         return None
     kind, model = SCENIC_CLASSES.get(found["kind"], ("vehicle", "car.sedan"))
     name = "ego" if found["name"] == "ego" else f"{kind} {found['name'] or 'other'}"
+    named = re.match(r"\s+([a-z]\w*)\s*(?:\{\})?$", text[found.end("kind") :])
+    if named is not None and not found["name"]:
+        help = f"did you mean `{kind} {named[1]}: {model}`?"
+        end = found.end("kind") + named.end(1)
+        written = text[found.start("kind") : end]
+        return Foreign(found.start("kind"), end, f"`{written}`: this is a class of Scenic", help)
     help = f"an actor is a block: `{name}: {model} {{ start at 20 m along ego.route }}`"
     return Foreign(found.start("kind"), found.end("kind"), f"`{found['kind']}` is a class of Scenic", help)
 
@@ -98,6 +131,26 @@ def _kind(word: str) -> Foreign | None:
         return None
     message = f"`{word}` is no kind of actor"
     return Foreign(0, len(word), message, f"did you mean `{kind}`?")
+
+
+def _of_weather(text: str) -> Foreign | None:
+    """What is said of the weather, without the word."""
+    found = re.match(r"(?P<word>rain|fog|wetness|sun)\b\s*=?\s*(?P<number>[0-9][0-9.]*)?", text)
+    if found is None:
+        return None
+    help = f"did you mean `weather {found['word']} {found['number'] or '0.5'}`?"
+    return Foreign(0, len(text), f"`{found['word']}` is said of the weather, by a number from 0 to 1", help)
+
+
+_TOLD = re.compile(r"[a-z]\w*\s+(?:changes|follows|keeps|leads|leaves|matches|reverses|starts|stops|turns)\b[^{}]*$")
+
+
+def _at_once(text: str) -> Foreign | None:
+    """An action outside a trigger."""
+    if _TOLD.match(text) is None:
+        return None
+    said = text.strip()
+    return Foreign(0, len(text), "an action stands in a trigger", f"did you mean `when time >= 0 s {{ {said} }}`?")
 
 
 def _assigned(text: str) -> Foreign | None:
@@ -146,16 +199,35 @@ def _action(text: str, word: str) -> Foreign | None:
         return Foreign(0, len(word), said, "did you mean `then when`?")
     if help and not re.match(r"\w+\s+(?:starts|stops|changes|meets|ignores)\b", text):
         return Foreign(0, len(word), f"`{word}` is a word of other languages", help)
+    return _told(text) or _other_verb(text)
+
+
+def _other_verb(text: str) -> Foreign | None:
     second = re.match(r"\w+\s+(?P<verb>[^\W\d]\w*)", text)
-    if second is not None and second["verb"] in _OTHER_ACTIONS:
-        verb = second["verb"]
-        return Foreign(
-            second.start("verb"),
-            second.end("verb"),
-            f"`{verb}` is no action",
-            f"did you mean `{_OTHER_ACTIONS[verb]}`?",
-        )
-    return None
+    if second is None or second["verb"] not in _OTHER_ACTIONS:
+        return None
+    verb = second["verb"]
+    help = f"did you mean `{_OTHER_ACTIONS[verb]}`?"
+    return Foreign(second.start("verb"), second.end("verb"), f"`{verb}` is no action", help)
+
+
+_CALLED = re.compile(r"(?P<who>[a-z]\w*)\.(?P<verb>[a-z]+)\w*\s*\([^()]*\)")
+_VERB_FIRST = re.compile(r"(?P<verb>start|stop|leave)s?\s+(?P<who>[a-z]\w*)$")
+_DOOR = re.compile(r"(?P<who>[a-z]\w*)\s+(?P<verb>opens|closes)\s+(?:(?:the|its)\s+)?(?:left\s+|right\s+)?doors?$")
+
+
+def _told(text: str) -> Foreign | None:
+    """An action whose words are in another order: `child.start()`, `start child`, `van opens door`."""
+    door = _DOOR.match(text)
+    if door is not None:
+        help = f"did you mean `door of {door['who']} {door['verb']}`?"
+        return Foreign(0, door.end(), f"`{door[0]}`: a door opens by itself", help)
+    found = _CALLED.match(text) or _VERB_FIRST.match(text)
+    verb = closest(found["verb"], _VERBS) if found is not None else None
+    if found is None or verb is None:
+        return None
+    message = f"`{found[0]}`: first the actor, then what it does"
+    return Foreign(0, found.end(), message, f"did you mean `{found['who']} {verb}`?")
 
 
 _COMMENT = re.compile(r'"[^"\n]*"?|#[^\n]*|(?P<line>//[^\n]*)|(?P<block>/\*(?:.|\n)*?(?:\*/|\Z))')

@@ -118,6 +118,7 @@ def inside(text: str, rule: str, at: int) -> Foreign | None:
     return (
         _weather(text)
         or _share(text, at)
+        or _behind_of(text)
         or _plus(text, at)
         or _one_value(text, at)
         or _power(text, at)
@@ -125,6 +126,13 @@ def inside(text: str, rule: str, at: int) -> Foreign | None:
         or _measured_left(text, rule, at)
         or _measured_right(text, rule, at)
     )
+
+
+def _behind_of(text: str) -> Foreign | None:
+    found = re.search(r"\bbehind\s+of\b", text)
+    if found is None:
+        return None
+    return Foreign(found.start(), found.end(), f"`{found[0]}` is one word too many", "did you mean `behind`?")
 
 
 def _plus(text: str, at: int) -> Foreign | None:

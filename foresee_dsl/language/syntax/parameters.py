@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import get_args
+from decimal import Decimal
+from typing import cast, get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
@@ -14,18 +15,32 @@ from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.node import Node, TextError
+from foresee_dsl.language.units import SI_WORD, Dimension
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Ref)
 _Slot = tuple[Node, str, int | None]
 """A value in a statement: the node that has it, the field, and its number in a list."""
 
 
-def settle(statements: Sequence[Node], *, whole: bool) -> list[TextError]:
+def settle(statements: Sequence[Node], *, whole: bool, partial: bool = False) -> list[TextError]:
     """Put what each value in the `param` and `cases` statements of a file comes to, with how it is written, in its
-    place; return what is wrong. `whole`: every parameter is in this file (in an extension they are not)."""
+    place; return what is wrong.
+
+    Args:
+        whole: every parameter is in this file (in an extension they are not).
+        partial: some statements could not be read: what is worked out of their parameters has some value, not known.
+    """
     settler = _Settler(statements, whole=whole)
     settler.settle()
-    return settler.errors
+    if not partial:
+        return settler.errors
+    for node in statements:
+        unit = SI_WORD.get(cast(Dimension, node.fields.get("type")))
+        unsettled = [value for slot in _slots(node) if isinstance(value := _value_of(slot), Node) and not value.fields]
+        if node.kind is m.Param and unit is not None and unsettled:
+            value = Node(m.Quantity, node.span, {"value": Decimal(1), **({"unit": unit} if unit else {})})
+            node.fields = {"name": node.fields.get("name"), "type": node.fields.get("type"), "default": value}
+    return [error for error in settler.errors if error.code != c.UNKNOWN_PARAMETER]
 
 
 class _Settler:
