@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from foresee_dsl.campaign.findings.grouping import Finding
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from foresee_dsl.campaign.findings.grouping import Finding
 
 R157 = "R157's driver"
 """The model of UN Regulation 157 (`derive.preventability`)."""

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-import networkx as nx
-
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, distance_to, inside
 from foresee_dsl.compile.roads.topology import Crossing, Movement
@@ -157,6 +155,8 @@ def _layout(network: RoadNetwork) -> _Layout:
 
 def _rings(network: RoadNetwork) -> frozenset[str]:
     """The junctions of roundabouts: small rings of one-way edges."""
+    import networkx as nx  # here: it takes long to import, and few runs are told
+
     pairs = {(edge.start, edge.end) for edge in network.edges.values() if edge.for_kind("car")}
     graph: nx.DiGraph[str] = nx.DiGraph()
     graph.add_edges_from((a, b) for a, b in pairs if (b, a) not in pairs)
