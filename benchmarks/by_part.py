@@ -18,7 +18,7 @@ OF_STEPS = tuple(part for part in Part if part.simulates and part is not Part.DR
 def measured(bundle: SumoBundle, rounds: int) -> Measurement:
     """Return the cheapest of some runs with `pdm`, after one that is not counted."""
     run(bundle, PdmDriver(), seed=0)
-    clock = Clock()
+    clock = Clock(exactly=True)
     found = []
     with installed(clock, RUNS):
         from foresee_dsl.simulate.runner import run as timed  # the one that is measured

@@ -9,9 +9,10 @@ PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 _BEGIN, _END = "<!-- {}: written by `{}` -->", "<!-- end of {} -->"
 
 
-def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table; all columns but the first are right-aligned."""
-    lines = [headings, ["---", *["---:"] * (len(headings) - 1)], *rows]
+def table(headings: Sequence[str], rows: Iterable[Sequence[object]], *, words: int = 0) -> str:
+    """Return a Markdown table; all columns but the first, and the last so many with `words`, are right-aligned."""
+    numbers = len(headings) - 1 - words
+    lines = [headings, ["---", *["---:"] * numbers, *["---"] * words], *rows]
     return "".join(f"| {' | '.join(map(str, line))} |\n" for line in lines)
 
 

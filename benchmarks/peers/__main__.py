@@ -160,7 +160,7 @@ def as_text(found: Mapping[str, Mapping[str, Any]], reasons: Mapping[str, str]) 
     ]
     headings = ("", "version", "actors", "simulated s a second of CPU", "its scene")
     missing = [f"Not measured: {title}, as {why}.\n" for title, why in reasons.items() if title not in found]
-    return "\n".join((table(headings, rows), *missing))
+    return "\n".join((table(headings, rows, words=1), *missing))
 
 
 if __name__ == "__main__":
