@@ -12,7 +12,7 @@ import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Box, Mover, overlap
-from foresee_dsl.kernels.compiling import ANY_TABLE, FLOATS, INT, TABLE, compiled, inner
+from foresee_dsl.kernels.compiling import ANY_TABLE, FLOAT, FLOATS, INT, TABLE, compiled, inner
 from foresee_dsl.kernels.lines import nearest_on_segment
 
 STILL_MPS = 1e-9
@@ -86,18 +86,33 @@ def _box(states: FloatArray, sizes: FloatArray, k: int) -> Box:
     return Box(states[k, 0], states[k, 1], states[k, 2], sizes[k, 0], sizes[k, 1])
 
 
+@inner
+def _gap(a: Box, b: Box) -> float:
+    if np.isnan(a.x + a.y + a.heading + b.x + b.y + b.heading + a.length + a.width + b.length + b.width):
+        return np.nan
+    if overlap(a, b):
+        return 0.0
+    return float(min(_corners_to_box(a, b), _corners_to_box(b, a)))
+
+
 @compiled(TABLE, ANY_TABLE, INT, INT)
 def gap(states: FloatArray, sizes: FloatArray, one: int, other: int) -> float:
     """Return how far two actors' footprints are apart, m: 0 where they overlap, NaN where a number of them is NaN.
 
     `states`: [A, >=3] x, y, heading. `sizes`: [A, 2] length, width.
     """
+    return _gap(_box(states, sizes, one), _box(states, sizes, other))
+
+
+@compiled(TABLE, ANY_TABLE, INT, INT, FLOAT)
+def gap_within(states: FloatArray, sizes: FloatArray, one: int, other: int, within: float) -> float:
+    """Return the same, but infinity where the circles around the footprints say that it is more than `within`, m."""
     a, b = _box(states, sizes, one), _box(states, sizes, other)
-    if np.isnan(a.x + a.y + a.heading + b.x + b.y + b.heading + a.length + a.width + b.length + b.width):
-        return np.nan
-    if overlap(a, b):
-        return 0.0
-    return float(min(_corners_to_box(a, b), _corners_to_box(b, a)))
+    dx, dy = b.x - a.x, b.y - a.y
+    most = within + SURE_M + (np.hypot(a.length, a.width) + np.hypot(b.length, b.width)) / 2
+    if dx * dx + dy * dy > most * most and most > 0.0:
+        return np.inf
+    return _gap(a, b)
 
 
 @inner

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from foresee_dsl.kernels.boxes import Box, Mover, corner_points
-from foresee_dsl.kernels.conditions import INSIDE, OUTSIDE, UNSURE, beside_area, box_distance, hypotenuse
+from foresee_dsl.kernels.conditions import INSIDE, OUTSIDE, UNSURE, beside_area, box_distance, gap_within, hypotenuse
 from foresee_dsl.simulate.results.metrics import Outline, outline_of, ttc
 from tests.support.plain_conditions import plain_distance, plain_ttc
 
@@ -33,6 +33,13 @@ def test_the_root_is_python_s(x: float, y: float) -> None:
 @given(boxes, boxes)
 def test_distances_have_the_bits_of_plain_python(a: Box, b: Box) -> None:
     assert box_distance(a, b) == plain_distance(a, b)
+
+
+@given(boxes, boxes, st.floats(-1, 60))
+def test_who_is_told_to_be_farther_than_a_bound_is(a: Box, b: Box, bound: float) -> None:
+    both = np.array((a, b))
+    told, away = gap_within(both, both[:, 3:], 0, 1, bound), plain_distance(a, b)
+    assert told == away or (told == math.inf and away > bound)
 
 
 @given(movers, movers)

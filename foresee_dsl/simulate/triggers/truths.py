@@ -14,7 +14,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from foresee_dsl.kernels.conditions import UNSURE, beside_area, gap, time_to_touch
+from foresee_dsl.kernels.conditions import UNSURE, beside_area, gap_within, time_to_touch
 from foresee_dsl.kernels.direct import direct
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import parts, si_of, word_of
@@ -61,8 +61,8 @@ def _made(condition: m.Condition, conditions: Conditions) -> _Made:
             cost = _ALWAYS if always else max(one.cost for one in found)
             return _Made(partial(_joined, always, rest, isinstance(condition, m.Either)), cost)
         case m.Comparison() if isinstance(condition.left, m.Measure):
-            reads, cost = _reads(condition.left, conditions)
             bound = si_of(condition.right)
+            reads, cost = _reads(condition.left, bound, conditions)
             holds = {">": _more, ">=": _at_least, "<": _less, "<=": _at_most}[condition.op]
             return _Made(partial(holds, reads, bound), cost)
         case m.Predicate():
@@ -75,8 +75,9 @@ def _made(condition: m.Condition, conditions: Conditions) -> _Made:
     return _Made(partial(_outcome, condition, conditions), _cost_of(condition, conditions))
 
 
-def _reads(measure: m.Measure, conditions: Conditions) -> tuple[Reads, int]:
-    """Return a function that returns a measure's value, and what it costs."""
+def _reads(measure: m.Measure, bound: float, conditions: Conditions) -> tuple[Reads, int]:
+    """Return a function that returns a measure's value, or infinity where that is surely above the bound, and what it
+    costs."""
     simulation = conditions.simulation
     actor, name = simulation.by_id.get(measure.actor or ""), word_of(measure.other or "")
     other = simulation.by_id.get(name)
@@ -90,11 +91,19 @@ def _reads(measure: m.Measure, conditions: Conditions) -> tuple[Reads, int]:
         to = _eta if measure.what == "eta" else _to_junction
         return partial(to, actor, name, simulation), _AREA if _looks_anywhere(actor, conditions) else _ALWAYS
     if other is not None and measure.what in ("distance", "ttc", "headway"):
-        kernel = time_to_touch if measure.what == "ttc" else gap
-        rows = conditions.rows[actor.id], conditions.rows[other.id]
-        between = partial(direct(kernel), conditions.states, conditions.sizes, *rows)
-        return partial(_headway if measure.what == "headway" else _between, actor, other, between), _PAIR
+        return _pair(measure, bound, (actor, other), conditions), _PAIR
     return partial(conditions.value, measure), _cost_of(measure, conditions)
+
+
+def _pair(measure: m.Measure, bound: float, pair: tuple[Actor, Actor], conditions: Conditions) -> Reads:
+    one, other = (conditions.rows[actor.id] for actor in pair)
+    table = conditions.states, conditions.sizes, one, other
+    if measure.what == "ttc":
+        return partial(_ttc, *pair, partial(direct(time_to_touch), *table))
+    gap_m = partial(direct(gap_within), *table)
+    if measure.what == "headway":
+        return partial(_headway, *pair, gap_m, bound)
+    return partial(_gap, *pair, gap_m, bound)
 
 
 def _number(actor: Actor, conditions: Conditions, column: int) -> float:
@@ -112,12 +121,19 @@ def _eta(actor: Actor, junction: str, simulation: Simulation) -> float:
     return math.inf if math.isnan(left_m) else eta(left_m, actor.speed)
 
 
-def _between(actor: Actor, other: Actor, measured: Reads) -> float:
-    return measured() if actor.present and other.present else math.nan
+def _ttc(actor: Actor, other: Actor, ttc: Reads) -> float:
+    return ttc() if actor.present and other.present else math.nan
 
 
-def _headway(actor: Actor, other: Actor, measured: Reads) -> float:
-    return measured() / max(actor.speed, SLOWEST_MPS) if actor.present and other.present else math.nan
+def _gap(actor: Actor, other: Actor, gap_m: Callable[[float], float], bound: float) -> float:
+    return gap_m(bound) if actor.present and other.present else math.nan
+
+
+def _headway(actor: Actor, other: Actor, gap_m: Callable[[float], float], bound: float) -> float:
+    if not (actor.present and other.present):
+        return math.nan
+    speed_mps = max(actor.speed, SLOWEST_MPS)
+    return gap_m(bound * speed_mps) / speed_mps
 
 
 def _looks_anywhere(actor: Actor, conditions: Conditions) -> bool:
