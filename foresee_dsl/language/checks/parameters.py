@@ -175,7 +175,10 @@ def _on_step(limits: m.Range, k: int) -> str:
     from foresee_dsl.language.arithmetic.evaluate import evaluate
 
     steps = m.Product(left=m.Quantity(value=Decimal(k)), op="*", right=limits.step or limits.low)
-    return written(evaluate(m.Sum(left=limits.low, op="+", right=steps)))
+    try:
+        return written(evaluate(m.Sum(left=limits.low, op="+", right=steps)))
+    except ExpressionError:  # the step is of another dimension, which is reported at its place
+        return written(limits.low)
 
 
 def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> bool:
