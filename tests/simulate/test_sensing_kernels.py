@@ -22,8 +22,9 @@ import pickle, sys, warnings
 from foresee_dsl.kernels import object_list
 assert not hasattr(object_list.measured, "py_func")  # not compiled
 warnings.simplefilter("ignore", RuntimeWarning)  # hashes overflow: meant so
-objects, scans = pickle.load(sys.stdin.buffer)
-sys.stdout.buffer.write(pickle.dumps([objects.measure(*scan) for scan in scans]))
+from tests.simulate.test_sensing_kernels import street
+objects = street()[0]
+sys.stdout.buffer.write(pickle.dumps([objects.measure(*scan) for scan in pickle.load(sys.stdin.buffer)]))
 """
 
 
@@ -46,7 +47,7 @@ def test_compiled_they_measure_what_the_plain_functions_do() -> None:
     lists = [objects.measure(*scan) for scan in scans]
     done = subprocess.run(
         [sys.executable, "-c", PLAIN],
-        input=pickle.dumps((street()[0], scans)),
+        input=pickle.dumps(scans),
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         check=True,
