@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
@@ -84,3 +86,15 @@ def test_a_path_and_the_way_from_its_end_on_are_restated() -> None:
     text = " ".join(print_model(cut("joining", 12.5)).split())
     assert "joins" not in text
     assert "{ route [east, west_back] speed 8 m/s }" in text
+
+
+def test_who_leaves_a_lane_where_nobody_was_on_a_path_is_recorded_step_by_step(tmp_path: Path) -> None:
+    text = (FOLDER / "joining.foresee").read_text()
+    for name in ("vehicle yard", "pedestrian walker", "when time >= 4 s", "when time >= 10 s"):
+        text = re.sub(rf"(?ms)^  {name}.*?^  \}}\n", "", text)
+    (file := tmp_path / "joining.foresee").write_text(text)
+    trace = run_test_case(load_test_case(str(file)), "idm", 0).trace
+    along = trace.along[:, trace.index("rounds")]
+    on_path = along[~np.isnan(along)]
+    assert np.isnan(along[0]) and np.isnan(along[-1])
+    assert (np.diff(on_path) > 0).all() and on_path[-1] > 30

@@ -184,7 +184,6 @@ class StateTable:
         self.lane_ids: dict[str, int] = {}
         for number, actor in enumerate(actors):
             actor.join(self, number, self.states[number])
-        self._somebody_walks = not np.isnan(self.along).all()
 
     def set_lane(self, number: int, lane: str) -> None:
         """Note which lane an actor is on."""
@@ -201,9 +200,7 @@ class StateTable:
 
     def frame(self) -> tuple[FloatArray, IntArray, FloatArray]:
         """Return `states`, `lanes` and `along` as they are now, with NaN and -1 for those who are not there."""
-        states, lanes, along = self.states.copy(), self.lanes, self.along
-        if self._somebody_walks:
-            along = along.copy()
+        states, lanes, along = self.states.copy(), self.lanes, self.along.copy()
         if self._absent.size:
             states[self._absent] = math.nan
         return states, lanes, along
