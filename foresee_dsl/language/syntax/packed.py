@@ -71,9 +71,17 @@ class States(dict[int, Row]):
 
 
 def pack(built: Lark, pickler: type[pickle.Pickler]) -> None:
-    """Replace the tables, rules and callbacks of a parser by packed ones; it parses as before."""
+    """Replace the tables, rules and callbacks of a parser by packed ones; it parses as before.
+
+    These attributes are lark's own (tried with 1.3.1). Where one of them is missing, the parser is left as it is.
+    """
     front = built.parser
-    table, made = front.parser._parse_table, front.parser.parser.callbacks
+    try:
+        table, made = front.parser._parse_table, front.parser.parser.callbacks
+        _ = built._callbacks, built.grammar, built._parse_tree_builder, front.parser_conf.rules, table.states
+        _ = front.parser_conf.callbacks, front.parser.parser_conf.callbacks, front.parser.parser_conf.rules
+    except AttributeError:
+        return
     packed, numbers = [], {}
     for number, rule in enumerate(built.rules):
         data = BytesIO()
