@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Callable, Iterator
 
@@ -33,7 +32,7 @@ class InOrder(Executor):
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
         """See `Executor`; tasks that are not run are forgotten, so that the campaign counts as stopped."""
         while self._queue and not stop():
-            _, number = heapq.heappop(self._queue)
+            (number,) = self._queue.take()
             task = self._tasks.pop(number)
             work = task.argument
             if not isinstance(work, Work):

@@ -77,11 +77,10 @@ class ObjectTable(NamedTuple):
 
 
 def object_table(observation: Observation) -> ObjectTable:
-    """Return the object list of an observation as numbers; the simulator's observations have it so, until somebody asks
-    for their `actors`."""
-    own: Callable[[], ObjectTable] | None = getattr(observation, "object_table", None)
-    if own is not None:
-        return own()
+    """Return the object list of an observation as numbers; the simulator's observations have it so."""
+    own: Callable[[], ObjectTable | None] | None = getattr(observation, "object_table", None)
+    if own is not None and (table := own()) is not None:
+        return table
     seen = observation.actors
     values = np.fromiter(chain.from_iterable(map(_MEASURED, seen)), float, kernel.MEASURED * len(seen))
     numbers, kinds = [actor.track for actor in seen], [actor.kind for actor in seen]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import json
 import math
 import signal
@@ -65,7 +64,7 @@ class InThisProcess(Executor):
 
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
         while self._queue and not stop():
-            task = self._tasks.pop(heapq.heappop(self._queue)[1])
+            task = self._tasks.pop(*self._queue.take())
             yield Update(task, task.function(task.argument))
 
     def close(self) -> None:

@@ -34,7 +34,7 @@ def test_derivations_reach_every_statement():
     import random
 
     rng = random.Random(1)
-    words = set(" ".join(derivation(rng) for _ in range(12000)).split())
+    words = set(" ".join(derivation(rng) for _ in range(20000)).split())
     missing = {t.pattern.value for t in parser().terminals if t.pattern.type == "str"} - words
     assert not missing
 

@@ -36,7 +36,7 @@ def test_the_edges_are_those_of_the_case() -> None:
 
 def test_a_parameter_of_another_type_is_a_mistake_at_its_place() -> None:
     found = check_document(parse(TEXT.format(type="time", value="3 s"), "x.foresee"))[0]
-    assert (found.code, found.help) == ("FS032", "a parameter of type `arm` is needed here")
+    assert (found.code, found.help) == ("FS032", "use a parameter of type `arm`: last")
     assert found.span is not None
     assert (found.span.line, found.span.column) == (10, 12)
 

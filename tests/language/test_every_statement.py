@@ -27,6 +27,7 @@ MADE_FROM = {m.Sum: "calculation", m.Product: "calculation", m.Calculated: "calc
 """Rules that make several classes."""
 NOT_IN_PATTERNS = {
     m.EdgeRoute: {"shortest"},  # the three dots
+    m.Calculated: {"value", "unit"},  # what its expression comes to
 }
 
 

@@ -26,7 +26,7 @@ from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.syntax.grammar import parse_tree, parser
 from foresee_dsl.language.syntax.nodes import ANY_NAME, RESERVED
 from foresee_dsl.language.traversal import walk
-from foresee_dsl.language.units import UNITS, Dimension
+from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
 Strategy = st.SearchStrategy[Any]
 _T = TypeVar("_T", bound=m.Item)
@@ -241,7 +241,16 @@ def _measures(depth: int) -> Strategy:
 
 
 def _params(depth: int) -> Strategy:
-    return _builds(m.Param, depth).map(lambda p: p.model_copy(update={"options": None}) if p.range else p)
+    def sound(made: m.Param) -> m.Param:
+        options = None if made.range else made.options
+        if made.type not in SI_WORD:
+            return made.model_copy(update={"options": options})
+        # A word is no value of a quantity: where one stands, a parameter is meant, and the parser looks for it.
+        numbers = tuple(one for one in options or () if not isinstance(one, str)) or None
+        default = m.Quantity(value=Decimal(1), unit="") if isinstance(made.default, str) else made.default
+        return made.model_copy(update={"options": numbers, "default": default})
+
+    return _builds(m.Param, depth).map(sound)
 
 
 def _some(kind: type[m.Item]) -> Callable[[int], Strategy]:

@@ -64,7 +64,9 @@ class _Settler:
         raw = _value_of(slot)
         if not isinstance(raw, Node) or raw.kind not in _WORKED_OUT:
             return
-        made = self._made(raw, holder, asking)
+        own = raw.kind is m.Ref and raw.fields.get("name") == holder.fields.get("name")
+        # One of the words that a parameter may be can be its own name.
+        made = str(raw.fields["name"]) if own and field in ("default", "options") else self._made(raw, holder, asking)
         values = holder.fields[field]
         if k is None:
             holder.fields[field] = made

@@ -79,9 +79,11 @@ class _LazyObservation(Observation):
         object.__setattr__(self, name, found)
         return found
 
-    def object_table(self) -> ObjectTable:
-        """Return the object list as numbers, which the bundled drivers take."""
-        return self._source[0].table(self._source[1])
+    def object_table(self) -> ObjectTable | None:
+        """Return the object list as numbers, which the bundled drivers take; None of one that `dataclasses.replace` has
+        made, whose actors are what somebody else says."""
+        source = getattr(self, "_source", None)
+        return source[0].table(source[1]) if source is not None else None
 
     def __reduce__(self) -> tuple[object, ...]:
         """Go to another process as what was seen, without the pictures."""

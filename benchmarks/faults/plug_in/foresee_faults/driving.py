@@ -242,6 +242,8 @@ class FastInCurves(Fault):
         points = route.points.copy()
         points["profile"] = columns["profile"]
         state._route = replace(route, points=points, columns=columns)
+        if hasattr(state, "_road"):
+            state._road = points, *state._road[1:]
 
 
 def _smooth(values: FloatArray, width: int) -> FloatArray:
