@@ -242,7 +242,7 @@ class FastInCurves(Fault):
         points = route.points.copy()
         points["profile"] = columns["profile"]
         state._route = replace(route, points=points, columns=columns)
-        if hasattr(state, "_road"):
+        if hasattr(state, "_road"):  # of `pdm`: the same route as the arrays that its kernel takes
             state._road = points, *state._road[1:]
 
 
