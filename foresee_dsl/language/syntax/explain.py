@@ -29,6 +29,8 @@ _HYPHENED = re.compile(r"(?<![\w.])[a-z]\w*(?:-[a-z]\w*)+")
 _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
 _REACH = 300
 """So many characters before the place they are looked for in (ours: names have 80 at most; the search is quadratic)."""
+_DEEP = 200
+"""Parser states on its stack from which no terminal is tried any more (ours: the bundled files reach 38)."""
 _SHOWN = 40
 _END = "the end of the statement"
 _SIGNS = ("+", "-", "*", "/")
@@ -262,7 +264,7 @@ class Refusal:
             state.exhaust_lexer()
         except UnexpectedInput:
             return False
-        words = _words(state.accepts())
+        words = _words(_accepted_by(state))
         meant = closest(before[1], words)
         if meant is None or before[1] in words:
             return False
@@ -387,7 +389,7 @@ def _takes_a_place(error: UnexpectedInput) -> bool:
         probe = state.copy()
         probe.feed_token(Token("LPAR", "("))
         probe.feed_token(Token("NUMBER", "1"))
-        return "COMMA" in probe.accepts()
+        return "COMMA" in _accepted_by(probe)
     except (UnexpectedInput, RecursionError):  # what is copied may be nested deeply
         return False
 
@@ -396,8 +398,16 @@ def _accepted(error: UnexpectedInput) -> set[str]:
     """The names of the terminals that could have stood at the place."""
     state = getattr(error, "interactive_parser", None)
     if state is not None:
-        return set(state.accepts())
+        return _accepted_by(state)
     return set(getattr(error, "expected", None) or getattr(error, "allowed", None) or ())
+
+
+def _accepted_by(state: Any) -> set[str]:  # noqa: ANN401  Lark leaves its interactive parser without types
+    """The names of the terminals that may come next; none where too much is nested to find out.
+
+    Lark (1.3.1) tries each of some forty terminals, and in `- - - - 2` each try closes every minus.
+    """
+    return set(state.accepts()) if len(state.parser_state.state_stack) <= _DEEP else set()
 
 
 @cache
@@ -422,7 +432,7 @@ def _homes() -> Mapping[str, tuple[str, ...]]:
     found: dict[str, list[str]] = {}
     for rule, place in PLACES.items():
         state: Any = statement_parser().parse_interactive("", start=rule)  # Lark leaves `accepts` without types
-        for word in _words(state.accepts()):
+        for word in _words(_accepted_by(state)):
             found.setdefault(word, []).append(place)
     return {word: tuple(places) for word, places in found.items()}
 
