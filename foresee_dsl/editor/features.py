@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from foresee_dsl.editor import navigate
-from foresee_dsl.editor.answers.fixes import fixes
+from foresee_dsl.editor.answers.fixes import fixes, with_known_names
 from foresee_dsl.editor.answers.hints import hints, lenses
-from foresee_dsl.editor.answers.known_names import with_known_names
 from foresee_dsl.editor.answers.tokens import tokens
 from foresee_dsl.editor.answers.worked_out import results
 from foresee_dsl.editor.completion import Suggestion, complete

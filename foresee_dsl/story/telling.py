@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import assert_never
+
+import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.language.model import Change, Expression, Quantity
@@ -10,20 +13,24 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
-from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 from foresee_dsl.story.contact import contact_class
 from foresee_dsl.story.ego import Ego, ego_moments, ego_of
 from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.opponent import Opponent
-from foresee_dsl.story.place import Place, place_of
+from foresee_dsl.story.place import Place, kind_of, place_of
 from foresee_dsl.story.story import ContactClass, Moment, Story
-from foresee_dsl.story.waiting import waiting
-from foresee_dsl.story.wording import kmh, metres, name_of, short, with_side
+from foresee_dsl.story.wording import full_name, kmh, metres, name_of, short, with_side
 
 STOOD_S = 1.0
 """Who has stood for less has just stopped. Ours."""
 SEEN_SHORTLY_S = 3.0
 """For how long the ego saw the other is said where it is less than this. Ours: three times what a driver needs."""
+SIGNAL_AHEAD_M = 30.0
+"""An ego that stands waits for no signal farther ahead than this. Ours: four cars and the crossing."""
+IN_FRONT_M = 30.0
+"""The same for an actor in front of it."""
+_AHEAD_RAD = math.pi / 4
 
 
 def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Story:
@@ -141,7 +148,7 @@ def _alone(facts: Facts, ego: Ego, place: Place) -> str:
     going = f", {ego.going}," if ego.going else ""
     match facts.verdict:
         case Verdict.STUCK:
-            return f"the ego{going} stands for {ego.stood_s:.0f} s, {waiting(facts)}"
+            return f"the ego{going} stands for {ego.stood_s:.0f} s, {_waiting(facts)}"
         case Verdict.F1:
             return f"the ego{going} leaves the road at {kmh(ego.fastest_mps)} {place.text}".rstrip()
         case _:
@@ -173,3 +180,49 @@ def _changed(change: Change) -> str:
 def _written(value: Quantity | str | Expression) -> str:
     """A model's name (`car.suv`) or anything else as it is written."""
     return short(str(value)) if isinstance(value, str) else f"{si_of(value):g}"
+
+
+# ---- what an ego that stands for long could wait for -----------------------------------------------------------------
+
+
+def _waiting(facts: Facts) -> str:
+    """Return what is ahead of the ego at the end of a run, in words."""
+    return f"{_signal(facts)}, {_in_front(facts)}"
+
+
+def _signal(facts: Facts) -> str:
+    """The next junction of the ego's way: how far it is, and what its signal shows since when."""
+    line = facts.bundle.scene.ego.line
+    if line is None:
+        return "no junction is ahead"
+    (x, y), heading, half = facts.xy(0, facts.last), facts.heading(0, facts.last), facts.info(0).front_m
+    here = line.project(x + half * math.cos(heading), y + half * math.sin(heading))[0]
+    for passage in line.passages:
+        room = passage.entry_s - here
+        if passage.exit_s < here or room > SIGNAL_AHEAD_M:
+            continue
+        where = f"{metres(room)} before" if room > 0 else "inside"
+        text = f"{where} the {kind_of(facts.network, passage.junction)} {passage.junction}"
+        colour = facts.colour(passage.movement, facts.last)
+        if not colour:
+            return text
+        first = facts.last
+        while first > 0 and facts.colour(passage.movement, first - 1) == colour:
+            first -= 1
+        return f"{text}, whose signal is {colour} for the last {(facts.last - first) * STEP_S:.1f} s"
+    return f"no junction is within {SIGNAL_AHEAD_M:.0f} m"
+
+
+def _in_front(facts: Facts) -> str:
+    """The nearest actor within 45 degrees of straight ahead."""
+    (x, y), heading = facts.xy(0, facts.last), facts.heading(0, facts.last)
+    states = facts.trace.states[facts.last, 1:]
+    dx, dy = states[:, X] - x, states[:, Y] - y
+    far = np.hypot(dx, dy)
+    off = np.abs(np.remainder(np.arctan2(dy, dx) - heading + math.pi, math.tau) - math.pi)
+    far = np.where((off < _AHEAD_RAD) & ~np.isnan(far), far, np.inf)
+    if not far.size or far.min() > IN_FRONT_M:
+        return f"with nobody within {IN_FRONT_M:.0f} m in front of it"
+    nearest = int(far.argmin())
+    gap = metres(facts.gap_m(nearest + 1, facts.last))
+    return f"with {full_name(facts.info(nearest + 1))} {gap} in front of it"

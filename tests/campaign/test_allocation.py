@@ -9,9 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.allocation.choice import Tried, Way, Ways, halved, ranked, spread
+from foresee_dsl.campaign.allocation.choice import (
+    AGAIN,
+    NEW,
+    NEW_UNAVOIDED,
+    Told,
+    Tried,
+    Way,
+    Ways,
+    halved,
+    ranked,
+    spread,
+    worths,
+)
 from foresee_dsl.campaign.allocation.rounds import ROUNDS, Round
-from foresee_dsl.campaign.allocation.worth import AGAIN, NEW, NEW_UNAVOIDED, Told, worths
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import Shard

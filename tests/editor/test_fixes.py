@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.editor.answers.edits import Fix, applied
-from foresee_dsl.editor.answers.fixes import fixes
-from foresee_dsl.editor.answers.known_names import with_known_names
+from foresee_dsl.editor.answers.fixes import fixes, with_known_names
 from foresee_dsl.editor.diagnosing import find
 from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.errors import Diagnostic

@@ -15,8 +15,19 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from foresee_dsl.campaign.allocation.choice import FOUND, Tried, Way, Ways, counts, halved, ranked, spread
-from foresee_dsl.campaign.allocation.worth import Told, avoided, worths
+from foresee_dsl.campaign.allocation.choice import (
+    FOUND,
+    Told,
+    Tried,
+    Way,
+    Ways,
+    avoided,
+    counts,
+    halved,
+    ranked,
+    spread,
+    worths,
+)
 from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, ReferenceRun, decode
 from foresee_dsl.campaign.steps.child import ChildStep

@@ -3,7 +3,11 @@ InterFuser)."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,12 +15,18 @@ from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.decisions import Decision, Decisions
 from foresee_dsl.drivers.learned.free_way import Basis, free_way
 from foresee_dsl.drivers.learned.inputs import LearnedInputs
-from foresee_dsl.drivers.learned.objects import Objects
-from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, SIGNALS, road_users
+from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, SIGNALS, Occupied, road_users
 from foresee_dsl.drivers.learned.pilot import lengths
-from foresee_dsl.drivers.learned.safe_speed import Speeds, fastest_safe_speed
 from foresee_dsl.drivers.learned.session import Answer, Network
-from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage, Mission, Observation, Reason, VehicleLimits
+from foresee_dsl.drivers.protocol import (
+    EgoState,
+    FloatArray,
+    JunctionPassage,
+    Mission,
+    Observation,
+    Reason,
+    VehicleLimits,
+)
 
 _STOPS = SIGNALS.index("red"), SIGNALS.index("amber")
 
@@ -72,3 +82,113 @@ def planned_speed(waypoints: FloatArray) -> float:
     first, last = cfg.PLANNED_BETWEEN
     along = lengths(waypoints[first : last + 1])
     return along.item(-1) / (FUSION_SAFE_TIMES_S[last] - FUSION_SAFE_TIMES_S[first])
+
+
+# ---- objects, remembered for a moment --------------------------------------------------------------------------------
+
+
+class _Known(NamedTuple):
+    """An object where it was last seen: x, y (m) and heading (rad) in the world, and when."""
+
+    x: float
+    y: float
+    heading_rad: float
+    time_s: float
+    was: Occupied
+
+
+class Objects:
+    """The road users of the density map, of which the network loses one for a frame now and then: adds to what is seen
+    now what was seen a moment ago, moved on by its speed."""
+
+    def __init__(self) -> None:
+        self._known: list[_Known] = []
+
+    def update(self, seen: Sequence[Occupied], ego: EgoState, time_s: float) -> list[Occupied]:
+        """Return the objects that are seen now, with plausible sizes, and those that were seen a moment ago."""
+        found = [
+            replace(one, length_m=max(one.length_m, cfg.LEAST_M), width_m=max(one.width_m, cfg.LEAST_M)) for one in seen
+        ]
+        kept: list[_Known] = []
+        for known in self._known:
+            again = _moved(known, ego, time_s)
+            seen_again = any(_apart_m(one, again) < cfg.SAME_OBJECT_M for one in found)
+            if not seen_again and time_s - known.time_s <= cfg.OBJECT_KEPT_S:
+                kept.append(known)
+        remembered = [_moved(known, ego, time_s) for known in kept]
+        self._known = kept + [_in_world(one, ego, time_s) for one in found if one.probability >= cfg.SURE]
+        return found + remembered
+
+
+def _in_world(one: Occupied, ego: EgoState, time_s: float) -> _Known:
+    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+    x, y = ego.x + cos * one.ahead_m - sin * one.left_m, ego.y + sin * one.ahead_m + cos * one.left_m
+    return _Known(x, y, one.heading_rad + ego.heading_rad, time_s, one)
+
+
+def _apart_m(one: Occupied, other: Occupied) -> float:
+    return math.hypot(one.ahead_m - other.ahead_m, one.left_m - other.left_m)
+
+
+def _moved(known: _Known, ego: EgoState, time_s: float) -> Occupied:
+    """Return an object in the ego's present frame, where it has come since it was seen."""
+    way = known.was.speed_mps * (time_s - known.time_s)
+    dx = known.x + way * math.cos(known.heading_rad) - ego.x
+    dy = known.y + way * math.sin(known.heading_rad) - ego.y
+    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+    return replace(
+        known.was,
+        ahead_m=dx * cos + dy * sin,
+        left_m=dy * cos - dx * sin,
+        heading_rad=known.heading_rad - ego.heading_rad,
+    )
+
+
+# ---- the fastest safe speed ------------------------------------------------------------------------------------------
+
+
+class Speeds(NamedTuple):
+    """What bounds the speeds: `step_s`: T. `most_mps`; `acceleration_mps2`, `braking_mps2`: both positive."""
+
+    step_s: float
+    most_mps: float
+    acceleration_mps2: float
+    braking_mps2: float
+
+
+def fastest_safe_speed(now_mps: float, free_m: FloatArray, bounds: Speeds) -> float | None:
+    """Return the highest speed for the end of the first step, m/s; None where no speed is safe.
+
+    A small linear programme in closed form (after InterFuser's safety controller):
+
+        maximise v1, where for each step k = 1 .. N of T seconds
+            the way driven, (v0 + v1) T/2 + ... + (v(k-1) + vk) T/2, is at most free_m[k]
+            -braking T <= vk - v(k-1) <= acceleration T,   0 <= vk <= most_mps
+
+    InterFuser has two steps of 0.5 s, and drives at most 5 m/s. With more steps it looks farther ahead: N T seconds of
+    braking.
+
+    Whatever v1 is, the ways of all later steps are shortest when the ego brakes as hard as allowed from then on. So v1
+    is feasible where these ways are. The way of step k is a sum of the speeds max(0, v1 - (i-1) braking T), weighted 2
+    for i < k and 1 for i = k. Such a sum is at most a number where the sums of its first m terms, without the max, are,
+    for every m. Each of these is a bound on v1 that can be written down; the least of them is the answer.
+
+    Args:
+        now_mps: v0. free_m: [N] how far the ego may have come at the end of each step, infinite where nothing binds.
+        bounds: the rest.
+    """
+    step, fall = bounds.step_s, bounds.braking_mps2 * bounds.step_s
+    weights, falls = _sums(len(free_m))
+    room = 2.0 * free_m / step - now_mps
+    binding = ((room[:, None] + fall * falls) / weights).min(initial=np.inf)
+    highest = min(float(binding), bounds.most_mps, now_mps + bounds.acceleration_mps2 * step)
+    return highest if highest >= max(now_mps - fall, 0.0) else None
+
+
+@lru_cache(maxsize=4)
+def _sums(steps: int) -> tuple[FloatArray, FloatArray]:
+    """Return, for the first m speeds of step k ([k, m]), the sum of their weights, and of the weighted multiples of
+    `fall` by which they are slower than v1; where m > k those of m = k."""
+    term = np.arange(steps)
+    weight = np.where(term[None, :] < term[:, None], 2.0, np.where(term[None, :] == term[:, None], 1.0, 0.0))
+    return np.cumsum(weight, axis=1), np.cumsum(weight * term, axis=1)

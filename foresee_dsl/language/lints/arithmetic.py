@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
+from typing import assert_never
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import references
-from foresee_dsl.language.arithmetic.ranges import holds_zero, interval_of, intervals
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import walk
+
+Interval = tuple[float, float]
+_EVERYTHING = (-math.inf, math.inf)
 
 
 def divisions_by_zero(scenario: m.Scenario) -> Iterator[tuple[m.Item, str, str]]:
@@ -25,7 +29,7 @@ def divisions_by_zero(scenario: m.Scenario) -> Iterator[tuple[m.Item, str, str]]
     known = intervals(scenario)
     for quotient in quotients:
         names = list(dict.fromkeys(ref.name for ref in references(quotient.right)))
-        if not names or not set(names) <= known.keys() or not holds_zero(interval_of(quotient.right, known)):
+        if not names or not set(names) <= known.keys() or not _holds_zero(interval_of(quotient.right, known)):
             continue
         if isinstance(quotient.right, m.Ref) and not _takes_zero(scenario, quotient.right.name):
             continue
@@ -49,3 +53,77 @@ def _unit(scenario: m.Scenario, name: str) -> str:
     param = next(param for param in scenario.all(m.Param) if param.name == name)
     unit = param.default.unit if isinstance(param.default, m.Quantity) else ""
     return f" {unit}" if unit else ""
+
+
+# ---- how small and how large an expression can get while its parameters stay in their ranges -------------------------
+
+
+def intervals(scenario: m.Scenario) -> dict[str, Interval]:
+    """Return the smallest and the largest value of each parameter that has a range or options of numbers, in SI.
+
+    A `require` that compares one with a number makes it narrower.
+    """
+    found: dict[str, Interval] = {}
+    for param in scenario.all(m.Param):
+        options = [option.si for option in param.options or () if isinstance(option, m.Quantity)]
+        if param.range is not None:
+            found[param.name] = (param.range.low.si, param.range.high.si)
+        elif options:
+            found[param.name] = (min(options), max(options))
+    for require in scenario.all(m.Require):
+        for part in _all_of(require.condition):
+            if isinstance(part.left, m.Ref) and isinstance(part.right, m.Quantity) and part.left.name in found:
+                found[part.left.name] = _cut(found[part.left.name], part.op, part.right.si)
+    return found
+
+
+def _all_of(condition: m.Condition) -> Iterator[m.Comparison]:
+    if isinstance(condition, m.Both):
+        for part in condition.conditions:
+            yield from _all_of(part)
+    elif isinstance(condition, m.Comparison):
+        yield condition
+
+
+def _cut(interval: Interval, op: str, bound: float) -> Interval:
+    low, high = interval
+    bound = bound if op.endswith("=") else math.nextafter(bound, math.inf if op == ">" else -math.inf)
+    return (max(low, bound), high) if op[0] == ">" else (low, min(high, bound))
+
+
+def interval_of(value: m.AnyValue, known: Mapping[str, Interval]) -> Interval:
+    """Return the smallest and the largest that a value can be, in SI; infinite where that is unknown."""
+    match value:
+        case m.Quantity():
+            return value.si, value.si
+        case m.Ref(name=name):
+            return known.get(name, _EVERYTHING)
+        case m.Sum(left=left, op=op, right=right):
+            (a, b), (c, d) = interval_of(left, known), interval_of(right, known)
+            return (a + c, b + d) if op == "+" else (a - d, b - c)
+        case m.Negative(value=inner):
+            low, high = interval_of(inner, known)
+            return -high, -low
+        case m.Extreme(which=which, values=values):
+            ends = [interval_of(part, known) for part in values]
+            take = min if which == "min" else max
+            return take(low for low, _ in ends), take(high for _, high in ends)
+        case m.Product():
+            return _product(value, known)
+        case _:
+            assert_never(value)
+
+
+def _product(value: m.Product, known: Mapping[str, Interval]) -> Interval:
+    one, other = interval_of(value.left, known), interval_of(value.right, known)
+    if value.op == "/":
+        if _holds_zero(other):
+            return _EVERYTHING
+        other = (1 / other[1], 1 / other[0])
+    ends = [0.0 if 0.0 in (a, b) else a * b for a in one for b in other]
+    return min(ends), max(ends)
+
+
+def _holds_zero(interval: Interval) -> bool:
+    """Return whether zero lies in an interval."""
+    return interval[0] <= 0.0 <= interval[1]

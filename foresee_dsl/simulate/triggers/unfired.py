@@ -12,19 +12,22 @@ from dataclasses import dataclass, field, replace
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.placement.scene import DEFAULT_END_S
+from foresee_dsl.kernels.conditions import box_distance
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.certain import Limits, never
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import UNITS
+from foresee_dsl.simulate.actors.moved_actors import PathActor
+from foresee_dsl.simulate.actors.simulation import Simulation
+from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.unfired import Nearest, Unfired
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
 from foresee_dsl.simulate.trace import STEP_S, Trace
 from foresee_dsl.simulate.triggers.condition_history import Watch
-from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
-from foresee_dsl.simulate.triggers.nearness import nearness
+from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome, Sightlines
 from foresee_dsl.simulate.triggers.record import Place
 from foresee_dsl.simulate.triggers.replay import Replay
 
@@ -53,7 +56,7 @@ def unfired(
     if any(isinstance(part, m.Sees) for one in waiting for part in parts(one.condition)):
         conditions.eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors)
     lines = conditions.sightlines = LinesOfSight(replay)
-    followed = [_Followed(one, conditions, lambda fact: nearness(fact, replay, lines)) for one in waiting]
+    followed = [_Followed(one, conditions, lambda fact: _nearness(fact, replay, lines)) for one in waiting]
     for frame in range(trace.frames):
         replay.go_to(frame)
         for one in followed:
@@ -211,3 +214,41 @@ class _Part:
         held_s = round(now_s - self.began_s, 2)
         if self.nearest.held_s is None or held_s > self.nearest.held_s:
             self.nearest = Nearest(written(self.condition), round(now_s, 2), held_s=held_s)
+
+
+def _nearness(fact: m.Condition, simulation: Simulation, lines: Sightlines) -> tuple[float, str] | None:
+    """Return how far off a fact is at the frame that a simulation is at, m, and why; None where that has no distance.
+
+    Of `sees` and `in sight of` it is how far away the other is and whether it is hidden, of `collision` how far the
+    nearest actor is, and of `arrived` how far there is to go.
+    """
+    actor = simulation.by_id.get(getattr(fact, "actor", None) or "")
+    if actor is None or not actor.present:
+        return None
+    match fact:
+        case m.Sees() | m.InSight():
+            other = simulation.by_id.get(fact.other)
+            if other is None or not other.present:
+                return None
+            eye, seen = (actor, other) if isinstance(fact, m.Sees) else (other, actor)
+            why = "too far or missed" if lines.clear(eye.id, seen.id) else "hidden"
+            return box_distance(actor.box, other.box), why
+        case m.Predicate(what="collision"):
+            near = ((box_distance(actor.box, other.box), other.id) for other in simulation.others(actor))
+            return min(near, default=None)
+        case m.Predicate(what="arrived"):
+            left_m = _left_m(actor, simulation)
+            return None if math.isnan(left_m) else (left_m, "to go")
+    return None
+
+
+def _left_m(actor: Actor, simulation: Simulation) -> float:
+    """Return how far an actor is from its goal along its way, m; NaN where it has none."""
+    if isinstance(actor, PathActor):
+        return actor.follower.line.length_m - actor.along
+    line = actor.placed.line
+    if line is None:
+        return math.nan
+    if actor is simulation.ego:
+        return simulation.scene.goal_s - simulation.progress.of(actor, simulation.frame)[0]
+    return line.end_s - simulation.progress.front(actor, simulation.frame)

@@ -10,8 +10,7 @@ import pytest
 
 from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.free_way import free_way
-from foresee_dsl.drivers.learned.fusion_safe import planned_speed
-from foresee_dsl.drivers.learned.objects import Objects
+from foresee_dsl.drivers.learned.fusion_safe import Objects, planned_speed
 from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, FUSION_TIMES_S, Occupied
 from foresee_dsl.drivers.learned.pilot import Pilot, laid_down
 from foresee_dsl.drivers.protocol import EgoState, FloatArray

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from foresee_dsl.drivers.learned.safe_speed import Speeds, fastest_safe_speed
+from foresee_dsl.drivers.learned.fusion_safe import Speeds, fastest_safe_speed
 from foresee_dsl.drivers.protocol import FloatArray
 
 CASES = 500
