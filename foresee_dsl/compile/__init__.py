@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import Diagnostic, InputError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from foresee_dsl.compile.bundle import SumoBundle
     from foresee_dsl.language.project.document import TestCase
 
 __all__ = ["compile_test_case", "placement_lints", "placement_mistakes"]
+
+_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
+"""What may differ where several test cases have one mistake, such as a length."""
 
 
 def compile_test_case(case: TestCase) -> SumoBundle:
@@ -34,23 +42,56 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
     from foresee_dsl import disk_cache
     from foresee_dsl.compile.nets.netconvert import tool_version
 
-    found: dict[Diagnostic, None] = {}
+    found = _Found()
     for case in cases:
         # placing depends on a case's meaning alone; errors are not cached, as they have places in the text
         sound = disk_cache.entry("placed", (case.meaning, tool_version()))
         if disk_cache.load(sound):
+            found.add(case, ())
             continue
         from foresee_dsl.compile.compiler import check_case  # here: a fifth of a check's time
 
         try:
             warnings = check_case(case)
         except InputError as error:
-            found |= dict.fromkeys(error.diagnostics)
+            found.add(case, error.diagnostics)
         else:
-            found |= dict.fromkeys(warnings)
+            found.add(case, warnings)
             if not warnings:
                 disk_cache.store(sound, True)
-    return tuple(found)
+    return found.named()
+
+
+class _Found:
+    """What is wrong in the test cases of some files: one mistake of a place is said once, with the cases that have it,
+    unless all of the file have the same."""
+
+    def __init__(self) -> None:
+        self._cases: Counter[Path] = Counter()
+        self._by_place: dict[tuple[Path, *tuple[object, ...]], list[tuple[str, Diagnostic]]] = {}
+
+    def add(self, case: TestCase, diagnostics: Iterable[Diagnostic]) -> None:
+        """Take what is wrong in the next test case."""
+        self._cases[case.source] += 1
+        name = case.id.partition("::")[2]
+        seen: Counter[tuple[Path, *tuple[object, ...]]] = Counter()
+        for diagnostic in diagnostics:
+            message = _NUMBER.sub("", diagnostic.message)
+            place = (case.source, diagnostic.path, diagnostic.span, diagnostic.code, message)
+            seen[place] += 1
+            self._by_place.setdefault((*place, seen[place]), []).append((name, diagnostic))
+
+    def named(self) -> tuple[Diagnostic, ...]:
+        """Return every mistake, in the order in which they were found."""
+        found: dict[Diagnostic, None] = {}
+        for (source, *_), alike in self._by_place.items():
+            (name, first), others = alike[0], len(alike) - 1
+            everywhere = len(alike) == self._cases[source] and len({d.message for _, d in alike}) == 1
+            if name and not everywhere:
+                more = f" (and {others} more)" if others else ""
+                first = replace(first, message=f"in case '{name}'{more} {first.message}")
+            found[first] = None
+        return tuple(found)
 
 
 def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:

@@ -36,6 +36,11 @@ MAX_BYTES = 2_000_000
 _MAX_RECOVERED = 200_000
 """In a longer text only the first error of the grammar is looked for (ours: recovering costs 0.1 ms a line)."""
 
+_NESTED = re.compile(r"[-(][-(\s]*")
+_MOST_NESTED = 1000
+"""So many brackets or minus signs in a row are refused before they are parsed, which would take seconds (ours: 25 times
+what is refused afterwards as nested too deeply)."""
+
 _SMALL = 10_000
 """Shorter texts are not counted: no limit can be passed in them (a part of a condition takes three characters)."""
 _UNCOUNTED = re.compile(r'"[^"\n]*"|#[^\n]*')
@@ -101,13 +106,25 @@ def _check_size(text: str, path: str) -> None:
     """
     if len(text) < _SMALL:
         return
-    counted = _UNCOUNTED.sub("", text)
+    counted = _UNCOUNTED.sub(lambda match: " " * len(match[0]), text)
+    if counted.count("-") + counted.count("(") >= _MOST_NESTED:
+        _check_nesting(counted, text, path)
     for name, pattern, what in _COUNTED:
         found, allowed = len(pattern.findall(counted)), most(name)
         if found > allowed:
             message = f"the file has {what.format(f'{found:,}')}, more than {allowed:,.0f}"
             help = f"divide it into several files; {raised_by(name, found)}"
             raise InputError((Diagnostic("FS002", message, help, path),))
+
+
+def _check_nesting(counted: str, text: str, path: str) -> None:
+    from foresee_dsl.language.syntax.scan import Lines
+
+    for signs in _NESTED.finditer(counted):
+        if signs[0].count("-") + signs[0].count("(") >= _MOST_NESTED:
+            place = Lines(text).span(signs.start(), signs.end())
+            error = TextError("FS018", "this is nested too deeply", "split it into several statements", place)
+            raise InputError(_diagnostics([error], text, path))
 
 
 def load(path: Path, shown_as: str | None = None) -> Document:

@@ -236,8 +236,16 @@ def test_all_mistakes_are_said_at_once():
 def test_starts_that_depend_on_each_other_are_refused():
     a = "vehicle a: car.compact {\n route from west straight over j4\n start at 5 m along b.route\n}\n"
     b = "vehicle b: car.compact {\n route from west straight over j4\n start at 5 m along a.route\n}\n"
-    found = problems_of(EGO + a + b)
-    assert found and all("depend on each other" in p[2] for p in found)
+    (found,) = problems_of(EGO + a + b)
+    assert "counted in a circle: a from b from a" in found[2]
+
+
+def test_a_start_that_is_impossible_is_said_once():
+    b = "vehicle b: car.compact {\n route from west straight over j4\n start at 9000 m along b.route\n}\n"
+    a = b.replace("b:", "a:").replace("9000 m", "5 m")
+    condition = "expect never ego within 5 m of 5 m along b.route\n"
+    (found,) = problems_of(EGO + a + b + condition)
+    assert found[:2] == ("b", "start_at") and "after the end" in found[2]
 
 
 def test_compiling_shares_what_is_equal_and_points_at_mistakes():

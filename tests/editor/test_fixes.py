@@ -25,6 +25,8 @@ NOTHING_TO_WRITE = {
         "other_languages",
         "`do` is a word",
     ): "whether its actions begin together or one after the other is for the author",
+    ("places_of_drawn_cases", "FS252"): "which of the drawn values it leaves out is for the author",
+    ("places_of_drawn_cases", "FS256"): "which of the drawn values it leaves out is for the author",
     ("streets_apart", "FS270"): "where the junction can lie is geometry: no text mends it",
     ("two_definitions", "a second definition"): "it belongs in another file",
     ("two_on_a_line", "'speed' cannot stand"): "it has a block, which it cannot have where it belongs",

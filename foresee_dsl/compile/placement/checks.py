@@ -9,7 +9,7 @@ from dataclasses import replace
 from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import PlacedActor, Signal, StopPlace
 from foresee_dsl.compile.placement.joining import joined_way
-from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, WHEELS, Spot, lane_kind
+from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, WHEELS, Spot, UnsettledError, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
@@ -231,6 +231,8 @@ class NameChecks:
         elif not isinstance(part.of, m.Point | m.OfActor):  # these are where their actor is when it is asked
             try:
                 spot = self._spot(part.of)
+            except UnsettledError:
+                return  # the actor that it is counted from has the mistake
             except RouteError as err:
                 yield Problem("", kind, codes.PLACE, str(err), err.help, part=part.of)
             else:
@@ -324,6 +326,8 @@ class NameChecks:
             return  # where its actor is when the trigger fires
         try:
             spot = self._spot(place)
+        except UnsettledError:
+            return  # the actor that it is counted from has the mistake
         except RouteError as err:
             yield Problem("", kind, codes.PLACE, str(err), err.help, about)
             return

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, pairwise
 from typing import TypeVar, assert_never
@@ -156,7 +157,10 @@ class Starts:
         """Return an actor's route line, and the length along it where it starts; while its start is being computed,
         where its route begins."""
         if actor not in self._resolving:
-            on_route = self.on_route(actor)
+            if actor not in self._actors or route_of(self._actors[actor]) is None:
+                self.on_route(actor)  # raises: this is wrong here, not there
+            with self._counted_from_here():
+                on_route = self.on_route(actor)
             return on_route.line, on_route.s
         line = self._first_line(actor)
         return line, line.origin_s
@@ -195,7 +199,7 @@ class Starts:
         if name in self._resolving:
             raise CircleError(tuple(self._resolving[self._resolving.index(name) :]))
         actor, spec = self._actors[name], self._specs[name]
-        try:
+        with self._counted_from_here():
             if route_of(actor) is not None:
                 at = self.on_route(name)
                 back = spec.length_m / 2
@@ -208,6 +212,12 @@ class Starts:
                     on.x, on.y, on.heading_rad, spec.length_m, spec.width_m, lines.line_of(on.path), on.along_m
                 )
             return Standing(*self.still(name), spec.length_m, spec.width_m)
+
+    @contextmanager
+    def _counted_from_here(self) -> Iterator[None]:
+        """Around the start of an actor from which a place is counted: what is wrong there is reported there."""
+        try:
+            yield
         except CircleError as err:
             if self._resolving and self._resolving[-1] not in err.members:
                 raise UnsettledError(str(err)) from err
@@ -219,8 +229,8 @@ class Starts:
         """Return where a place is.
 
         Raises:
-            RouteError: an unknown name, a length beyond the end of an edge or route, or two actors' starts depend on
-                each other; an `UnsettledError` where the start of the actor that it is counted from is impossible.
+            RouteError: an unknown name, or a length beyond the end of an edge or route; a `CircleError` where starts
+                depend on each other; an `UnsettledError` where that of the actor that it is counted from is impossible.
         """
         match place:
             case m.Point():
@@ -230,7 +240,7 @@ class Starts:
             case m.AlongRoute():
                 line, start = self._line_of(place.actor)
                 if place.actor in self._resolving[:-1]:
-                    raise RouteError(f"the starts of {' and '.join(self._resolving)} depend on each other")
+                    raise CircleError(tuple(self._resolving[self._resolving.index(place.actor) :]))
                 return _on(line, start + si(place.at), place)
             case m.PastJunction():
                 return self._past(place)
