@@ -1,7 +1,7 @@
 """SUMO with the network of a test case: the only module that imports libsumo.
 
-One SUMO lives in a process (libsumo allows no more). It is started once per network; an empty state is kept in
-memory-backed storage, and every run begins by loading it, which is ten times faster than a restart.
+One SUMO lives in a process (libsumo allows no more). It is started once per network, and emptied for every run (see
+`sumo_start`). Vehicles that SUMO drives are here, those that are moved from outside in `moved_bodies`.
 
 Positions are SUMO's: the middle of the front bumper (`bodies` makes footprints of them). Headings are radians
 counter-clockwise from east in this package, degrees clockwise from north in SUMO.
@@ -13,13 +13,8 @@ import atexit
 import contextlib
 import gc
 import math
-import os
-import re
-import tempfile
 from dataclasses import dataclass, field
-from functools import lru_cache
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -27,16 +22,14 @@ import numpy as np
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.simulate.moved_bodies import MATCH_M, MovedBodies, degrees, edge_and_index
 from foresee_dsl.simulate.signals import Signals
+from foresee_dsl.simulate.sumo_start import EmptyState, options
 from foresee_dsl.simulate.trace import STEP_S
 
 if TYPE_CHECKING:
     from types import ModuleType
 
-GHOST_TYPE = "ghost"
-"""The vehicle type of stand-ins for bodies that SUMO does not drive; 0.5 m long, in every types file."""
-MATCH_M = 5.0
-"""How far from a point SUMO looks for a lane in moveToXY. Ours: 5 us a call with 5 m, 33 us with SUMO's 100 m."""
 ON_LANE_M = 1e-3
 """The same for a vehicle on the middle of a lane inside a junction, where lanes overlap: with 5 m SUMO 1.28 takes any
 of them, of another movement too. Ours: the vehicle is on the very shape, and lanes that begin together soon lie further
@@ -51,14 +44,12 @@ CLOSE_S, CLOSE_M = 0.1, 0.5
 """SUMO's headway and gap at a standstill of a vehicle that is told which gap to keep. Ours: two steps, so that it can
 still brake in time."""
 _OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
-_BRAKES_IN_COMFORT = 4
-"""The bit of these by which no speed is taken up that braking in comfort does not reach."""
 """Speed modes: 31 is SUMO's default; 55 is that without the right of way, before the junction and inside; 39 is 55
 without the red light."""
+_BRAKES_IN_COMFORT = 4
+"""The bit of a speed mode that lets a vehicle brake for a new speed no harder than in comfort."""
 _CRAWLS_MPS = 0.1
 """The least that is set as a vehicle's top speed: SUMO refuses 0."""
-_VEHICLE_TYPE = re.compile(r'^ *<vType id="([^"]+)"[^>]*/>\n', re.MULTILINE)
-"""A vehicle type in a state that SUMO saved."""
 _ASKS = 8
 """Speed mode: drives what it is told, but asks at a junction whether it may."""
 
@@ -112,20 +103,15 @@ class World:
         self._names: tuple[str, ...] = ()
         self._lanes: list[str] = []
         self._routes: dict[tuple[str, ...], str] = {}
-        self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
         self._limits: dict[str, float] = {}
         self._changed_limits: dict[str, float] = {}  # what changed lanes had before
         self._rates: dict[str, tuple[float, float, float]] = {}  # of those that were on slippery ground
         self._usual: dict[str, tuple[float, float]] = {}  # headway and gap of those that were told another one
-        self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=_memory_folder())
-        self._empty = Path(self._states.name) / "empty.xml"
+        self.bodies = MovedBodies(self._sumo, self._errors, self._route)
         try:
-            self._sumo.start(["sumo", *_options(bundle)])
-            self._sumo.simulation.saveState(str(self._empty))
-            # The state itself, without the comment in front of it that repeats SUMO's configuration.
-            self._empty_text = "<snapshot" + self._empty.read_text("utf-8").partition("<snapshot")[2]
+            self._sumo.start(["sumo", *options(bundle)])
+            self._empty = EmptyState(self._sumo)
         except self._errors as err:
-            self._states.cleanup()
             raise SimulationError(f"SUMO cannot load {bundle.net_file.name}: {err}") from err
         # Networks and modules stay: looking for cycles in them again and again took 8 % of a run.
         gc.freeze()
@@ -152,13 +138,13 @@ class World:
     def close(self) -> None:
         """End SUMO and remove the kept state."""
         self._sumo.close()
-        self._states.cleanup()
+        self._empty.close()
 
     # --- a run -----------------------------------------------------------------------------------------------------
 
     def reset(self, bundle: SumoBundle) -> None:
         """Empty the world and set the signals as the scene says (others at the beginning of their first stage)."""
-        begins_s = self._load_empty({actor.model.name for actor in bundle.scene.actors})
+        begins_s = self._empty.load({actor.model.name for actor in bundle.scene.actors})
         self._vehicles.clear()
         self._on_road, self._names, self._lanes = (), (), []
         self._routes.clear()
@@ -168,31 +154,9 @@ class World:
         self._changed_limits.clear()
         self._usual.clear()
         self._rates.clear()
-        self._bodies.clear()
+        self.bodies.clear()
         self.signals = Signals(self._sumo, bundle, begins_s)
         self.signals.start(bundle, STEP_S)
-
-    def _load_empty(self, models: set[str]) -> float:
-        """Load the empty state at a time that no earlier run of this process has come to; return that time, s.
-
-        SUMO 1.28 remembers for each edge when vehicles last considered changing lanes on it, and skips the edge if that
-        was at the present time. Loading a state does not clear this. With all runs beginning at 0, a vehicle that came
-        to an edge at the very time at which an earlier run had ended there did not change lanes in that step (measured:
-        2 of 1,212 children depended on what the process had run before). The fault is gone when `MSEdgeControl` forgets
-        these times as it loads a state.
-
-        Args:
-            models: what the run has; the other vehicle types are left out, which halves the 2 ms of loading.
-        """
-        now_s = self._sumo.simulation.getTime()
-        begins_s = math.ceil(now_s) + 1 if now_s > 0 else 0
-        used = {*models, GHOST_TYPE}
-        text = _VEHICLE_TYPE.sub(lambda found: found[0] if found[1] in used else "", self._empty_text)
-        text = re.sub(r'\btime="[^"]*"', f'time="{begins_s}.000"', text, count=1)
-        text = re.sub(r' until="(\d+)"', lambda found: f' until="{int(found[1]) + begins_s * 1000}"', text)
-        self._empty.write_text(text, "utf-8")
-        self._sumo.simulation.loadState(str(self._empty))
-        return float(begins_s)
 
     def step(self) -> None:
         """Let SUMO simulate one step of 0.05 s; a `SimulationError` where it breaks."""
@@ -228,8 +192,8 @@ class World:
     def hold(self, actor: PlacedActor) -> None:
         """Keep an actor that was added where it is placed for one more step."""
         try:
-            edge, index = _edge_and_index(actor.lane)
-            angle, keep_route, within_m = _degrees(actor.heading_rad), 1, MATCH_M
+            edge, index = edge_and_index(actor.lane)
+            angle, keep_route, within_m = degrees(actor.heading_rad), 1, MATCH_M
             if not edge:
                 keep_route = 2
             elif actor.lane.startswith(":") or edge != actor.route[0]:
@@ -259,76 +223,17 @@ class World:
         except self._errors:  # a body may have come to the end of its route
             pass
 
-    def add_body(self, vehicle: str, model: str, route: tuple[str, ...], length_m: float | None = None) -> None:
-        """Add a body that is moved from outside: `place` must follow before every step.
-
-        `model`: its vehicle type. `route`: what SUMO's vehicles take for its route. `length_m`: where it is not the
-        type's.
-        """
-        self._bodies[vehicle] = (model, route, length_m)
-        self._add_body(vehicle)
-
-    def place(self, vehicle: str, x_front: float, y_front: float, heading_rad: float, lane: str = "") -> None:
-        """Put a vehicle that is moved from outside where it will be at the end of the next step (its front, m; rad).
-
-        `lane`: the lane that it is on; without, SUMO looks for one near the last, which depends on where that was.
-        """
-        where = (*_edge_and_index(lane), x_front, y_front, _degrees(heading_rad), 2, MATCH_M)
-        try:
-            self._sumo.vehicle.moveToXY(vehicle, *where)
-        except self._errors:
-            # SUMO takes it out at the end of its route; it is still there.
-            try:
-                self._add_body(vehicle)
-                self._sumo.vehicle.moveToXY(vehicle, *where)
-            except self._errors as err:
-                place = f"({x_front:.2f} m, {y_front:.2f} m)"
-                raise SimulationError(f"SUMO cannot place {vehicle} at {place}: {err}") from err
-
-    def correct_lane_order(self) -> None:
-        """Put bodies that have passed another on their lane, or were passed, where they belong in its queue.
-
-        SUMO 1.28 does not expect that vehicles moved from outside pass each other: it keeps the order in which they
-        came, and a follower does not see those in front of the wrong one (measured: a truck drove through a parked car
-        that the ego had passed). The fault is gone when `lane.getLastStepVehicleIDs` is ordered by place without this.
-        Bodies must be placed anew before the next step.
-        """
-        vehicle = self._sumo.vehicle
-        try:
-            lanes = list(map(vehicle.getLaneID, self._bodies))
-        except self._errors:  # one is at the end of its route
-            lanes = list(map(self._lane_of, self._bodies))
-        for lane in dict.fromkeys(lanes):
-            queue = self._sumo.lane.getLastStepVehicleIDs(lane) if lane else ()
-            if len(queue) < 2:
-                continue
-            places = list(map(vehicle.getLanePosition, queue))
-            if places == sorted(places):
-                continue
-            for k in [k for k in range(1, len(queue)) if places[k] < places[k - 1]]:
-                bodies = [name for name in (queue[k], queue[k - 1]) if name in self._bodies]
-                # rather a stand-in than the ego, which would count as just arrived on a junction
-                for name in sorted(bodies, key=lambda name: self._bodies[name][0] != GHOST_TYPE)[:1]:
-                    vehicle.remove(name)
-                    self._add_body(name)
-
-    def _lane_of(self, vehicle: str) -> str:
-        try:
-            return str(self._sumo.vehicle.getLaneID(vehicle))
-        except self._errors:
-            return ""  # at the end of its route
-
     def remove(self, vehicle: str) -> None:
         """Take a vehicle out, if it is in."""
         self._forget(vehicle)
-        self._bodies.pop(vehicle, None)
+        self.bodies.forget(vehicle)
         with contextlib.suppress(*self._errors):  # it may have left by itself
             self._sumo.vehicle.remove(vehicle)
 
     def take_over(self, actor: PlacedActor) -> None:
         """From now on a vehicle that SUMO drove is moved from outside."""
         self._forget(actor.id)
-        self._bodies[actor.id] = (actor.model.name, actor.route[-1:], None)
+        self.bodies.adopt(actor.id, actor.model.name, actor.route[-1:])
         self._sumo.vehicle.setSpeedMode(actor.id, 0)
 
     def vehicles(self) -> Seen:
@@ -455,13 +360,6 @@ class World:
         known = self._vehicles[vehicle] = _Known(edge=f"{route[0]}_")
         return known
 
-    def _add_body(self, vehicle: str) -> None:
-        model, route, length_m = self._bodies[vehicle]
-        self._sumo.vehicle.add(vehicle, self._route(route), typeID=model)
-        self._sumo.vehicle.setLaneChangeMode(vehicle, 0)
-        if length_m is not None:
-            self._sumo.vehicle.setLength(vehicle, length_m)
-
     def _route(self, edges: tuple[str, ...]) -> str:
         name = self._routes.get(edges)
         if name is None:
@@ -489,17 +387,6 @@ class World:
         return limit
 
 
-def _degrees(heading_rad: float) -> float:
-    return (90.0 - math.degrees(heading_rad)) % 360.0
-
-
-@lru_cache(maxsize=4096)
-def _edge_and_index(lane: str) -> tuple[str, int]:
-    """Return the edge of a lane, and which of its lanes it is; "" and -1 for none."""
-    edge, _, index = lane.rpartition("_")
-    return edge, int(index or -1)
-
-
 def _import_libsumo() -> ModuleType:
     try:
         import libsumo
@@ -507,34 +394,6 @@ def _import_libsumo() -> ModuleType:
         raise SimulationError(f"libsumo cannot be loaded: {err}; `foresee doctor` says what to install") from err
     module: ModuleType = libsumo
     return module
-
-
-_SUMO_SEED = 42
-"""SUMO's own random numbers decide nothing here (sigma and speedDev are 0); fixed to be sure."""
-
-
-def _options(bundle: SumoBundle) -> list[str]:
-    """Return the options for a bundle's network and vehicle types."""
-    values = {
-        "net-file": bundle.net_file,
-        "additional-files": bundle.types_file,
-        "step-length": STEP_S,
-        "time-to-teleport": -1,
-        "time-to-impatience": -1,  # impatience grows with the time waited, which no description holds
-        "collision.action": "none",
-        "pedestrian.striping.dawdling": 0,
-        "save-state.precision": 17,
-        "seed": _SUMO_SEED,
-        "message-log": os.devnull,  # "Loading state from ..." would go to the standard output
-    }
-    flags = ["--no-step-log", "--no-warnings"]
-    return [word for key, value in values.items() for word in (f"--{key}", str(value))] + flags
-
-
-def _memory_folder() -> str | None:
-    """Return a folder that is kept in memory; None (the usual one) where there is none."""
-    shm = "/dev/shm"  # noqa: S108 - a private folder is made inside
-    return shm if os.access(shm, os.W_OK) else None
 
 
 def _mode(ignores: set[str]) -> int:

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.errors import SimulationError
-from foresee_dsl.simulate.world import GHOST_TYPE, World
+from foresee_dsl.simulate.moved_bodies import GHOST_TYPE
+from foresee_dsl.simulate.world import World
 from tests.support.scenes import Town
 
 
@@ -60,9 +61,9 @@ def test_a_body_is_seen_by_those_behind(town: Town) -> None:
     stands = town.vehicle("body", ("n12_n11", "n11_n10"), 60.0)
     _, world = _world(town)
     world.add_vehicle(car)
-    world.add_body("body", "car.compact", stands.route)
+    world.bodies.add("body", "car.compact", stands.route)
     for _ in range(200):
-        world.place("body", stands.x, stands.y, stands.heading_rad)
+        world.bodies.place("body", stands.x, stands.y, stands.heading_rad)
         world.step()
         world.settle("body", 0.0, 0.0)
     x, y, speed = _seen(world, "car")
@@ -76,15 +77,15 @@ def test_a_body_that_was_passed_is_still_seen(town: Town, mended: bool) -> None:
     car, stands = town.vehicle("car", edges, 5.0, speed=9.0, cruise=9.0), town.vehicle("stands", edges, 60.0)
     _, world = _world(town)
     world.add_vehicle(car)
-    world.add_body("stands", GHOST_TYPE, edges, 0.5)
-    world.add_body("passes", "car.compact", edges)
+    world.bodies.add("stands", GHOST_TYPE, edges, 0.5)
+    world.bodies.add("passes", "car.compact", edges)
     for step in range(200):
         passing = town.vehicle("passes", edges, min(40.0 + 0.5 * step, 90.0))
-        world.place("stands", stands.x, stands.y, stands.heading_rad, stands.lane)
-        world.place("passes", passing.x, passing.y, passing.heading_rad, passing.lane)
+        world.bodies.place("stands", stands.x, stands.y, stands.heading_rad, stands.lane)
+        world.bodies.place("passes", passing.x, passing.y, passing.heading_rad, passing.lane)
         world.step()
         if mended:
-            world.correct_lane_order()
+            world.bodies.correct_lane_order()
         world.settle("stands", 0.0, 0.0)
     x, y, _ = _seen(world, "car")
     # SUMO alone would look past it (this is why the order is mended)

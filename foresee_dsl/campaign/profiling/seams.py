@@ -36,6 +36,7 @@ RUNS = (
     Seam(Part.START, f"{_SIMULATE}.world", "World", "__init__"),
     Seam(Part.SUMO, f"{_SIMULATE}.world", "World", "step"),
     Seam(Part.WORLD, f"{_SIMULATE}.world", "World", "*"),
+    Seam(Part.WORLD, f"{_SIMULATE}.moved_bodies", "MovedBodies", "*"),
     Seam(Part.WORLD, f"{_SIMULATE}.signals", "Signals", "*"),
     Seam(Part.ACTORS, f"{_SIMULATE}.actors.simulation", "Simulation", "step"),
     Seam(Part.DIRECTOR, f"{_SIMULATE}.triggers.director", "Director", "step record"),

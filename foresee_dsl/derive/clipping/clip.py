@@ -21,7 +21,7 @@ from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
 from foresee_dsl.language.units import Dimension
-from foresee_dsl.simulate.actors.speed_orders import MET_M
+from foresee_dsl.simulate.orders.speed import MET_M
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, ActorInfo, Trace, X, Y
 from foresee_dsl.simulate.triggers.record import ActorOrders
 

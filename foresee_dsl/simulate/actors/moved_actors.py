@@ -25,8 +25,9 @@ from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
 from foresee_dsl.simulate.actors.path_followers import PathFollower
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import ROUNDING_M, SumoVehicle
+from foresee_dsl.simulate.moved_bodies import GHOST_TYPE
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.world import GHOST_TYPE, World
+from foresee_dsl.simulate.world import World
 
 STANDS_MPS = path_following.STANDS_MPS
 """Slower is standing; SUMO's own threshold for a halting vehicle."""
@@ -193,9 +194,9 @@ class StandIn:
         self, name: str, lane: str, front: tuple[float, float, float], length_m: float, speed_mps: float
     ) -> None:
         if name not in self._in:
-            self._world.add_body(name, GHOST_TYPE, (self._edge,), length_m)
+            self._world.bodies.add(name, GHOST_TYPE, (self._edge,), length_m)
         self._in[name] = speed_mps
-        self._world.place(name, *front, lane)
+        self._world.bodies.place(name, *front, lane)
 
     def _remove(self, names: Sequence[str]) -> None:
         for name in names:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
@@ -13,6 +12,7 @@ from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
+from foresee_dsl.simulate.actors.insertion import Insertion
 from foresee_dsl.simulate.actors.limits import Limits
 from foresee_dsl.simulate.actors.moved_actors import (
     STANDS_MPS,
@@ -23,37 +23,22 @@ from foresee_dsl.simulate.actors.moved_actors import (
     with_timing,
 )
 from foresee_dsl.simulate.actors.path_groups import PathGroup
+from foresee_dsl.simulate.actors.shown_actors import ShownActors
 from foresee_dsl.simulate.actors.slippery import SlipperyGround
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
-from foresee_dsl.simulate.results.metrics import since_entry_s
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World
 
-OFF_LANE_M = 1.8
-"""The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
 LOOKS_AHEAD_M = 60.0
 """A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
-GAINS_SHARE = 0.9
-"""A vehicle inside a junction that accelerates with less than this share of its maximum, below the speed that it may
-drive, is treated as yielding or following. Ours: with nothing in the way SUMO accelerates with exactly its maximum."""
-MAY_DRIVE_MPS = 0.3
-"""A vehicle that is at most this much slower than it may drive counts as driving at that speed. Ours: two steps of
-acceleration."""
-HELD_MPS = 0.6
-"""Least speed of a moving vehicle that is held in place while others are inserted. Per step SUMO 1.28 takes 0.45 m/s
-(its emergency braking) off a held vehicle's speed, and one that reaches 0 counts as having stopped at a stop sign.
-Ours: enough that none does."""
-KNOWN_AFTER = 1
-"""Steps for which all vehicles are held after the last insertion. Ours: SUMO 1.28 registers a vehicle that approaches a
-junction one step later."""
 
 
 class Simulation:
     """The actors of a scene in SUMO's world; `actors[0]` is the ego, the others are in the scene's order.
 
-    Frame 0 is the world after some steps in which SUMO places the vehicles and they are held there.
+    Frame 0 is the world after some steps in which SUMO places the vehicles and they are held there (see `insertion`).
     """
 
     def __init__(self, bundle: SumoBundle, world: World) -> None:
@@ -64,13 +49,8 @@ class Simulation:
         self.ego = Ego(scene.ego, scene.friction)
         self.actors: list[Actor] = [self.ego, *(self._make(actor, edge) for actor in scene.actors[1:])]
         vehicles = tuple(actor for actor in self.actors if isinstance(actor, SumoVehicle))
-        self.guided = [actor for actor in vehicles if isinstance(actor, GuidedVehicle)]
-        on_paths = {actor.id for actor in self.guided if actor.guide is not None}
+        on_paths = {a.id for a in vehicles if isinstance(a, GuidedVehicle) and a.guide is not None}
         self.sumo_vehicles = {actor.id: actor for actor in vehicles if actor.id not in on_paths}
-        self._joined: list[SumoVehicle] = []
-        bodies = (actor for actor in self.actors if isinstance(actor, StaticActor))
-        self._in_the_way = [body for body in bodies if body.positions or isinstance(body, OpenDoor)]
-        self.steered = [actor for actor in self.actors if isinstance(actor, SteeredVehicle)]
         self.by_id = {actor.id: actor for actor in self.actors}
         self.doors = [actor for actor in self.actors if isinstance(actor, OpenDoor)]
         for door in self.doors:
@@ -83,6 +63,7 @@ class Simulation:
         rows = {actor.id: number for number, actor in enumerate(self.actors)}
         on_foot = [actor for actor in self.actors if isinstance(actor, PathActor)]
         self._paths = PathGroup(on_foot, [rows[actor.id] for actor in on_foot], self.state_table, self.network)
+        self._shown = ShownActors(self.ego, self.actors, self._paths, self.progress, world)
         self._traffic = SumoTraffic(
             vehicles,
             self.state_table,
@@ -100,7 +81,10 @@ class Simulation:
         self.time_s = 0.0
         for door in self.doors:
             door.follow()
-        self._insert_all(bundle)
+        insertion = Insertion(world, self._shown, self._traffic, self.sumo_vehicles, self.cruise_mps, self.progress)
+        insertion.run(bundle)
+        self._shown.find_ego_lane(self.frame)
+        self._take_over()
 
     def step(self, control: Control) -> tuple[str, ...]:
         """Advance by one frame with the driver's answer to the last one; return the ids of the vehicles that have
@@ -109,17 +93,17 @@ class Simulation:
         self._traffic.slow_for_bends()
         self.ego.drive(control)
         self._paths.move()
-        for guided in self.guided:
+        for guided in self._shown.guided:
             self._guide(guided)
         self._recover()
         self.frame += 1
         self.time_s = round(self.frame * STEP_S, 6)
-        self._show()
+        self._shown.show(self.frame)
         self.world.step()
-        self.world.correct_lane_order()
-        self._settle()
+        self.world.bodies.correct_lane_order()
+        self._shown.settle()
         left = self._traffic.follow()
-        self._ego_lane()
+        self._shown.find_ego_lane(self.frame)
         self._take_over()
         if self.limits.changed:
             self.keep_limits()
@@ -212,7 +196,7 @@ class Simulation:
         for what in self.ignored_rules[vehicle.id]:
             self.world.ignore(vehicle.id, what)
         vehicle.speed = placed.speed_mps
-        self._joined.append(vehicle)
+        self._shown.joined.append(vehicle)
 
     def leave(self, actor: Actor) -> None:
         """Take an actor out of the world for good."""
@@ -225,8 +209,7 @@ class Simulation:
         elif isinstance(actor, PathActor):
             self._paths.drop(actor)
         elif isinstance(actor, StaticActor):
-            actor.stand_in.hide()
-            self._in_the_way = [other for other in self._in_the_way if other is not actor]
+            self._shown.hide(actor)
 
     def close_up(self, actor: Actor, *, on: bool) -> None:
         """Let a vehicle that SUMO drives come as near to others as it is told, or keep its usual distance again."""
@@ -276,147 +259,8 @@ class Simulation:
             return SteeredVehicle(actor, self.network, self.scene.friction)
         return SumoVehicle(actor, self.network)
 
-    def _insert_all(self, bundle: SumoBundle) -> None:
-        """Insert all actors into SUMO, hold them until it knows what it would have known, and let them roll to frame 0.
-
-        In SUMO the vehicle that came to a junction first goes first: those inside are inserted one per step, in the
-        order in which they seem to have come (`_insertion_order`). In the last step SUMO decides on gaps and lanes.
-        """
-        world = self.world
-        waves, stand_ins_from = self._insertion_order()
-        world.signals.start(bundle, (len(waves) + 1) * STEP_S)
-        for vehicle in self.sumo_vehicles.values():
-            vehicle.speed = with_timing(vehicle.placed).speed_mps
-        before = {vehicle.id: with_timing(vehicle.in_sumo()) for vehicle in self.sumo_vehicles.values()}
-        here: list[Actor] = []
-        for count, wave in enumerate(waves):
-            self._hold(here, before)
-            for actor in wave:
-                self._add(actor, before)
-            here += wave
-            if count >= stand_ins_from:
-                self._show_others()
-            self._pass_step(at_least_mps=HELD_MPS if count + 1 < len(waves) else 0.0)
-        rolling = [vehicle for vehicle in self.sumo_vehicles.values() if vehicle.rolls]
-        self._hold([vehicle for vehicle in self.sumo_vehicles.values() if not vehicle.rolls], before)
-        for vehicle in rolling:
-            world.roll(vehicle.id, vehicle.speed, free=vehicle.acceleration > 0)
-        self._traffic.slow_for_bends()
-        self._show()
-        self._pass_step()
-        for vehicle in rolling:
-            world.let_go(vehicle.id)
-        self._ego_lane()
-        self._take_over()
-
-    def _insertion_order(self) -> tuple[list[list[Actor]], int]:
-        """Return which actors are inserted in which step, and from which step on stand-ins are shown.
-
-        Inside a junction, a vehicle that stands or drives slower than it may is taken to yield to one that was there
-        before; the others came as long ago as their way inside takes at their speed.
-        """
-        vehicles: list[Actor] = [self.ego, *self.sumo_vehicles.values()]
-        bends = self._traffic.may_drive_mps()
-        at_speed = {
-            vehicle.id: vehicle.speed >= min(self.cruise_mps[vehicle.id], bends[vehicle.id]) - MAY_DRIVE_MPS
-            for vehicle in self.sumo_vehicles.values()
-        }
-        since = {actor.id: self._since_entry(actor, at_speed.get(actor.id, False)) for actor in vehicles}
-        inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
-        going = [a for a in inside if a is self.ego or _drives_freely(a, at_speed[a.id])]
-        yielding = [a for a in inside if a not in going]
-        rest = [a for a in vehicles if a not in inside]
-        none: list[Actor] = []
-        waves = [*([a] for a in going), none, *([a] for a in yielding), rest, *([none] * KNOWN_AFTER)]
-        return waves, len(going)
-
-    def _since_entry(self, actor: Actor, at_speed: bool) -> float:
-        """Return how long ago a vehicle's front seems to have come to the junction that it is on, s; 0 on none.
-
-        `at_speed`: it drives as fast as it may.
-        """
-        inside_m = self.progress.inside(actor, self.frame)
-        if inside_m <= 0.0:
-            return 0.0
-        # A vehicle that has come out of a bend gains speed as well, but has not waited.
-        waited = actor is not self.ego and _accelerates_freely(actor) and not at_speed
-        return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
-
-    def _add(self, actor: Actor, before: Mapping[str, PlacedActor]) -> None:
-        if actor is self.ego:
-            self.world.add_body(self.ego.id, self.ego.placed.model.name, self.ego.placed.route)
-            self._show_ego(-STEP_S)
-            return
-        placed = before[actor.id]
-        self.world.add_vehicle(placed)
-        if placed.timing < 1.0:
-            self.world.set_acceleration(actor.id, placed.model.acceleration_mps2 * placed.timing**2)
-
-    def _hold(self, actors: Iterable[Actor], before: Mapping[str, PlacedActor]) -> None:
-        for actor in actors:
-            if actor is self.ego:
-                self._show_ego(-STEP_S)
-            else:
-                self.world.hold(before[actor.id])
-
-    def _pass_step(self, *, at_least_mps: float = 0.0) -> None:
-        """Let SUMO take a step, and put back the speeds of its vehicles, those that move at least at `at_least_mps`."""
-        self.world.step()
-        self._settle()
-        for vehicle in self.sumo_vehicles.values():
-            if vehicle.id not in self.world:
-                continue  # not yet
-            speed = vehicle.speed if vehicle.speed < STANDS_MPS else max(vehicle.speed, at_least_mps)
-            self.world.settle(vehicle.id, speed, vehicle.acceleration)
-
-    def _show(self) -> None:
-        """Tell SUMO where the actors that it does not move will be at the end of the next step."""
-        self._show_ego()
-        self._show_others()
-
-    def _show_ego(self, ahead_s: float = 0.0) -> None:
-        (x, y), way, heading = self.ego.front, self.ego.speed * ahead_s, self.ego.heading
-        self.world.place(
-            self.ego.id, x + way * math.cos(heading), y + way * math.sin(heading), heading, self._lane_ahead()
-        )
-
-    def _lane_ahead(self) -> str:
-        """The lane that the ego's front is on, "" off its route's lanes."""
-        line = self.ego.placed.line
-        if line is None:
-            return ""
-        s, lateral = self.progress.of(self.ego, self.frame)
-        return line.lane_at(s + self.ego.length / 2) if abs(lateral) <= OFF_LANE_M else ""
-
-    def _show_others(self) -> None:
-        self._paths.show()
-        for guided in self.guided:
-            guided.show()
-        for static in self._in_the_way:
-            static.stand_in.show(static.positions)
-        for steered in self.steered:
-            if steered.taken is not None and steered.present:
-                x, y = steered.front
-                self.world.place(steered.id, x, y, steered.heading)
-
-    def _settle(self) -> None:
-        ego = self.ego
-        self.world.settle(ego.id, ego.speed, ego.acceleration)
-        self._paths.settle()
-        for static in self._in_the_way:
-            static.stand_in.settle()
-        for guided in self.guided:
-            if guided.guide is not None:
-                guided.guide.stand_in.settle()
-        for joined in self._joined:
-            self.world.settle(joined.id, joined.speed, joined.acceleration)
-        self._joined.clear()
-        for steered in self.steered:
-            if steered.taken is not None and steered.present:
-                self.world.settle(steered.id, steered.speed, steered.acceleration)
-
     def _recover(self) -> None:
-        taken = [a for a in self.steered if a.taken is not None and a.present]
+        taken = [a for a in self._shown.steered if a.taken is not None and a.present]
         if not taken:
             return
         movers = {a.id: a.mover for a in self.actors if a.present}
@@ -437,24 +281,8 @@ class Simulation:
         return None
 
     def _take_over(self) -> None:
-        for actor in self.steered:
+        for actor in self._shown.steered:
             if actor.present and actor.due(self.time_s):
                 actor.take_over(self.network, self.cruise_mps[actor.id])
                 self.world.take_over(actor.placed)
                 self._traffic.drop(actor.id)
-
-    def _ego_lane(self) -> None:
-        line = self.ego.placed.line
-        if line is not None:
-            s, lateral = self.progress.of(self.ego, self.frame)
-            self.ego.lane = line.lane_at(s) if abs(lateral) <= OFF_LANE_M else ""
-
-
-def _accelerates_freely(actor: Actor) -> bool:
-    """Whether a vehicle accelerates as if nothing were in its way."""
-    return actor.acceleration >= GAINS_SHARE * actor.placed.model.acceleration_mps2 * min(actor.placed.timing, 1.0) ** 2
-
-
-def _drives_freely(actor: Actor, at_speed: bool) -> bool:
-    """Say whether a vehicle inside a junction seems to have nothing to wait for."""
-    return actor.speed >= STANDS_MPS and (_accelerates_freely(actor) or at_speed)

@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable
-from dataclasses import replace
-from itertools import count
 from typing import Any, TypeVar, assert_never
 
 from foresee_dsl.compile.bundle import Timed
@@ -24,26 +21,17 @@ from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import fields_of, si_of, word_of
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
-from foresee_dsl.simulate.actors.lateral_orders import Beside, Shift, SidewaysOrder
 from foresee_dsl.simulate.actors.moved_actors import PathActor
-from foresee_dsl.simulate.actors.pair_orders import Gap, Match, Synchrony
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.speed_orders import (
-    BOUND_FROM_M,
-    Braking,
-    Command,
-    Halt,
-    Meeting,
-    Ramp,
-    Reverse,
-    Stop,
-    StopSpot,
-)
 from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.orders.lateral import Beside, Shift, SidewaysOrder
+from foresee_dsl.simulate.orders.pair import Gap, Match, Synchrony
+from foresee_dsl.simulate.orders.speed import Braking, Command, Halt, Meeting, Ramp, Reverse, Stop, StopSpot
+from foresee_dsl.simulate.orders.standing import StandingOrders
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, Order, add
+from foresee_dsl.simulate.triggers.record import DirectorRecord, Order
 from foresee_dsl.simulate.triggers.trigger import IsComplete, Trigger
 
 _Told = TypeVar("_Told", bound=m.Item)
@@ -52,22 +40,13 @@ IN_LANE_M = 0.2
 
 
 class Director:
-    """Watches the triggers of a scene and carries out what they set off, from the first frame on."""
+    """Watches the triggers of a scene and begins what they set off, from the first frame on."""
 
     def __init__(self, simulation: Simulation, conditions: Conditions, recorder: Recorder) -> None:
         self._simulation, self._conditions, self._recorder = simulation, conditions, recorder
-        self._commands: dict[str, Command] = {}
-        self._latest: dict[str, Command] = {}
-        self._new: list[str] = []
-        self._starts: dict[str, float] = {}
-        self._sideways: dict[str, SidewaysOrder] = {}
+        self._orders = StandingOrders(simulation, recorder)
         self._latest_path: dict[str, object] = {}
-        self._latest_sideways: dict[str, SidewaysOrder] = {}
-        self._bound: list[tuple[Actor, str, str]] = []
-        self._braking: dict[str, Braking] = {}
         self._strays: list[tuple[float, m.ChangesLine]] = []
-        self._bound_on: set[tuple[str, str, str]] = set()
-        self._orders: dict[str, list[ActorOrders]] = {}
         self._things: list[Order] = []
         # On a route, places depend on where its actor starts.
         self._places = {text_of(place, frozenset()): at for place, at in simulation.scene.places.items()}
@@ -76,98 +55,30 @@ class Director:
 
     def step(self) -> None:
         """Look at the frame that the simulation is at; what follows takes effect in the next step."""
-        if not (
-            self._triggers or self._commands or self._starts or self._bound or self._sideways or self._braking
-            or self._strays
-        ):  # fmt: skip
+        if not (self._triggers or self._strays or self._orders.any()):
             return
-        time_s = self._simulation.time_s
-        self._new.clear()
         for trigger in self._triggers:
             trigger.look()
-        if self._starts:
-            self._start_due(time_s)
-        if self._bound:
-            self._keep_bounds()
-        if self._commands:
-            self._update(list(self._commands))
+        self._orders.take_effect()
         # What is complete now lets the next step begin now; an order that it gives may be complete at once.
-        for _ in count():
-            self._new.clear()
+        while True:
+            self._orders.new.clear()
             for trigger in self._triggers:
                 trigger.advance()
-            if not self._new:
+            if not self._orders.new:
                 break
-            self._update(self._new)
-        self._after(time_s)
+            self._orders.update(self._orders.new)
+        if self._strays:
+            self._stray(self._simulation.time_s)
+        self._orders.take_late_effect()
         for trigger in self._triggers:
             trigger.record()
 
     def record(self) -> DirectorRecord:
         """Return what is recorded of the run so far."""
-        orders = {actor: tuple(states) for actor, states in self._orders.items()}
+        orders = {actor: tuple(states) for actor, states in self._orders.recorded.items()}
         triggers = tuple(tuple(trigger.states) for trigger in self._triggers)
         return DirectorRecord(triggers, orders, self._places, tuple(self._things))
-
-    def _after(self, time_s: float) -> None:
-        """Let the orders have their effect that come after whatever triggers ordered in this step."""
-        if self._strays:
-            self._stray(time_s)
-        if self._sideways:
-            for name, order in list(self._sideways.items()):
-                self._update_sideways(name, order)
-        if self._braking:
-            self._brake(time_s)
-
-    def _start_due(self, time_s: float) -> None:
-        for name in [name for name, at in self._starts.items() if time_s >= at - STEP_S / 100]:
-            del self._starts[name]
-            self._simulation.order_speed(self._simulation.by_id[name], self._simulation.cruise_mps[name])
-
-    def _brake(self, time_s: float) -> None:
-        for name, braking in list(self._braking.items()):
-            acted = braking.acts
-            if not braking.update(time_s):
-                del self._braking[name]
-            if braking.acts and not acted:
-                self.event("brakes", {}, name)
-
-    def _update(self, names: Iterable[str]) -> None:
-        for name in list(dict.fromkeys(names)):
-            command = self._commands.get(name)
-            if command is None or (name in self._braking and self._braking[name].acts):
-                continue
-            active = command.update(self._simulation.time_s)
-            if not active:
-                del self._commands[name]
-            if isinstance(command, Meeting):
-                self._record_meeting(name, command.keeps_mps, over=not active)
-            elif isinstance(command, Halt) and command.stands_s != self._orders[name][-1].stands_s:
-                self.event("stands", {}, name)
-                stands = replace(self._orders[name][-1], time_s=self._now_s, stands_s=command.stands_s)
-                add(self._orders[name], stands)
-
-    def _record_meeting(self, actor: str, keeps_mps: float | None, *, over: bool) -> None:
-        orders = self._orders[actor][-1]
-        if over or keeps_mps != orders.keeps_mps:
-            speed, keeps_mps = (None, None) if over else (orders.speed, keeps_mps)
-            add(self._orders[actor], replace(orders, time_s=self._now_s, speed=speed, keeps_mps=keeps_mps))
-
-    def _update_sideways(self, name: str, order: SidewaysOrder) -> None:
-        """Let an order about where across its lane an actor keeps have its effect, and record what it comes to."""
-        actor = self._simulation.sumo_vehicles[name]
-        if not actor.present or not order.update(self._simulation.time_s):
-            del self._sideways[name]
-        if self._orders[name][-1].line_m != actor.line_m:
-            add(self._orders[name], replace(self._orders[name][-1], time_s=self._now_s, line_m=actor.line_m))
-
-    def _record_order(self, action: m.Action, actor: str) -> None:
-        states = self._orders.setdefault(actor, [])
-        add(states, (states[-1] if states else ActorOrders()).after(action, self._now_s))
-
-    @property
-    def _now_s(self) -> float:
-        return round(self._simulation.time_s, 6)
 
     # --- what triggers need ----------------------------------------------------------------------------------------
 
@@ -190,7 +101,7 @@ class Director:
             case m.Door():
                 return self._door(action)
         action = self._settled(action)
-        self._record_order(action, action.actor)
+        self._orders.record(action, action.actor)
         actor = self._simulation.by_id.get(action.actor)
         if actor is None or not actor.present:  # one of the traffic may have found no room
             return _at_once
@@ -234,18 +145,18 @@ class Director:
             if placed.waits or placed.delay_s > 0:
                 self._simulation.order_speed(actor, 0.0)
             if not placed.waits and placed.delay_s > 0:
-                self._starts[actor.id] = placed.delay_s
+                self._orders.start(actor, placed.delay_s)
             for what, junction in placed.ignores:
                 self._ignore(actor, what, junction)
             if placed.brakes is not None:
-                self._braking[actor.id] = Braking(self._simulation, actor, placed.brakes)
+                self._orders.brake(actor, Braking(self._simulation, actor, placed.brakes))
             if placed.strays is not None:
                 self._strays += _there_and_back(actor.id, placed.strays)
             for state in placed.meets:
                 meets = m.Meets(
                     actor=actor.id, other=state.other, junction=state.junction, gap=state.gap, order=state.order
                 )
-                self._record_order(meets, actor.id)
+                self._orders.record(meets, actor.id)
                 self._meet(actor, meets)
         for text, (x, y) in self._places.items():
             self.event("place", {"text": text, "x": x, "y": y})
@@ -257,15 +168,6 @@ class Director:
         for _, action in due:
             self.act(action)
 
-    def _order(self, actor: Actor, command: Command) -> IsComplete:
-        """Give an order; it is over when it is done, or when another one replaces it."""
-        was = self._commands.get(actor.id)
-        if isinstance(was, Gap):
-            was.release()
-        self._commands[actor.id] = self._latest[actor.id] = command
-        self._new.append(actor.id)
-        return lambda: self._latest[actor.id] is not command or command.complete()
-
     # --- actions ---------------------------------------------------------------------------------------------------
 
     def _meet(self, actor: Actor, meets: m.Meets) -> IsComplete:
@@ -274,31 +176,29 @@ class Director:
         self.event("meets", detail, actor.id)
         meeting = Meeting(self._simulation, self._recorder, actor, meets)
         if actor.placed.timing == 1.0:
-            return self._order(actor, meeting)
+            return self._orders.give(actor, meeting)
         # It would make up for its `timing`: it drives on as it would have driven now, times the factor.
         if not meeting.over():
-            self._commands.pop(actor.id, None)
+            self._orders.end(actor)
             self._simulation.cruise_mps[actor.id] = meeting.asked() * actor.placed.timing
             self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
-        self._latest[actor.id] = meeting
-        return lambda: self._latest[actor.id] is not meeting or meeting.complete()
+        return self._orders.note(actor, meeting)
 
     def _ignore(self, actor: Actor, what: str, junction: str | None) -> None:
         self.event("ignores", {"what": what, "junction": junction}, actor.id)
         if junction is None:
             self._simulation.ignore(actor, what)
         else:
-            self._bound.append((actor, what, junction))
+            self._orders.ignore_near(actor, what, junction)
 
     def _start(self, actor: Actor) -> IsComplete:
         self.event("starts", {"delay_s": actor.placed.delay_s}, actor.id)
-        at = self._starts[actor.id] = self._simulation.time_s + actor.placed.delay_s
-        return lambda: self._simulation.time_s >= at - STEP_S / 100
+        return self._orders.start(actor, self._simulation.time_s + actor.placed.delay_s)
 
     def _change_speed(self, actor: Actor, action: m.ChangesSpeed) -> IsComplete:
         to, over = si_of(action.to), None if action.over is None else si_of(action.over)
         self.event("changes_speed", {"to_mps": to, "over_s": over, "from_mps": actor.speed}, actor.id)
-        return self._order(actor, Ramp(self._simulation, actor, to * actor.placed.timing, over or 0.0))
+        return self._orders.give(actor, Ramp(self._simulation, actor, to * actor.placed.timing, over or 0.0))
 
     def _change_lane(self, actor: Actor, action: m.ChangesLane) -> IsComplete:
         side = word_of(action.side)
@@ -325,7 +225,7 @@ class Director:
     def _stop(self, actor: Actor, action: m.Stops) -> IsComplete:
         duration = None if action.duration is None else si_of(action.duration)
         self.event("stops", {"duration_s": duration}, actor.id)
-        return self._order(actor, Stop(self._simulation, actor, duration))
+        return self._orders.give(actor, Stop(self._simulation, actor, duration))
 
     def _halt(self, actor: Actor, action: m.StopsAt) -> IsComplete:
         duration = None if action.duration is None else si_of(action.duration)
@@ -334,11 +234,11 @@ class Director:
         detail = {"at": text_of(action.where, frozenset()), "duration_s": duration, "missed": halt.missed}
         self.event("stops_at", detail, actor.id)
         if not halt.missed:
-            return self._order(actor, halt)
+            return self._orders.give(actor, halt)
         # It drives on, and whatever it was told before is over.
-        self._commands.pop(actor.id, None)
+        self._orders.end(actor)
         self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
-        self._latest[actor.id] = halt
+        self._orders.note(actor, halt)
         return _at_once
 
     def _settled(self, action: _Told) -> _Told:
@@ -386,7 +286,7 @@ class Director:
                 final = None if action.speed is None else si_of(action.speed)
                 places = self._spot_on(actor, action.place).s, self._spot_on(other, action.there).s
                 command = Synchrony(self._simulation, actor, other, places, final)
-        return self._order(actor, command)
+        return self._orders.give(actor, command)
 
     def _off_the_lanes(self, actor: Actor, action: m.Reverses | m.FollowsPath) -> IsComplete:
         return self._reverse(actor, action) if isinstance(action, m.Reverses) else self._follow_path(actor, action)
@@ -395,7 +295,7 @@ class Director:
         self.event("reverses", {"length_m": si_of(action.length), "speed_mps": si_of(action.speed)}, actor.id)
         if not isinstance(actor, GuidedVehicle) or actor.guide is not None:
             return _at_once  # it follows no lane
-        return self._order(actor, Reverse(self._simulation, actor, si_of(action.length), si_of(action.speed)))
+        return self._orders.give(actor, Reverse(self._simulation, actor, si_of(action.length), si_of(action.speed)))
 
     def _follow_path(self, actor: Actor, action: m.FollowsPath) -> IsComplete:
         points = [at for place in action.points if (at := self._at(place)) is not None]
@@ -409,14 +309,14 @@ class Director:
                 found = joined_way(self._simulation.network, action.edges, points[-1], kind)
         path = self._simulation.follow_path(actor, points, found)
         joins = found[0] if found is not None else ()
-        add(self._orders[actor.id], replace(self._orders[actor.id][-1], time_s=self._now_s, path=path, joins=joins))
+        self._orders.record_path(actor, path, joins)
         order = self._latest_path[actor.id] = object()
         return lambda: self._latest_path[actor.id] is not order or self._simulation.path_done(actor)
 
     def _leave(self, actor: Actor) -> IsComplete:
         self.event("leaves", {}, actor.id)
         self._simulation.leave(actor)
-        self._commands.pop(actor.id, None)
+        self._orders.end(actor)
         return _at_once
 
     def _keep_sideways(self, actor: Actor, action: m.ChangesLine | m.KeepsBeside) -> IsComplete:
@@ -435,8 +335,7 @@ class Director:
             order = Beside(self._simulation, vehicle, action)
         else:
             return _at_once
-        self._sideways[actor.id] = self._latest_sideways[actor.id] = order
-        return lambda: self._latest_sideways[actor.id] is not order or order.complete()
+        return self._orders.give_sideways(actor, order)
 
     # --- actions of nobody -----------------------------------------------------------------------------------------
 
@@ -450,7 +349,7 @@ class Director:
     def _limit(self, action: m.Limit) -> IsComplete:
         road, lane = word_of(action.road), None if action.lane is None else int(si_of(action.lane))
         self.event("limit", {"road": road, "lane": lane, "speed_mps": si_of(action.speed)})
-        self._things.append(Order(action, self._now_s))
+        self._things.append(Order(action, self._orders.now_s))
         self._simulation.limits.change(road, lane, si_of(action.speed))
         self._simulation.keep_limits()
         return _at_once
@@ -458,30 +357,11 @@ class Director:
     def _door(self, action: m.Door) -> IsComplete:
         side, opens = door_side(action), action.what == "opens"
         self.event("door", {"of": action.actor, "side": side, "opens": opens})
-        self._things.append(Order(action, self._now_s))
+        self._things.append(Order(action, self._orders.now_s))
         door = self._simulation.by_id.get(m.door_name(action.actor, side))
         if isinstance(door, OpenDoor):
             door.swing(opens=opens)
         return _at_once
-
-    def _keep_bounds(self) -> None:
-        """Let actors ignore a rule while they are near the junction that was named, and only there."""
-        for actor, what, junction in self._bound:
-            if not actor.present:
-                continue
-            key = (actor.id, what, junction)
-            near = self._near(actor, junction)
-            if near != (key in self._bound_on):
-                (self._bound_on.add if near else self._bound_on.discard)(key)
-                self._simulation.ignore(actor, what, on=near)
-
-    def _near(self, actor: Actor, junction: str) -> bool:
-        progress = self._simulation.progress
-        span = progress.span(actor, junction)
-        if span is None:
-            return False
-        front = progress.front(actor, self._simulation.frame)
-        return front - actor.length <= span[1] and span[0] - front <= BOUND_FROM_M
 
 
 def _at_once() -> bool:

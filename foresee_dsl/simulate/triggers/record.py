@@ -16,7 +16,6 @@ from pydantic import TypeAdapter
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
 
-"""Actions that set an actor's speed: each replaces the one before."""
 Place = tuple[int, ...]
 """Where an action is in a trigger: the numbers of the actions from the trigger's block inwards."""
 _ROUNDING_S = 1e-6

@@ -12,8 +12,8 @@ from foresee_dsl.language.model import KeepsGap, MatchesSpeed
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.speed_orders import WAITS_MPS
 from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.orders.speed import WAITS_MPS
 from foresee_dsl.simulate.trace import STEP_S
 
 CLOSES_S = 1.5
@@ -37,7 +37,7 @@ class Gap:
         simulation.close_up(actor, on=True)
 
     def update(self, time_s: float) -> bool:
-        """See `speed_orders.Command`."""
+        """See `speed.Command`."""
         if self._over(time_s) or not self._other.present:
             self.release()
             self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
@@ -79,7 +79,7 @@ class Match:
         self._until_s = None if action.duration is None else simulation.time_s + si_of(action.duration)
 
     def update(self, time_s: float) -> bool:
-        """See `speed_orders.Command`."""
+        """See `speed.Command`."""
         if self._over(time_s) or not self._other.present:
             self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
             return False
@@ -119,7 +119,7 @@ class Synchrony:
         return math.isnan(room) or room <= 0.0 or not self._actor.present
 
     def update(self, time_s: float) -> bool:
-        """See `speed_orders.Command`."""
+        """See `speed.Command`."""
         del time_s
         simulation, name = self._simulation, self._actor.id
         if self.there:

@@ -1,0 +1,97 @@
+"""Actors that SUMO does not move (the ego, those on paths, steered and standing ones), and how it learns of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from foresee_dsl.simulate.actors.doors import OpenDoor
+from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
+from foresee_dsl.simulate.actors.moved_actors import Ego, StaticActor, SteeredVehicle
+from foresee_dsl.simulate.actors.path_groups import PathGroup
+from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
+from foresee_dsl.simulate.triggers.progress import Progress
+from foresee_dsl.simulate.world import World
+
+OFF_LANE_M = 1.8
+"""The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
+
+
+class ShownActors:
+    """The actors whose places SUMO is told.
+
+    Attributes:
+        joined: vehicles that SUMO was given in this step, at the end of a path.
+    """
+
+    def __init__(self, ego: Ego, actors: Iterable[Actor], paths: PathGroup, progress: Progress, world: World) -> None:
+        """Look for them among all actors; `paths`: those on foot."""
+        self.ego, self.paths, self._progress, self._world = ego, paths, progress, world
+        actors = list(actors)
+        self.guided = [actor for actor in actors if isinstance(actor, GuidedVehicle)]
+        self.steered = [actor for actor in actors if isinstance(actor, SteeredVehicle)]
+        bodies = (actor for actor in actors if isinstance(actor, StaticActor))
+        self._in_the_way = [body for body in bodies if body.positions or isinstance(body, OpenDoor)]
+        self.joined: list[SumoVehicle] = []
+
+    def show(self, frame: int) -> None:
+        """Tell SUMO where the actors that it does not move will be at the end of the next step."""
+        self.show_ego(frame)
+        self.show_others()
+
+    def show_ego(self, frame: int, ahead_s: float = 0.0) -> None:
+        """Tell SUMO where the ego is, or where it is some time later at its speed."""
+        (x, y), way, heading = self.ego.front, self.ego.speed * ahead_s, self.ego.heading
+        self._world.bodies.place(
+            self.ego.id, x + way * math.cos(heading), y + way * math.sin(heading), heading, self._lane_ahead(frame)
+        )
+
+    def _lane_ahead(self, frame: int) -> str:
+        """The lane that the ego's front is on, "" off its route's lanes."""
+        line = self.ego.placed.line
+        if line is None:
+            return ""
+        s, lateral = self._progress.of(self.ego, frame)
+        return line.lane_at(s + self.ego.length / 2) if abs(lateral) <= OFF_LANE_M else ""
+
+    def show_others(self) -> None:
+        """Tell SUMO where all of them are but the ego."""
+        self.paths.show()
+        for guided in self.guided:
+            guided.show()
+        for static in self._in_the_way:
+            static.stand_in.show(static.positions)
+        for steered in self.steered:
+            if steered.taken is not None and steered.present:
+                x, y = steered.front
+                self._world.bodies.place(steered.id, x, y, steered.heading)
+
+    def settle(self) -> None:
+        """State what speeds they had during the last step; SUMO computes other ones."""
+        ego = self.ego
+        self._world.settle(ego.id, ego.speed, ego.acceleration)
+        self.paths.settle()
+        for static in self._in_the_way:
+            static.stand_in.settle()
+        for guided in self.guided:
+            if guided.guide is not None:
+                guided.guide.stand_in.settle()
+        for joined in self.joined:
+            self._world.settle(joined.id, joined.speed, joined.acceleration)
+        self.joined.clear()
+        for steered in self.steered:
+            if steered.taken is not None and steered.present:
+                self._world.settle(steered.id, steered.speed, steered.acceleration)
+
+    def hide(self, actor: StaticActor) -> None:
+        """Take a standing actor out of SUMO's world."""
+        actor.stand_in.hide()
+        self._in_the_way = [other for other in self._in_the_way if other is not actor]
+
+    def find_ego_lane(self, frame: int) -> None:
+        """Note which lane the ego is on."""
+        line = self.ego.placed.line
+        if line is not None:
+            s, lateral = self._progress.of(self.ego, frame)
+            self.ego.lane = line.lane_at(s) if abs(lateral) <= OFF_LANE_M else ""
