@@ -22,7 +22,7 @@ SCENARIO = data_folder("scenarios") / "scenario3.foresee"
 HEAVY = {"numpy", "scipy", "shapely", "networkx", "numba", "jinja2", "libsumo", "defusedxml"}
 ONLY_FOR_MISTAKES = {"rich"} | {
     f"foresee_dsl.language.{name}"
-    for name in ("keywords", "syntax.partial", "syntax.recover", "syntax.scan", "syntax.explain")
+    for name in ("keywords", "syntax.partial", "syntax.recover", "syntax.scan", "syntax.explain", "syntax.expected")
 }
 ONLY_FOR_NEW_NETWORKS = {
     f"foresee_dsl.compile.{name}"

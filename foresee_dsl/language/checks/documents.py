@@ -9,6 +9,7 @@ from foresee_dsl.errors import Diagnostic
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.actors import check_actors
 from foresee_dsl.language.checks.parameters import check_parameters
+from foresee_dsl.language.checks.requirements import check_requirements
 from foresee_dsl.language.checks.streets import NamedJunction, Ramp, Streets, check_touching
 from foresee_dsl.language.checks.values import check_values
 from foresee_dsl.language.messages.findings import Findings
@@ -73,6 +74,7 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
     for block in scenario.all(m.Network):
         check_network(findings, block)
     check_parameters(findings, scenario)
+    check_requirements(findings, scenario)
     check_actors(findings, scenario.body)
 
 

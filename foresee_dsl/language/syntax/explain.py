@@ -3,36 +3,39 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 from typing import Any
 
-from lark import Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
-from lark.lexer import PatternStr
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS, USAGE, words_of
 from foresee_dsl.language.messages.suggest import closest
-from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES, NOUNS
-from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
+from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES
+from foresee_dsl.language.syntax.expected import (
+    END,
+    REACH,
+    accepted_by,
+    expected,
+    homes,
+    keywords,
+    next_terminals,
+    takes_a_place,
+    text_of,
+    words_of_terminals,
+)
 from foresee_dsl.language.syntax.foreign import foreign
 from foresee_dsl.language.syntax.foreign_words import CODE
 from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, statement_parser
-from foresee_dsl.language.units import UNITS, Dimension
+from foresee_dsl.language.units import UNITS
 
 _WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.', re.DOTALL)
 _UNIT_BEFORE = re.compile(r"[0-9]\s*([%°]|[^\W\d][\w/^²]*)\s*$")
-_LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
 _MEASURED = re.compile(r"\b([a-z_]+)(?:\s*\([^()]*\))?\s*$")
 _HYPHENED = re.compile(r"(?<![\w.])[a-z]\w*(?:-[a-z]\w*)+")
 _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
-_REACH = 300
-"""So many characters before the place they are looked for in (ours: names have 80 at most; the search is quadratic)."""
-_DEEP = 200
-"""Parser states on its stack from which no terminal is tried any more (ours: the bundled files reach 38)."""
 _SHOWN = 40
-_END = "the end of the statement"
 _SIGNS = ("+", "-", "*", "/")
 """Signs of calculations, which the lexer knows wherever they stand."""
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
@@ -101,8 +104,8 @@ class Refusal:
         """Look at Lark's error in a statement (its braces are empty) that was to be of a rule such as `actor_item`."""
         self._text = text
         self._rule = rule
-        self._accepted = _accepted(error)
-        self._place = "LPAR" in self._accepted and _takes_a_place(error)
+        self._accepted = accepted_by(error)
+        self._place = "LPAR" in self._accepted and takes_a_place(error)
         self._meant = ""
         at_end = isinstance(error, UnexpectedEOF) or (isinstance(error, UnexpectedToken) and error.token.type == "$END")
         where = None if at_end else error.pos_in_stream
@@ -113,8 +116,8 @@ class Refusal:
         self.code, self.message, self.help = self._explain(error)
 
     def _explain(self, error: UnexpectedInput) -> tuple[str, str, str]:
-        other = foreign(self._text, self._rule, self.start) if len(self._text) <= _REACH else None
-        then = _THEN.match(self._text) if self._rule == "action" and len(self._text) <= _REACH else None
+        other = foreign(self._text, self._rule, self.start) if len(self._text) <= REACH else None
+        then = _THEN.match(self._text) if self._rule == "action" and len(self._text) <= REACH else None
         if other is None and then is not None and self._reads(then["rest"]):
             self.start, self.end = 0, len(self._text)
             help = f"did you mean `then {{ {then['rest'].strip()} }}`?"
@@ -125,8 +128,8 @@ class Refusal:
         return CODE, other.message, other.help
 
     def _explain_ours(self, error: UnexpectedInput) -> tuple[str, str, str]:
-        words = _words(self._accepted)
-        short = self._rule in ("scenario_item", "action") and len(self._text) <= _REACH  # the patterns are quadratic
+        words = words_of_terminals(self._accepted)
+        short = self._rule in ("scenario_item", "action") and len(self._text) <= REACH  # the patterns are quadratic
         for pattern, message, help_ in _OFTEN if short else ():
             found = pattern.match(self._text)
             if found is not None:
@@ -143,7 +146,7 @@ class Refusal:
         if self.word.startswith('"') and (len(self.word) == 1 or not self.word.endswith('"')):
             return "FS015", "this text is not closed", 'end it with `"` on the same line'
         unit = self._behind(_UNIT_BEFORE)
-        if unit is not None and unit[1] not in UNITS and unit[1] not in _keywords():
+        if unit is not None and unit[1] not in UNITS and unit[1] not in keywords():
             return self._unknown_unit(unit, words)
         if self.start == 0:
             return self._unknown_statement(words, shown)
@@ -163,17 +166,17 @@ class Refusal:
 
     def _out_of_place(self, words: Collection[str], shown: str, usage: str) -> tuple[str, str, str]:
         if not self.word:
-            return "FS003", f"the statement stops too early: expected {self._expected()}", self._going_on() or usage
+            return "FS003", f"the statement stops too early: expected {self._expected}", self._going_on() or usage
         if self._rule == "action" and self._is_word() and "starts" in words:
             return "FS004", f"unknown action '{shown}'", f"an actor can do one of: {', '.join(sorted(words))}"
-        if self._expected() == _END and (not usage or self.word == ","):
-            return "FS003", f"unexpected `{shown}`: expected {_END}", "begin a new line, or write `;` between them"
+        if self._expected == END and (not usage or self.word == ","):
+            return "FS003", f"unexpected `{shown}`: expected {END}", "begin a new line, or write `;` between them"
         meant = self._meant_here(words)
         if meant:
             usage = f"did you mean `{meant}`?"
         if "PIN" in self._accepted:
             usage = "write a pin such as `sha256:5ef2c6120a41`"
-        return "FS003", f"unexpected `{shown}`: expected {self._expected()}", usage
+        return "FS003", f"unexpected `{shown}`: expected {self._expected}", usage
 
     def _meant_here(self, words: Collection[str]) -> str:
         """Return what to write where the unexpected word stands, so that the statement could be read; else nothing."""
@@ -184,7 +187,7 @@ class Refusal:
         if light:
             return light
         others = [word for word in words if self._reads(f"{self._text[: self.start]}{word}{self._text[self.end :]}")]
-        if self.word in _keywords() and len(others) == 1:
+        if self.word in keywords() and len(others) == 1:
             return others[0]
         if "LSQB" in self._accepted and self._is_word():
             listed = re.match(r"\w+(?:\s*,\s*\w+)*", self._text[self.start :])
@@ -212,13 +215,13 @@ class Refusal:
         example = re.sub(r"\s*\{.*", "", self._example())
         for found in re.finditer(r"(?<=\s)\S", example):
             tail = example[found.start() :]
-            if tail.split()[0] in _words(self._accepted) and self._reads(f"{self._text.rstrip()} {tail}"):
+            if tail.split()[0] in words_of_terminals(self._accepted) and self._reads(f"{self._text.rstrip()} {tail}"):
                 return f"go on like `{tail}`: {self._usage()}"
         return ""
 
     def _missing(self, words: Collection[str]) -> str:
         """Return the one sign or word with which, in front of the place, the statement could be read; else nothing."""
-        signs = [text for name in self._accepted if (text := _terminal(name)) and not text[0].isalpha()]
+        signs = [sign for name in self._accepted if (sign := text_of(name)) and not sign[0].isalpha()]
         found = [
             sign
             for sign in (*sorted(set(signs) - {"{", "}", ";", "(", "[", "]", "-"}), *words)
@@ -240,7 +243,7 @@ class Refusal:
 
     def _reads(self, text: str) -> bool:
         """Whether the statement, written like this, is one."""
-        if len(text) > _REACH:
+        if len(text) > REACH:
             return False
         try:
             parse_tree(text, self._rule)
@@ -250,7 +253,7 @@ class Refusal:
 
     def _behind(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
         """Return what a pattern finds right before the place."""
-        return pattern.search(self._text, max(0, self.start - _REACH), self.start)
+        return pattern.search(self._text, max(0, self.start - REACH), self.start)
 
     def _misspelt_before(self, error: UnexpectedInput) -> bool:
         """Whether the word before was taken for a name but meant as a keyword: `expect nevr collision(ego)`."""
@@ -264,7 +267,7 @@ class Refusal:
             state.exhaust_lexer()
         except UnexpectedInput:
             return False
-        words = _words(_accepted_by(state))
+        words = words_of_terminals(next_terminals(state))
         meant = closest(before[1], words)
         if meant is None or before[1] in words:
             return False
@@ -285,13 +288,13 @@ class Refusal:
         if self._rule in _OF_NETWORKS and (why := next((w for words, w in _UNSUPPORTED if self.word in words), "")):
             return "FS271", f"'{shown}' is not supported", why
         ours = _OF_ROADS.get(self.word) if self._rule in _OF_NETWORKS else None
-        homes = _homes().get(self.word, ()) if ours is None else ()
-        if homes and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in homes:
+        places = homes().get(self.word, ()) if ours is None else ()
+        if places and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in places:
             help = f"put `add` or `change` in front of it: `add {self.word} ...`"
             return "FS008", f"'{shown}' cannot stand alone in {place}", help
         meant = ours or (closest(self.word, words) if self._is_word() else None)
-        if homes and self.word not in words and (meant is None or meant.rstrip("s") != self.word):
-            return "FS008", f"'{shown}' cannot stand in {place}", f"it belongs in {_either(homes)}"
+        if places and self.word not in words and (meant is None or meant.rstrip("s") != self.word):
+            return "FS008", f"'{shown}' cannot stand in {place}", f"it belongs in {_either(places)}"
         if meant is not None:
             return "FS004", f"unknown statement '{shown}'", f"did you mean '{meant}'?"
         if self._is_word() and words:
@@ -313,8 +316,12 @@ class Refusal:
         if self.word == "-":
             return "FS015", "unexpected `-`", "names are written with underscores: `red_light`"
         if self.word.isprintable():
-            return "FS015", f"unexpected character `{shown}`: expected {self._expected()}", usage
+            return "FS015", f"unexpected character `{shown}`: expected {self._expected}", usage
         return "FS015", f"unexpected character U+{ord(self.word[0]):04X}", "remove it"
+
+    @property
+    def _expected(self) -> str:
+        return expected(self._accepted, self._text, self.start, place=self._place)
 
     def _is_word(self) -> bool:
         return bool(self.word) and (self.word[0].isalpha() or self.word[0] == "_")
@@ -342,73 +349,6 @@ class Refusal:
             usual = USAGE.get(verb[1], ACTION_USAGE) if verb is not None and verb[1] in _actions() else ACTION_USAGE
         return next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), usual)
 
-    def _expected(self) -> str:
-        """What was expected, in people's words, most telling first."""
-        accepted = self._accepted
-        words = _words(accepted)
-        signs = [text for name in sorted(accepted) if (text := _terminal(name)) and not text[0].isalpha()]
-        parts: list[str] = []
-        if "NUMBER" in accepted:
-            parts.append(self._value())
-        elif "DOTTED" in accepted:
-            parts.append("a model such as `car.compact`" if "route" not in self._text else "`ego.route`")
-        elif "NAME" in accepted:
-            parts.append("a name")
-        if "STRING" in accepted and "NAME" not in accepted:
-            parts.append("a text in double quotes")
-        if "PIN" in accepted:
-            parts.append("a pin such as `sha256:5ef2c6120a41`")
-        if "COMPARE" in accepted:
-            parts += ["`<`", "`<=`", "`>`", "`>=`"]
-        if "ttc" in words:
-            return "a condition such as `ego.speed < 3 m/s`"
-        parts += [f"`{word}`" for word in words if not ("NUMBER" in accepted and word in ("beside", "the"))]  # a place
-        parts += [f"`{sign}`" for sign in signs if sign not in "{};" and not (sign in "(-" and "NUMBER" in accepted)]
-        if not parts and accepted & {"$END", "_NEWLINE", "SEMICOLON", "RBRACE"}:
-            return _END
-        if not parts:
-            return "`{`" if "LBRACE" in accepted else "something else"
-        return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} or {parts[-1]}"
-
-    def _value(self) -> str:
-        if self._place:
-            return "a place such as `20 m along ego.route`"
-        before = self._behind(_LAST_WORD)
-        dimension = _dimensions().get(before[1]) if before is not None else None
-        if before is not None and before[1] == "," and "(" in self._text:
-            dimension = "length"
-        return f"{NOUNS[dimension]} such as `{EXAMPLES[dimension]}`" if dimension else "a value such as `2.5 s`"
-
-
-def _takes_a_place(error: UnexpectedInput) -> bool:
-    """Whether a point may begin where a bracket may: there its `(1 m` goes on with a comma."""
-    state = getattr(error, "interactive_parser", None)
-    if state is None:
-        return False
-    try:
-        probe = state.copy()
-        probe.feed_token(Token("LPAR", "("))
-        probe.feed_token(Token("NUMBER", "1"))
-        return "COMMA" in _accepted_by(probe)
-    except (UnexpectedInput, RecursionError):  # what is copied may be nested deeply
-        return False
-
-
-def _accepted(error: UnexpectedInput) -> set[str]:
-    """The names of the terminals that could have stood at the place."""
-    state = getattr(error, "interactive_parser", None)
-    if state is not None:
-        return _accepted_by(state)
-    return set(getattr(error, "expected", None) or getattr(error, "allowed", None) or ())
-
-
-def _accepted_by(state: Any) -> set[str]:  # noqa: ANN401  Lark leaves its interactive parser without types
-    """The names of the terminals that may come next; none where too much is nested to find out.
-
-    Lark (1.3.1) tries each of some forty terminals, and in `- - - - 2` each try closes every minus.
-    """
-    return set(state.accepts()) if len(state.parser_state.state_stack) <= _DEEP else set()
-
 
 @cache
 def _actions() -> frozenset[str]:
@@ -416,49 +356,5 @@ def _actions() -> frozenset[str]:
     return frozenset(words_of("action"))
 
 
-@cache
-def _keywords() -> frozenset[str]:
-    """Every fixed word of the grammar."""
-    return frozenset(_words(terminal.name for terminal in statement_parser().terminals))
-
-
 def _either(words: Sequence[str]) -> str:
     return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
-
-
-@cache
-def _homes() -> Mapping[str, tuple[str, ...]]:
-    """Where the first word of a statement may stand, read off the grammar."""
-    found: dict[str, list[str]] = {}
-    for rule, place in PLACES.items():
-        state: Any = statement_parser().parse_interactive("", start=rule)  # Lark leaves `accepts` without types
-        for word in _words(_accepted_by(state)):
-            found.setdefault(word, []).append(place)
-    return {word: tuple(places) for word, places in found.items()}
-
-
-@cache
-def _dimensions() -> Mapping[str, Dimension]:
-    """What kind of value follows a word, by the patterns; only for messages, the model decides."""
-    found: dict[str, Dimension] = {"(": "length"}
-    for kind in m.ITEMS:
-        for word, field in words_before(read_pattern(kind.pattern)):
-            dimension = form_of(kind, field).dimension
-            if dimension is not None:
-                found.setdefault(word, dimension)
-    return found
-
-
-def _words(terminals: Iterable[str]) -> list[str]:
-    """The fixed words among some terminals, in a fixed order."""
-    return [word for name in sorted(terminals) if (word := _terminal(name)) is not None and word[0].isalpha()]
-
-
-def _terminal(name: str) -> str | None:
-    """The text of a terminal that is a fixed word or sign."""
-    if name == "$END":
-        return None
-    pattern = statement_parser().get_terminal(name).pattern
-    if name == "MEASURE_TIME":
-        return "time"
-    return pattern.value if isinstance(pattern, PatternStr) else None

@@ -1,0 +1,149 @@
+"""Checks of what is drawn: the distributions of parameters, and the names of the cases that are drawn from them."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.printer import value_text, written
+from foresee_dsl.language.sampling.draws import MAX_CASES, case_names
+from foresee_dsl.limits import most, raised_by
+
+_MAX_SEED = 10**9
+"""The largest seed: the largest number of the language."""
+
+
+def check_drawn(findings: Findings, scenario: m.Scenario) -> None:
+    """Check the distributions of a scenario's parameters and its `cases`."""
+    for parameter in scenario.all(m.Param):
+        if parameter.distribution is not None:
+            _check_distribution(findings, parameter, parameter.distribution)
+    _check_case_names(findings, scenario)
+
+
+def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
+    """Report names of cases that are given twice; a `cases` statement whose names clash only once."""
+    named: list[tuple[m.Item, str, str]] = [(case, "name", case.name) for case in scenario.all(m.Case)]
+    drawn_cases = 0
+    for cases in scenario.all(m.Cases):
+        if _check_cases(findings, cases):
+            drawn_cases += int(cases.count.value)
+            if drawn_cases > most("cases"):
+                message = f"with these the scenario has more than {most('cases'):,.0f} drawn cases"
+                findings.add(cases, "count", "FS050", message, f"ask for less; {raised_by('cases', drawn_cases)}")
+                return
+            named += [(cases, "seed", name) for name in case_names(cases)]
+    seen: dict[str, m.Item] = {}
+    reported: set[int] = set()
+    for item, field, name in named:
+        if seen.setdefault(name, item) is item or id(item) in reported:
+            continue
+        reported.add(id(item))
+        drawn = isinstance(item, m.Cases)
+        help = "take another seed, or give the written case another name" if drawn else "give one of them another name"
+        findings.add(item, field, "FS030", f"there are two cases called '{name}'", help)
+
+
+def _check_cases(findings: Findings, cases: m.Cases) -> bool:
+    """Return whether the count and the seed are such that cases can be drawn."""
+    sound = True
+    for field, low, high in (("count", 1, MAX_CASES), ("seed", 0, _MAX_SEED)):
+        value: m.Quantity = getattr(cases, field)
+        if value.unit or value.value != value.value.to_integral_value():
+            findings.add(cases, field, "FS010", f"`{written(value)}` is no whole number", "write one such as `20`")
+            sound = False
+        elif not low <= value.value <= high:
+            message = f"`{written(value)}` is no {'number of cases' if field == 'count' else 'seed'} that can be drawn"
+            findings.add(cases, field, "FS050", message, f"use `{low}` to `{high}`")
+            sound = False
+    return sound
+
+
+def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.Distribution) -> None:
+    kind = distribution.kind
+    if parameter.range is None and parameter.options is None:
+        default = parameter.default
+        if isinstance(default, m.Quantity):
+            twice = m.Quantity(value=default.value * 2 or Decimal(1), unit=default.unit)
+            low = m.Quantity(value=Decimal(0) * default.value, unit=default.unit)
+            help = (
+                f"give it a range: `{_head(parameter)} in {written(low)}..{written(twice)} as {written(distribution)}`"
+            )
+        else:
+            help = f"give it options: `{_head(parameter)} in [{default}] as {written(distribution)}`"
+        findings.add(distribution, "", "FS051", f"'{parameter.name}' has nothing to be drawn from", help)
+    elif isinstance(distribution, m.Normal):
+        _check_normal(findings, parameter, distribution)
+    elif isinstance(distribution, m.Choice):
+        _check_choice(findings, parameter, distribution)
+    elif kind == "grid" and parameter.range is not None and parameter.range.step is None and parameter.type != "count":
+        low, high = parameter.range.low, parameter.range.high
+        steps = f"{written(low)}..{written(high)} step {written(_tenth(parameter.range))}"
+        help = f"write it like `{_head(parameter)} in {steps} as grid`"
+        findings.add(distribution, "", "FS051", "a grid needs steps, and this range has none", help)
+
+
+def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> None:
+    limits = parameter.range
+    if limits is None:
+        weights = ", ".join("1" for _ in parameter.options or ())
+        help = f"options are drawn as `uniform`, `choice({weights})` or `grid`"
+        findings.add(normal, "", "FS051", "a normal distribution needs a range, and this parameter has options", help)
+        return
+    needed = limits.low.dimension
+    for field in ("mean", "deviation"):
+        value: m.Quantity = getattr(normal, field)
+        if value.dimension != needed:
+            findings.wrong_dimension(normal, field, value, needed, code="FS051")
+            return
+    if not limits.low.si <= normal.mean.si <= limits.high.si:
+        ends = f"{written(limits.low)}..{written(limits.high)}"
+        message = f"the mean `{written(normal.mean)}` is outside the range, {ends}"
+        near = written(limits.low if normal.mean.si < limits.low.si else limits.high)
+        findings.add(normal, "mean", "FS051", message, f"use one inside it, such as `{near}`, or widen the range")
+    if normal.deviation.si <= 0:
+        message = f"a deviation of `{written(normal.deviation)}` draws nothing"
+        findings.add(
+            normal,
+            "deviation",
+            "FS051",
+            message,
+            f"a standard deviation is more than zero, such as `{written(_tenth(limits))}`",
+        )
+
+
+def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> None:
+    options, weights = parameter.options, choice.weights
+    if options is None:
+        help = "write the values to choose from, in brackets behind `in`, or draw as `uniform`"
+        findings.add(choice, "", "FS051", "a choice needs options, and this parameter has a range", help)
+        return
+    if len(options) != len(weights):
+        message = f"{len(weights)} weights for {len(options)} options"
+        more = [m.Quantity(value=Decimal(1))] * max(len(options) - len(weights), 0)
+        given = ", ".join(written(weight) for weight in [*weights[: len(options)], *more])
+        findings.add(choice, "", "FS051", message, f"give each option one, in their order: `choice({given})`")
+    for k, weight in enumerate(weights):
+        if weight.unit:
+            findings.add(
+                choice,
+                f"weights.{k}",
+                "FS051",
+                f"`{written(weight)}` is no weight",
+                f"a weight has no unit: `{written(m.Quantity(value=weight.value))}`",
+            )
+        elif weight.value <= 0:
+            help = "a weight is more than zero, such as `1`; leave out an option that is not to be drawn"
+            findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is no weight", help)
+
+
+def _head(parameter: m.Param) -> str:
+    """Return a parameter as it is written, up to its default."""
+    return f"param {parameter.name}: {parameter.type} = {value_text(parameter.default)}"
+
+
+def _tenth(limits: m.Range) -> m.Quantity:
+    """Return a tenth of a range, in the unit of its end."""
+    width = limits.high.value - limits.low.value
+    return m.Quantity(value=(width / 10 if width else width).normalize(), unit=limits.high.unit)

@@ -1,0 +1,100 @@
+"""Checks of what is required of parameters, and of whether the written cases satisfy it."""
+
+from __future__ import annotations
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import case_values
+from foresee_dsl.language.checks.parameters import WORD_TYPES, dimension_of
+from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.words import NOUNS
+from foresee_dsl.language.printer import value_text, written
+from foresee_dsl.language.sampling.draws import holds, violation
+from foresee_dsl.language.traversal import parts
+
+
+def check_requirements(findings: Findings, scenario: m.Scenario) -> None:
+    """Check what is required, and that the written cases satisfy it (without any cases, the defaults)."""
+    parameters = {parameter.name: parameter for parameter in scenario.all(m.Param)}
+    sound = []
+    for require in scenario.all(m.Require):
+        good = [_check_part(findings, part, parameters) for part in parts(require.condition)]
+        if all(good):
+            sound.append(require)
+    defaults = {name: parameter.default for name, parameter in parameters.items()}
+    written_cases = scenario.all(m.Case)
+    for require in sound:
+        for case in written_cases:
+            try:
+                values = case_values(scenario, case)
+            except ExpressionError:
+                continue  # which was reported
+            if holds(require.condition, values) is False:
+                message = f"in case '{case.name}' {violation(require, values)}"
+                findings.add(case, "name", "FS053", message, "change the value, or what is required")
+        if not written_cases and not scenario.all(m.Cases) and holds(require.condition, defaults) is False:
+            message = f"by default {violation(require, defaults)}"
+            findings.add(require, "", "FS053", message, "change a default, or what is required")
+
+
+def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.Param]) -> bool:
+    """Check one part of a requirement; return whether it can be evaluated."""
+    if isinstance(part, m.Not | m.Both | m.Either):
+        return True
+    if isinstance(part, m.Equals):
+        return _check_equals(findings, part, parameters)
+    if isinstance(part, m.Comparison) and isinstance(part.left, m.Ref) and not isinstance(part.right, m.EXPRESSIONS):
+        return _check_compared(findings, part, part.left, part.right, parameters)
+    if isinstance(part, m.Comparison) and not isinstance(part.left, m.Measure):
+        from foresee_dsl.language.checks.expressions import compare_sides, unknown_in
+
+        types = {name: parameter.type for name, parameter in parameters.items()}
+        unknown = unknown_in(part.left, types) or unknown_in(part.right, types)  # `check_values` reports them
+        return not unknown and compare_sides(findings, part, types)
+    help = (
+        "only parameters are compared here: `require gap < 2 s`; what happens in the world is for `when` and `expect`"
+    )
+    findings.add(part, "", "FS052", f"`{written(part)}` is not known before the run", help)
+    return False
+
+
+def _check_equals(findings: Findings, part: m.Equals, parameters: dict[str, m.Param]) -> bool:
+    parameter = parameters.get(part.left.name)
+    if parameter is None:
+        return False  # `check_values` reports it
+    if parameter.type not in WORD_TYPES:
+        help = f"compare it with a value: `{parameter.name} <= {value_text(parameter.default)}`"
+        message = f"'{parameter.name}' is {NOUNS[dimension_of(parameter)]}, and never a word"
+        findings.add(part, "left", "FS032", message, help)
+        return False
+    if parameter.options is not None and part.right not in parameter.options:
+        message = f"'{part.right}' is not among the options of '{parameter.name}'"
+        words = [option for option in parameter.options if isinstance(option, str)]
+        findings.add(part, "right", "FS033", message, did_you_mean(part.right, words))
+        return False
+    return True
+
+
+def _check_compared(
+    findings: Findings, part: m.Comparison, left: m.Ref, right: m.Quantity | m.Ref, parameters: dict[str, m.Param]
+) -> bool:
+    sides = [(field, side.name) for field, side in (("left", left), ("right", right)) if isinstance(side, m.Ref)]
+    if any(name not in parameters for _, name in sides):
+        return False
+    for field, name in sides:
+        if parameters[name].type in WORD_TYPES:
+            help = f"write `{name} is {value_text(parameters[name].default)}`"
+            findings.add(part, field, "FS032", f"'{name}' is a word, which is neither less nor more", help)
+            return False
+    first = parameters[left.name]
+    needed = dimension_of(first)
+    if isinstance(right, m.Quantity):
+        if right.dimension != needed and not (needed == "count" and not right.unit):
+            findings.wrong_dimension(part, "right", right, needed)
+            return False
+    elif (other := dimension_of(parameters[right.name])) != needed:
+        message = f"'{left.name}' is {NOUNS[needed]}, but '{right.name}' is {NOUNS[other]}"
+        findings.add(part, "right", "FS032", message, "compare parameters of one type")
+        return False
+    return True
