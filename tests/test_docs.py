@@ -227,7 +227,7 @@ def test_every_unit_is_listed() -> None:
         ("from {:g} m before it until its rear is out", "foresee_dsl.simulate.orders.speed.BOUND_FROM_M"),
         ("not under {:g} m/s, enters", "foresee_dsl.simulate.results.metrics.SLOWEST_MPS"),
         ("no nearer than {:g} m to a junction", "foresee_dsl.compile.placement.background_traffic.CORNER_M"),
-        ("straight, over {:g} m of the path", "foresee_dsl.compile.placement.starts.LINE_OVER_M"),
+        ("straight, over {:g} m of the path", "foresee_dsl.compile.placement.paths.LINE_OVER_M"),
         ("right; {:g} m at most", "foresee_dsl.language.model.actions.WIDEST_LINE_M"),
     ],
 )

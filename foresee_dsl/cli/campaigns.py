@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.results import CampaignResult
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.language.project.document import TestCase
-    from foresee_dsl.report.live import JsonLog
+    from foresee_dsl.report.terminal.live import JsonLog
 
 
 @with_flags
@@ -104,7 +104,7 @@ def campaign(
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.report.live import FirstFailure, progress
+    from foresee_dsl.report.terminal.live import FirstFailure, progress
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
@@ -144,7 +144,7 @@ def campaign(
     screen = console(error=form is not ReportFormat.text)
     _pages([folder for folder, _ in results], flags.out, screen)
     if spent is not None:
-        from foresee_dsl.report.profile import print_profile
+        from foresee_dsl.report.terminal.profile import print_profile
 
         print_profile(screen, spent())
     for note in notes:
@@ -208,7 +208,7 @@ def _report(
     from foresee_dsl.campaign.folder import as_text, campaign_document
     from foresee_dsl.documents import plain
     from foresee_dsl.report.builds.case_results import CaseResult, of_campaign
-    from foresee_dsl.report.campaign import print_campaign, save_campaign
+    from foresee_dsl.report.terminal.campaign import print_campaign, save_campaign
 
     def people(screen: Console) -> None:
         for folder, result in results:
@@ -345,7 +345,7 @@ def plan(
 
 
 def _print_plan(found: CampaignPlan, folder: Path, *, stored: bool) -> None:
-    from foresee_dsl.report.terminal import duration, plain_table
+    from foresee_dsl.report.terminal.tables import duration, plain_table
 
     screen = console()
     rows = [
@@ -400,7 +400,7 @@ def assess(
     from foresee_dsl.drivers.registry import find_driver
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.report.builds.case_results import of_assessment
-    from foresee_dsl.report.drivers import print_assessment, runs_progress
+    from foresee_dsl.report.terminal.drivers import print_assessment, runs_progress
 
     drivers = list(dict.fromkeys(driver or ["pdm"]))
     for name in drivers:

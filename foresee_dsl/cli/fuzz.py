@@ -74,7 +74,7 @@ def fuzz(
     from foresee_dsl.fuzz.settings import FuzzSettings
     from foresee_dsl.fuzz.texts import seed_of
     from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.report.fuzz import FuzzProgress, print_fuzz
+    from foresee_dsl.report.terminal.fuzz import FuzzProgress, print_fuzz
 
     find_driver(driver)  # an unknown name is reported before anything runs
     stop = StopSignal()

@@ -125,7 +125,7 @@ def verify(
     from foresee_dsl.campaign.regression.verify import verify_files
     from foresee_dsl.drivers.deadlines import Deadlines
     from foresee_dsl.report.builds.case_results import of_rechecks
-    from foresee_dsl.report.verification import print_verification
+    from foresee_dsl.report.terminal.verification import print_verification
 
     deadlines = Deadlines(step_deadline, deadline)
     rechecks = verify_files(paths, driver=driver, run_programs=run_programs, jobs=jobs, deadlines=deadlines)
@@ -203,7 +203,7 @@ def compare(
     if json or format_ is Format.JSON:
         print_json(found)
     else:
-        from foresee_dsl.report.comparison import print_comparison, to_markdown
+        from foresee_dsl.report.terminal.comparison import print_comparison, to_markdown
 
         if format_ is Format.MARKDOWN:
             give(to_markdown(found))

@@ -100,6 +100,6 @@ def review(finding: Finding, campaign: CampaignOption = Path("out"), json: JsonO
     if json:
         print_json(found)
         return
-    from foresee_dsl.report.review import review_text
+    from foresee_dsl.report.terminal.review import review_text
 
     typer.echo(review_text(found), nl=False)

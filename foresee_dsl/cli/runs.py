@@ -74,7 +74,7 @@ def run(
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.report.builds.case_results import of_case_run
-    from foresee_dsl.report.runs import print_case_run, print_case_runs
+    from foresee_dsl.report.terminal.runs import print_case_run, print_case_runs
 
     find_driver(driver)  # an unknown name is reported before anything runs
     cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
@@ -106,7 +106,7 @@ def run(
         else:
             print_case_runs(screen, done, len(cases), traces)
         if spent is not None:
-            from foresee_dsl.report.profile import print_profile
+            from foresee_dsl.report.terminal.profile import print_profile
 
             print_profile(screen, spent)
 
@@ -190,7 +190,7 @@ def forecast(
     if json:
         common.print_json({"trace": trace, "ranker": ranker, "risky_points": points})
         return
-    from foresee_dsl.report.terminal import print_points
+    from foresee_dsl.report.terminal.tables import print_points
 
     print_points(common.console(), points)
 

@@ -82,7 +82,7 @@ def _print(data: object, text: str, *, json: bool) -> None:
 def _print_statistics(folder: Path, found: Statistics) -> None:
     from foresee_dsl.campaign.stages import STEPS
     from foresee_dsl.fuzz.engine import KIND
-    from foresee_dsl.report.terminal import duration, plain_table
+    from foresee_dsl.report.terminal.tables import duration, plain_table
 
     screen = console()
     titles = {step.kind: step.title for step in STEPS} | {KIND: "mutated whole (foresee fuzz)"}

@@ -197,7 +197,7 @@ def _run(
     from foresee_dsl.cli.campaigns import StopSignal
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.errors import InputError
-    from foresee_dsl.report.live import progress
+    from foresee_dsl.report.terminal.live import progress
     from foresee_dsl.study.running import possible, run_study
 
     if mistakes := placement_mistakes([case for group in cases.values() for case in group]):
@@ -247,7 +247,7 @@ def _report(
 
 
 def _print_tables(screen: Console, tables: Sequence[Table]) -> None:
-    from foresee_dsl.report.terminal import plain_table
+    from foresee_dsl.report.terminal.tables import plain_table
 
     for table in tables:
         rows = [(row.label, *table.texts(row)) for row in table.rows]
@@ -259,7 +259,7 @@ def _print_tables(screen: Console, tables: Sequence[Table]) -> None:
 
 def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Path, *, json: bool, jobs: int) -> None:
     from foresee_dsl.campaign.storage.store import Store
-    from foresee_dsl.report.terminal import duration, plain_table
+    from foresee_dsl.report.terminal.tables import duration, plain_table
     from foresee_dsl.study.planning import plan_study
     from foresee_dsl.study.running import possible
 
@@ -279,7 +279,7 @@ def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Pa
 
 
 def _print_took(screen: Console, folder: StudyFolder, asked: dict[str, Took]) -> None:
-    from foresee_dsl.report.terminal import duration
+    from foresee_dsl.report.terminal.tables import duration
 
     for name, took in asked.items():
         screen.print(f"{name}: {duration(took.wall_s)} with {took.jobs} workers (in {folder.at})", markup=False)

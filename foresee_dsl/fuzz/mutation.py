@@ -11,7 +11,7 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, SumoBundle
 from foresee_dsl.compile.catalogue import cruise_speed, spec_of
-from foresee_dsl.compile.placement.starts import lane_kind
+from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.polyline import XY, Points, distance
 from foresee_dsl.fuzz import settings as s
 from foresee_dsl.fuzz.placement import Around, LanePlace

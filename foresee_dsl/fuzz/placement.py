@@ -13,7 +13,7 @@ import shapely
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, SumoBundle
 from foresee_dsl.compile.placement.background_traffic import random_route
 from foresee_dsl.compile.placement.checks import footprint
-from foresee_dsl.compile.placement.starts import lane_kind
+from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, Polyline
 from foresee_dsl.compile.roads.topology import Lane, LaneKind

@@ -15,7 +15,7 @@ from foresee_dsl.campaign.assessment import Assessment, DriverRun, assess_driver
 from foresee_dsl.documents import plain
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.report.drivers import print_assessment
+from foresee_dsl.report.terminal.drivers import print_assessment
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, Trace
 

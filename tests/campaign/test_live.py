@@ -14,8 +14,8 @@ from rich.console import Console
 
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
-from foresee_dsl.report.live import EVERY_S, JsonLog, PlainProgress, progress
-from foresee_dsl.report.time_left import TimeLeft
+from foresee_dsl.report.terminal.live import EVERY_S, JsonLog, PlainProgress, progress
+from foresee_dsl.report.terminal.time_left import TimeLeft
 
 
 def row(kind: str, verdict: str = "pass", name: str = "one", *, broken: bool = False) -> Row:

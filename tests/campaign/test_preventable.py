@@ -25,7 +25,7 @@ from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.report.campaign import print_campaign
+from foresee_dsl.report.terminal.campaign import print_campaign
 from foresee_dsl.simulate.results.verdict import Verdict
 
 

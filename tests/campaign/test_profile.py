@@ -14,7 +14,7 @@ from rich.console import Console
 from foresee_dsl.campaign.profiling import seams
 from foresee_dsl.campaign.profiling.clock import EVERY, Clock, Measurement, Part, Spent
 from foresee_dsl.campaign.profiling.profile import Profile
-from foresee_dsl.report.profile import driver_sentence, print_profile
+from foresee_dsl.report.terminal.profile import driver_sentence, print_profile
 from foresee_dsl.simulate.world import World
 from tests.support.first_project import checked, foresee
 from tests.support.small_campaign import published, write_project

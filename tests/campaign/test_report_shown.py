@@ -11,7 +11,7 @@ from rich.console import Console
 from foresee_dsl.campaign.records import SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.report.campaign import print_campaign
+from foresee_dsl.report.terminal.campaign import print_campaign
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 

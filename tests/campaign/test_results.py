@@ -11,7 +11,7 @@ from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.documents import plain
-from foresee_dsl.report.campaign import save_campaign
+from foresee_dsl.report.terminal.campaign import save_campaign
 from foresee_dsl.simulate.results.verdict import Verdict
 
 

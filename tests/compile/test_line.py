@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foresee_dsl.compile.placement.starts import LINE_OVER_M, shifted
+from foresee_dsl.compile.placement.paths import LINE_OVER_M, shifted
 from foresee_dsl.compile.roads.polyline import Polyline
 
 

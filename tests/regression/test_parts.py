@@ -22,7 +22,7 @@ from foresee_dsl.campaign.regression.expectations import (
 )
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import format_text, parse
-from foresee_dsl.report.comparison import to_markdown
+from foresee_dsl.report.terminal.comparison import to_markdown
 from foresee_dsl.simulate.results.verdict import Verdict
 
 MUTANT = """foresee 1

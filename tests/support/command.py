@@ -29,7 +29,7 @@ LOADED = (
     "foresee_dsl.campaign.execution.engine",
     "foresee_dsl.cli.documents",
     "foresee_dsl.language.project.loading",
-    "foresee_dsl.report.campaign",
+    "foresee_dsl.report.terminal.campaign",
     "foresee_dsl.simulate.runner",
     "foresee_dsl.compile",
 )

@@ -13,7 +13,7 @@ import shapely
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement.checks import footprint
-from foresee_dsl.compile.placement.starts import lane_kind, si
+from foresee_dsl.compile.placement.statements import lane_kind, si
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Polyline
 from foresee_dsl.compile.roads.route_line import RouteLine

@@ -7,20 +7,22 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain, pairwise
+from itertools import chain
 from typing import TypeVar, assert_never
 
 from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.placement.paths import shifted
 from foresee_dsl.compile.placement.standing import Standing
+from foresee_dsl.compile.placement.statements import WHEELS, centre, item, lane_kind, route_of, si
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import XY, Points, distance, interpolate, wrap
+from foresee_dsl.compile.roads.polyline import Points, distance, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, check_junction
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.traversal import si_of, word_of
+from foresee_dsl.language.traversal import word_of
 
 EGO_BEHIND_M = 10.0
 """The ego's line begins this far before its first edge, m: its rear may still be there (ours: a rigid truck's
@@ -36,12 +38,6 @@ when it passes something in the next lane it stays that much on its own side (me
 OFF_STATE_M = 0.05
 """A path follower farther than this, m, from the point that `moving` gives has been moved along its path by a mutation,
 and is at that point. Ours: the roundings of a clip's figures come to 1 mm."""
-LINE_OVER_M = 5.0
-"""Length of path, m, over which an actor moves to its `line`. Ours: with 0.6 m sideways that is 7 deg, like a
-pedestrian who crosses obliquely; it takes a pedestrian 4 s and a bicycle about 1 s."""
-_SHARPEST = 0.5
-"""Cosine of half the turn at a corner; in sharper corners the offset line is cut at two widths, as it would run far
-out (ours)."""
 _SAME_DIRECTION_RAD = math.radians(60)
 _BEYOND_WEIGHT = 30.0
 """Cost of being beyond a lane's end, per metre, against a radian of heading: a vehicle beyond it is on the next lane,
@@ -49,38 +45,7 @@ although it has not turned with that lane yet. Ours: internal lanes begin with a
 outweighs it."""
 _SLACK_M = 1e-3
 """A place may lie this far beyond an end, m (ours: roundings of files)."""
-_T = TypeVar("_T", bound=m.Item)
 _R = TypeVar("_R")
-WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
-
-
-def si(value: m.AnyValue | None) -> float:
-    """Return a value of a concrete scenario in SI units, 0 for None."""
-    return 0.0 if value is None else si_of(value)
-
-
-def lane_kind(spec: ModelSpec) -> LaneKind:
-    """Return the kind of lanes that a model uses."""
-    match spec.kind:
-        case "bicycle" | "pedestrian" | "bus":
-            return spec.kind
-        case _:
-            return "car"
-
-
-def item(actor: m.Ego | m.Actor, kind: type[_T]) -> _T | None:
-    """Return an actor's last statement of a kind, if any: a mutation's statement comes after the author's."""
-    return next((i for i in reversed(actor.body) if isinstance(i, kind)), None)
-
-
-def items(actor: m.Ego | m.Actor, kind: type[_T]) -> tuple[_T, ...]:
-    """Return an actor's statements of a kind."""
-    return tuple(i for i in actor.body if isinstance(i, kind))
-
-
-def route_of(actor: m.Ego | m.Actor) -> m.Route | m.EdgeRoute | None:
-    """Return an actor's route statement, if any."""
-    return item(actor, m.Route) or item(actor, m.EdgeRoute)
 
 
 @dataclass(frozen=True, slots=True)
@@ -443,39 +408,3 @@ def _check_on(line: RouteLine, s: float, actor: str) -> None:
 def _on(line: RouteLine, s: float, place: m.AlongRoute | m.PastJunction) -> Spot:
     _check_on(line, s, place.actor)
     return Spot(*line.at(s, si(place.offset)), actor=place.actor, s=s)
-
-
-def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:
-    """Return the footprint's centre and the heading of an exact state, which gives the front bumper of vehicles."""
-    heading = wrap(si(state.heading))
-    back = spec.length_m / 2 if spec.kind in WHEELS else 0.0
-    return si(state.at.x) - back * math.cos(heading), si(state.at.y) - back * math.sin(heading), heading
-
-
-def shifted(path: Points, along_m: float, left_m: float) -> Points:
-    """Return what the statement `line` makes of a path: it leaves the old one at a length `along_m`, and `LINE_OVER_M`
-    later (or at the end, where less is left) it is `left_m` to the left of it (negative: to the right)."""
-    marks = lines.lengths(path)
-    begins = min(max(along_m, 0.0), marks[-1])
-    over = max(min(LINE_OVER_M, marks[-1] - begins), 1e-6)
-    before = [point for point, mark in zip(path, marks, strict=True) if mark < begins]
-    bends = [(begins, 0.0)]
-    bends += [(mark, left_m * min((mark - begins) / over, 1.0)) for mark in marks if mark > begins]
-    if begins + over < marks[-1]:
-        bends.append((begins + over, left_m))
-    new = lines.whole_millimetres(_beside(path, marks, mark, left) for mark, left in sorted(bends))
-    return lines.distinct((*before, *new))
-
-
-def _beside(path: Points, marks: tuple[float, ...], mark: float, left_m: float) -> XY:
-    """Return the point beside a length of a path; at a corner, where the offset lines of both sides meet."""
-    x = interpolate(mark, marks, [p[0] for p in path])
-    y = interpolate(mark, marks, [p[1] for p in path])
-    sides = [(a, b) for (a, b), (s, t) in zip(pairwise(path), pairwise(marks), strict=True) if s <= mark <= t and s < t]
-    normals = [(-(b[1] - a[1]) / distance(a, b), (b[0] - a[0]) / distance(a, b)) for a, b in sides]
-    nx, ny = (sum(n[k] for n in normals) / len(normals) for k in (0, 1))
-    size = math.hypot(nx, ny)  # the cosine of half the turn
-    if size < 1e-9:  # it turns round
-        return x + left_m * normals[0][0], y + left_m * normals[0][1]
-    reach = left_m / (size * max(size, _SHARPEST))
-    return x + reach * nx, y + reach * ny

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.random import Generator
 
-from foresee_dsl.compile.placement.starts import LINE_OVER_M
+from foresee_dsl.compile.placement.paths import LINE_OVER_M
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Situation, added_si, drawn, touches_nobody
 from foresee_dsl.derive.presets import HeadStartSettings, Preset

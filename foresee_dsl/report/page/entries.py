@@ -10,7 +10,7 @@ from pathlib import Path
 
 from foresee_dsl.report.page.recorded import Campaign
 from foresee_dsl.report.page.runs import Run
-from foresee_dsl.report.raw_numbers import FAMILY_TITLES
+from foresee_dsl.report.terminal.raw_numbers import FAMILY_TITLES
 
 _NO_ANCHOR = re.compile(r"[^\w.-]+", re.ASCII)
 _LONGEST_ANCHOR = 120

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.compile.placement.starts import lane_kind
+from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.compile.roads.topology import Movement

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.compile.placement.starts import WHEELS
+from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.compile.roads.polyline import XY, distinct, whole_millimetres
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control

@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.bundle import PlacedActor
-from foresee_dsl.compile.placement.starts import lane_kind
+from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.kernels import sumo_traffic

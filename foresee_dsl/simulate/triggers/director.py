@@ -13,8 +13,8 @@ from typing import Any, TypeVar, assert_never
 
 from foresee_dsl.compile.bundle import Timed
 from foresee_dsl.compile.placement.doors import door_side
-from foresee_dsl.compile.placement.joining import joined_way
-from foresee_dsl.compile.placement.starts import lane_kind
+from foresee_dsl.compile.placement.paths import joined_way
+from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of

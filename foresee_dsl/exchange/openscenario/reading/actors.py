@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.checks import NEAR_ROAD_M
-from foresee_dsl.compile.placement.starts import WHEELS, lane_kind
+from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.exchange.naming import number, quantity

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, spec_of
-from foresee_dsl.compile.placement.starts import WHEELS
+from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.naming import distinct_name, name_of, number, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.losses import Losses

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign.networks import SUFFIXES, foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.compile.placement.starts import WHEELS
+from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import name_of, number, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, TriggerBuilder

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any, TypeAlias
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.compile.placement.starts import WHEELS
+from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.exchange.outcome import ExchangeError
 
 MINOR_VERSION = 2

@@ -6,7 +6,7 @@ import math
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec, Scene
 from foresee_dsl.compile.placement.scene import DRY_FRICTION
-from foresee_dsl.compile.placement.starts import WHEELS
+from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.exchange.openscenario.writing.library import (
     Xosc,
     at_once,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.compile.placement.starts import lane_kind
+from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import quantity
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from foresee_dsl.campaign.profiling.profile import PartTime, Profile
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.terminal import plain_table
+from foresee_dsl.report.terminal.tables import plain_table
 
 _LEAST = 0.0005
 """Parts below this share of their group's time are in one row together. Ours: they would read 0.0 %."""

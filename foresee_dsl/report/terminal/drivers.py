@@ -12,10 +12,10 @@ from rich.table import Table
 from rich.text import Text
 
 from foresee_dsl.campaign.assessment import DriverRow, DriverRun, rows_of
-from foresee_dsl.report.live import bars
-from foresee_dsl.report.runs import print_notes
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.terminal import plain_table
+from foresee_dsl.report.terminal.live import bars
+from foresee_dsl.report.terminal.runs import print_notes
+from foresee_dsl.report.terminal.tables import plain_table
 from foresee_dsl.report.verdicts import WHOLE, verdicts_line, without_verdict
 from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 

@@ -10,7 +10,7 @@ from rich.text import Text
 from foresee_dsl.campaign.regression.comparison import MEASURES, Change, Comparison, Nearer, Pair, Row
 from foresee_dsl.files import rendered
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.terminal import plain_table
+from foresee_dsl.report.terminal.tables import plain_table
 
 SHOWN = 20
 """How many test cases of each kind the terminal lists (ours); Markdown and JSON list more."""

@@ -30,8 +30,8 @@ from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.terminal import duration
-from foresee_dsl.report.time_left import RUNS, TimeLeft
+from foresee_dsl.report.terminal.tables import duration
+from foresee_dsl.report.terminal.time_left import RUNS, TimeLeft
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 TITLES = {step.kind: step.title for step in RUNS}

@@ -22,9 +22,9 @@ from foresee_dsl.derive.anticipating import Answer
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.careful_drivers import ANTICIPATING, R157, answers_of
-from foresee_dsl.report.raw_numbers import raw_numbers
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.terminal import duration
+from foresee_dsl.report.terminal.raw_numbers import raw_numbers
+from foresee_dsl.report.terminal.tables import duration
 from foresee_dsl.report.verdicts import WHOLE, counted, verdicts_line, without_verdict
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
