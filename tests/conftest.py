@@ -6,12 +6,17 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from tests.support.goldens import Golden
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENARIOS = ROOT / "scenarios"
 CARLA = ROOT.parent / "shared" / "data" / "carla"
+
+
+settings.register_profile("ours", deadline=None)  # the first call of a kernel loads it
+settings.load_profile("ours")
 
 
 @pytest.fixture(scope="session", autouse=True)

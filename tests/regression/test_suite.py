@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from foresee_dsl.campaign.regression.expectations import Status
+from foresee_dsl.campaign.regression.verify import verify_files
 from foresee_dsl.language.project.loading import load_test_case
 from tests.support.first_project import checked
 from tests.support.kept_suite import CLIP, COASTS, CREEPS, HURRIES, MUTANT, Project, program
@@ -66,6 +68,18 @@ def test_a_kept_suite_stands_on_its_own(project: Project, tmp_path: Path) -> Non
     assert load_test_case(other.root / f"{MUTANT}.foresee", allow_outside=False).meaning == small.meaning
     last = load_test_case(f"{project.root / 'crosser.foresee'}::last")
     assert load_test_case(other.root / "crosser_last.foresee").meaning == last.meaning
+
+
+def test_a_parent_that_is_edited_between_two_calls_is_read_again(project: Project) -> None:
+    mutant, clip = (project.root / "regressions" / name for name in (f"{MUTANT}.foresee", f"parents/{CLIP}.foresee"))
+    (before,) = verify_files([mutant], driver="idm")
+    assert before.status is Status.AS_EXPECTED
+    text = clip.read_text()
+    edited = re.sub(r"(ego: .* speed )[\d.]+", r"\g<1>5.0000", text)
+    assert edited != text
+    clip.write_text(edited)
+    (after,) = verify_files([mutant], driver="idm")
+    assert after.status is Status.STALE and "ego" in after.note
 
 
 def test_the_index_is_for_people(project: Project) -> None:
