@@ -63,7 +63,7 @@ def load_trace(ref: Ref) -> Trace:
     return Trace.load(io.BytesIO(ref.read()))
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=32)
 def _loaded(ref: Ref) -> TestCase:
     case = pickle.loads(ref.read())  # noqa: S301 - of this campaign
     if not isinstance(case, TestCase):

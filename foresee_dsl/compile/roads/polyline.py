@@ -230,7 +230,7 @@ class Polyline:
         return self.marks[k] + t / math.sqrt(inverse), math.copysign(distance, sx * py - sy * px)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=128)
 def line_of(path: Points) -> Polyline:
     """Return `Polyline.of` a path, cached: the children of a clip have the same paths."""
     return Polyline.of(path)

@@ -145,7 +145,7 @@ class PathFollower:
         return pose
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=128)
 def _line_of(path: Points) -> Polyline:
     """Return the line of a path; a `ValueError` where it has no length."""
     points = np.array(path)
@@ -154,14 +154,14 @@ def _line_of(path: Points) -> Polyline:
     return line_of(path)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=128)
 def _vertices_of(path: Points) -> Records:
     """Return a path for kernels."""
     line = line_of(path)
     return vertices(line.points, line.s, line.heading)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=128)
 def _bends_of(path: Points, length_m: float, lateral_mps2: float, braking_mps2: float) -> Records:
     """Return how fast a path's bends may be taken, as `SpeedPoint`s."""
     line = line_of(path)
