@@ -184,10 +184,10 @@ def _named(statement: m.Item) -> Iterator[tuple[m.Item, str, str, str]]:
 
 def _network(scenario: m.Scenario, folder: Path, load: Callable[[Path], Document]) -> m.Network | None:
     inline, used = scenario.one(m.Network), scenario.one(m.UseNetwork)
-    if inline is not None or used is None or not used.path.endswith(".foresee") or not (folder / used.path).is_file():
+    if inline is not None or used is None or not used.path.endswith(".foresee"):
         return inline
     try:
         model = load(folder / used.path).model
-    except InputError:
+    except InputError:  # also when it is not there
         return None
     return model if isinstance(model, m.Network) else None
