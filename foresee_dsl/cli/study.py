@@ -14,7 +14,6 @@ from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, executor_of, notes_on, shard_of
 from foresee_dsl.cli.options.case_selection import OnlyOption
 from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, console, print_json
-from foresee_dsl.cli.options.study_options import cases_of, half_named, names_in, numbers_in, town_cases
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from foresee_dsl.campaign.execution.pool import RunOptions
+    from foresee_dsl.language.project.document import TestCase
     from foresee_dsl.study.folder import StudyFolder, Took
     from foresee_dsl.study.halves import Half
     from foresee_dsl.study.running import Cases, StudyRun
@@ -283,3 +283,51 @@ def _print_took(screen: Console, folder: StudyFolder, asked: dict[str, Took]) ->
 
     for name, took in asked.items():
         screen.print(f"{name}: {duration(took.wall_s)} with {took.jobs} workers (in {folder.at})", markup=False)
+
+
+# ---- what the options mean -------------------------------------------------------------------------------------------
+
+
+def names_in(text: str | None) -> tuple[str, ...]:
+    """Return the names between commas, each once; none where there is no text."""
+    return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
+
+
+def half_named(text: str | None) -> Half | None:
+    """Return the half of this name; None where none is named."""
+    from foresee_dsl.study.halves import Half
+
+    if text is None:
+        return None
+    try:
+        return Half(text)
+    except ValueError as err:
+        raise typer.BadParameter(f"{text!r} is not one of: even, odd, all", param_hint="--half") from err
+
+
+def numbers_in(text: str, count: int, option: str) -> list[int]:
+    """Return so many whole numbers between commas."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != count or not all(part.isascii() and part.isdigit() for part in parts):
+        raise typer.BadParameter(f"{text!r}: write {count} whole numbers with commas", param_hint=option)
+    return [int(part) for part in parts]
+
+
+def cases_of(
+    paths: list[str] | None, settings: StudySettings, only: list[str] | None, *, allow_outside: bool
+) -> tuple[TestCase, ...]:
+    """Return the test cases of a study: of its half, so many at most."""
+    from foresee_dsl.cli.options.case_selection import selected
+    from foresee_dsl.files import data_folder
+    from foresee_dsl.language.project.loading import load_test_cases
+    from foresee_dsl.study.halves import of_half, sample
+
+    found = load_test_cases(paths or [str(data_folder("scenarios"))], allow_outside=allow_outside)
+    return sample(selected(of_half(found, settings.half), None, only), settings.first)
+
+
+def town_cases(folder: Path, settings: StudySettings, *, allow_outside: bool) -> tuple[TestCase, ...]:
+    """Return a town's test cases, all of both halves: no setting was chosen on them."""
+    from foresee_dsl.language.project.loading import load_test_cases
+
+    return tuple(load_test_cases([folder], allow_outside=allow_outside)[: settings.first])

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.answers.fixes import fixes, with_known_names
-from foresee_dsl.editor.answers.hints import hints, lenses
-from foresee_dsl.editor.answers.tokens import tokens
+from foresee_dsl.editor.answers.marks import hints, lenses, tokens
 from foresee_dsl.editor.answers.worked_out import results
 from foresee_dsl.editor.completion import Suggestion, complete
 from foresee_dsl.editor.diagnosing import find, find_alone

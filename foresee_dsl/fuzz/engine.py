@@ -73,7 +73,7 @@ def fuzz(
 
 @dataclass
 class _Seed:
-    """How far a seed is."""
+    """The progress of one seed."""
 
     case: TestCase
     seed: Seed
@@ -135,7 +135,7 @@ class _Seed:
         for k, runs in enumerate(self.cycles, start=1):
             last = k == len(self.cycles)
             counted = {n: one for n, one in sorted(runs.items()) if not (last and failed and n > failed)}
-            if last and not failed:  # of a cycle that was stopped, what has none missing before it
+            if last and not failed:  # of a cycle that was stopped: the runs before the first missing one
                 counted = {n: one for n, one in counted.items() if all(j in runs for j in range(1, n))}
             chosen = self.chosen[k - 1] if k <= len(self.chosen) else 0
             if counted:
@@ -195,7 +195,7 @@ class _Fuzzing:
         return self._options.stop() or time.monotonic() > self._ends_s
 
     def _hand_out(self) -> None:
-        """Begin what can be begun: of each seed no more at once than keeps the workers busy, as a failure ends it."""
+        """Begin mutations: of each seed only as many at once as keep the workers busy, as a failure ends the seed."""
         ahead = True
         while ahead and not self._stop():
             ahead = False
@@ -218,7 +218,7 @@ class _Fuzzing:
             seed.take(number, decode(row.record))
             return True
         seed.waits.add(number)
-        # Drawn anew at most so often, each time for some seconds; the last run has its full length.
+        # It is drawn a limited number of times, each for some seconds; the last run has its full length.
         simulated_s = longest_s(seed.case) + s.TRIES * s.FIRST_S
         task = Task(job.name, run_job, job, self._options.limits.for_run(simulated_s), key)
         self._running[key] = seed, number, job

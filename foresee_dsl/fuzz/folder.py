@@ -15,7 +15,7 @@ FOLDER = "mutated"
 
 
 def publish(result: FuzzResult, out: Path) -> None:
-    """Write it beside what is there, and put it in its place when it is whole.
+    """Write a result beside the files of an earlier one, and replace these when it is whole.
 
     Raises:
         OSError: the folder cannot be made or written to.

@@ -1,4 +1,4 @@
-"""One mutation of a test case: what its file adds to and changes of its seed, with one thing more."""
+"""One mutation of a test case: the lines that its file adds to its seed or changes of it, with one thing more."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ def _on_path(way: Points, speed_mps: float) -> tuple[m.ActorItem, ...]:
 
 
 def _on_lane(place: LanePlace, around: Around) -> m.Place:
-    """Return a place on a lane as one writes it: so far along its edge, and so far from the rightmost lane."""
+    """Return a place on a lane as it is written: a length along its edge, and an offset from the rightmost lane."""
     x, y, _ = place.pose
     first = around.network.edges[place.lane.edge].drivable[0]
     along, beside = (place.along_m, 0.0) if first is place.lane else first.line.project(x, y)
@@ -221,6 +221,6 @@ def _number(value: float, dimension: Literal["length", "speed", "angle", "ratio"
 
 
 def _free(begin: str, taken: set[str] | frozenset[str]) -> str:
-    """Return the first name of a row that nobody has: `fuzz_01`."""
+    """Return the first name of a series, such as `fuzz_01`, that nobody has."""
     names = (f"{begin}_{number:02d}" for number in count(1))
     return next(name for name in names if name not in taken)

@@ -28,7 +28,7 @@ BESIDE_M = 1.5
 
 @dataclass(frozen=True)
 class LanePlace:
-    """A place on a lane: the front of who stands there is so far along it."""
+    """A place on a lane, by the length along it at which an actor's front stands."""
 
     lane: Lane
     along_m: float
@@ -84,7 +84,7 @@ class Around:
         return x, y
 
     def is_free(self, actor: PlacedActor) -> bool:
-        """Say whether nobody is near, and nobody drives into it who cannot stop."""
+        """Say whether nobody is near, and no vehicle that cannot stop in time drives into it."""
         box = shapely.Polygon(footprint(actor))
         if any(box.distance(other) < s.ROOM_M for other in self._taken):
             return False
@@ -94,7 +94,7 @@ class Around:
         return True
 
     def straight_on(self, start: XY, heading_rad: float, spec: ModelSpec) -> Points | None:
-        """Return the way of who drives straight on: to beside the road where it leaves it.
+        """Return the path of a vehicle that drives straight on, up to beside the road where it leaves it.
 
         None where that is too short, or leads through a building.
         """
@@ -111,7 +111,8 @@ class Around:
         return way
 
     def walks_on(self, start: XY) -> Points | None:
-        """Return the way of who walks straight on, in a drawn direction; None where a building is in it."""
+        """Return the path of somebody who walks straight on in a drawn direction; None where a building is in the
+        way."""
         heading = float(self.rng.uniform(-math.pi, math.pi))
         way = (start, (start[0] + s.WALK_M * math.cos(heading), start[1] + s.WALK_M * math.sin(heading)))
         return way if self.network.wall_on_the_way(way) is None else None
@@ -122,7 +123,7 @@ class Around:
         return walk.points if walk is not None else None
 
     def route(self, place: LanePlace, missing_m: float, kind: LaneKind) -> tuple[str, ...]:
-        """Draw a route from a place that goes on for so long, or to the end of the network."""
+        """Draw a route from a place on, of a given length or to the end of the network."""
         missing_m -= place.lane.line.length_m - place.along_m
         return random_route(self.network, self.rng, place.lane, missing_m, kind, most_edges=math.inf)
 

@@ -1,7 +1,7 @@
 """How well the ego drove in a run, from its trace: DriveFuzz's driving-quality metrics; lower is worse.
 
-The frames are counted in which the ego did something hard, and the least distance counts as its inverse. What each is,
-in the columns of a trace, and where its threshold comes from: `docs/fuzz.md`.
+Counted are the frames in which the ego sped up, braked or turned hard, or lost grip; the least distance counts by its
+inverse. What each is, in the columns of a trace, and where its threshold comes from: `docs/fuzz.md`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TURNS_MPS2 = 4.89
 """Lateral acceleration of a hard turn, m/s^2: nuPlan's bound of a comfortable one. DriveFuzz divides the lateral speed
 by the steering wheel's angle, which in a kinematic model is geometry alone."""
 ROLLS_MPS = 5.0 / 3.6
-"""Slower than this nothing counts as over- or understeer, m/s: DriveFuzz's 5 km/h."""
+"""Below this speed nothing counts as over- or understeer, m/s: DriveFuzz's 5 km/h."""
 SWINGS_MPS2 = 0.1 * 9.81
 """Oversteer: the lateral acceleration is this far from its mean over `MEAN_S`: DriveFuzz's 0.1 g between its two
 low-pass filters."""
@@ -34,14 +34,15 @@ STEERS_RAD = float(np.radians(1.0))
 WIDE_SHARE = 0.9
 """Understeer: the ego turns with less than this share of what its wheels ask for. Ours: 10 % is beyond any rounding."""
 FAR_M = 100.0
-"""Farther away nobody counts: DriveFuzz's 100 m."""
+"""Actors farther away than this do not count: DriveFuzz's 100 m."""
 TOUCHES_M = 0.1
-"""The least distance that is told apart, m (ours: the inverse grows without bound)."""
+"""Smaller distances count as this, m (ours: the inverse grows without bound)."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Frames (of 0.05 s) in which the ego drove badly, by how; and 1 / least distance to anybody (1/m)."""
+    """The number of frames (of 0.05 s) in which the ego drove badly, by kind; and 1 / least distance to anybody
+    (1/m)."""
 
     hard_acceleration: int = 0
     hard_braking: int = 0
@@ -79,7 +80,7 @@ def quality_of(trace: Trace) -> Quality:
 
 
 def _mean(values: FloatArray) -> FloatArray:
-    """Return the moving mean, over less at the ends."""
+    """Return the moving mean; at both ends it is that of fewer frames."""
     half = round(MEAN_S / STEP_S / 2)
     sums = np.concatenate([[0.0], np.cumsum(values)])
     at = np.arange(len(values))

@@ -36,7 +36,7 @@ class Outcome:
     quality: Quality
     refused: int = 0
     digest: str = ""
-    """Of its trace."""
+    """The digest of its trace."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class FuzzRun:
 
     @property
     def quality(self) -> Quality:
-        """What it is made of."""
+        """The parts of the score."""
         return self.outcome.quality
 
     @property
@@ -88,12 +88,12 @@ class FuzzRun:
 
     @property
     def time_s(self) -> float:
-        """When it was decided."""
+        """When its verdict was reached, s."""
         return self.outcome.time_s
 
     @property
     def duration_s(self) -> float:
-        """What was simulated."""
+        """How much was simulated, s."""
         return self.outcome.duration_s
 
     @property
@@ -103,7 +103,7 @@ class FuzzRun:
 
     @property
     def digest(self) -> str:
-        """Its trace's."""
+        """The digest of its trace."""
         return self.outcome.digest
 
 
@@ -197,7 +197,7 @@ class SeedFuzz:
 
     @property
     def simulated_s(self) -> float:
-        """What all of them simulated."""
+        """How much all of them simulated, s."""
         plain_s = self.plain.duration_s if self.plain is not None else 0.0
         return plain_s + sum(run.duration_s for run in self.every)
 
@@ -227,7 +227,7 @@ class FuzzResult:
 
     @property
     def simulated_s(self) -> float:
-        """What all runs simulated."""
+        """How much all runs simulated, s."""
         return sum(seed.simulated_s for seed in self.seeds)
 
     @property

@@ -11,7 +11,7 @@ NEAREST_M, FARTHEST_M = 5.0, 40.0
 PATCH_SHARE = 0.25
 """Share of the mutations that put a slippery patch: DriveFuzz's `PROB_PUDDLE`."""
 WEATHER_SHARE = 0.25
-"""Share of the mutations that change the weather. Ours: half of those that put no patch are left to actors."""
+"""Share of the mutations that change the weather. Ours: the half of the mutations that is left is about actors."""
 MOVE_SHARE = 0.5
 """Of the mutations about actors, where some were added before: the share that moves one of them. Ours."""
 WALKER_SHARE = 0.5
@@ -23,21 +23,22 @@ CLASSES: Mapping[str, float] = MappingProxyType(
 )
 """Which vehicles are drawn. Ours: about the mix of the vehicles of CARLA 0.9.10, of which DriveFuzz draws."""
 LEAST_MPS, RUNS_MPS = 1.0, 4.0
-"""Slowest speed of who moves at all, and fastest of who walks straight on, m/s. Ours: DriveFuzz's walkers go up to
-10 m/s, which only sprinters do; 4 m/s is a jog."""
+"""Slowest speed of an actor that moves at all, and fastest of one that walks straight on, m/s. Ours: DriveFuzz's
+walkers go up to 10 m/s, which only sprinters do; 4 m/s is a jog."""
 TURNED_RAD = 0.26
-"""Who drives straight on is turned from the lane by this much at most. Ours: 15 degrees, a car that drifts off its
-lane; DriveFuzz's linear cars point anywhere."""
+"""A vehicle that drives straight on is turned from its lane by at most this. Ours: 15 degrees, a car that drifts off
+its lane; DriveFuzz's linear cars point anywhere."""
 LINEAR_M, LINEAR_LEAST_M = 100.0, 10.0
-"""Longest and shortest way of who drives straight on, m (ours: it ends beside the road, or there)."""
+"""Longest and shortest path of a vehicle that drives straight on, m (ours: it ends beside the road, or there)."""
 WALK_M = 30.0
 """How far somebody walks straight on, m. Ours: over the widest street and onto its other sidewalk."""
 ROAMS_S = 60.0
-"""Who follows lanes or sidewalks has a way for so long, s: the longest run without an `end`."""
+"""An actor that follows lanes or sidewalks has a way for this many seconds: the longest run without an `end`."""
 ROOM_M = 1.0
 """Free space around an added actor at the beginning, m; as of background traffic's pedestrians."""
 QUEUE_M = 8.0
-"""Free lane in front of and behind who drives from the beginning, m. Ours: a car's length and braking from 25 km/h."""
+"""Free lane in front of and behind a vehicle that drives from the beginning, m. Ours: a car's length and braking from
+25 km/h."""
 FIRST_S = 2.0
 """A collision with an added actor before this is refused. Ours: a driver's reaction time of 1 s (as of the careful
 driver), and as much to brake."""

@@ -51,7 +51,7 @@ def seed_of(case: TestCase) -> Seed:
 
 
 def _alone(file: Path, name: str) -> list[m.ExtensionItem]:
-    """Return what leaves one case of a file's."""
+    """Return the lines that leave only one of a file's cases."""
     project = Project()
     written, drawn = project.whole_scenario(file, drawn=False), project.whole_scenario(file)
     lines: list[m.ExtensionItem] = [

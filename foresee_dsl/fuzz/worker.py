@@ -103,7 +103,8 @@ def _run(job: Job, case: TestCase, text: str, what: str, started: float) -> Outc
 
 
 def _generator(job: Job, again: int) -> np.random.Generator:
-    """Return where a mutation's draws come from: what it is a mutation of, its place, and how often it was refused."""
+    """Return a mutation's random generator, seeded by what is mutated, the mutation's place, and how often it was
+    refused."""
     parts = (job.meaning, job.settings.seed, job.cycle, job.number, again)
     return np.random.Generator(
         np.random.PCG64(int.from_bytes(hashlib.sha256("\n".join(map(str, parts)).encode()).digest()[:8], "big"))

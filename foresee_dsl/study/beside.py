@@ -33,7 +33,7 @@ def beside(results: Results, question: str) -> Table:
 
 
 def _behind(figure: PaperFigure) -> str:
-    """Return what stands behind a figure's words where these do not say its unit."""
+    """Return the unit that is added to a figure's words where these do not say it."""
     return {Unit.SHARE: ", %", Unit.MORE: ", %", Unit.TIMES: ", times"}.get(figure.unit, "")
 
 

@@ -1,8 +1,8 @@
 """rq4: two iterations of DriveFuzz, and the forecast where that found nothing.
 
-A test case that fails is out: each failure is a test case. In each iteration DriveFuzz comes first, then the forecast
-on the test cases, as they were written, that DriveFuzz did not bring to fail. What neither brought to fail goes into
-the second iteration, with other seeds.
+A test case that failed is not tried again: what is counted are failing test cases. In each iteration DriveFuzz comes
+first, then the forecast, on the unmutated test cases that DriveFuzz did not make fail. Those that neither made fail go
+into the second iteration, with other seeds.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Fuzzes = Callable[[FuzzSettings, Sequence[TestCase], int, int], Fuzzed | None]
 
 @dataclass(frozen=True)
 class Split:
-    """Who brought which test cases to fail in one iteration, and which are left. The names of test cases."""
+    """Which test cases each technique made fail in one iteration, and which are left, by their names."""
 
     fuzzed: frozenset[str]
     forecast: frozenset[str]

@@ -14,7 +14,7 @@ from foresee_dsl.study.measured import Child, Measured, MeasuredClip
 from foresee_dsl.study.statistics.bootstrap import Interval, percentiles
 
 RESAMPLES = 1000
-"""Ours: each is a campaign of its own to go through, 0.1 ms each."""
+"""How often the test cases are drawn anew. Ours: each draw takes 0.1 ms."""
 SEED = 20_26
 
 
@@ -65,11 +65,11 @@ class _Parts:
     sum_s: FloatArray
 
     def end_s(self, times: FloatArray) -> float:
-        """Return how long all of them take, each so many times."""
+        """Return how long all of them take, each as many times as `times` says."""
         return float(times @ self.took_s)
 
     def area(self, times: FloatArray, end_s: float) -> float:
-        """Return the area under their curve up to a time, with each of them so many times in a row."""
+        """Return the area under their curve up to a time, with each of them in a row as many times as `times` says."""
         ends = np.cumsum(times * self.took_s)
         starts = ends - times * self.took_s
         whole = ends <= end_s
@@ -129,7 +129,7 @@ class Areas:
 
     @property
     def ratio(self) -> float:
-        """How many times the second the first is; NaN over 0."""
+        """The first area divided by the second; NaN where that is 0."""
         return self.first / self.second if self.second else float("nan")
 
 
@@ -157,7 +157,8 @@ def compared_areas(
 def _areas(
     sides: Sequence[tuple[_Parts, _Parts]], weights: FloatArray, end: Callable[[float, float], float]
 ) -> tuple[float, float, float]:
-    """Return the areas of both sides and the ends, summed over repetitions, with each test case so many times."""
+    """Return the areas of both sides and the ends, summed over repetitions, with each test case counted the given
+    number of times."""
     sums = [0.0, 0.0, 0.0]
     for pair in sides:
         times = [weights[parts.case] for parts in pair]

@@ -21,7 +21,7 @@ _KINDS = {"study campaign": Measured, "study fuzzing": Fuzzed}
 
 @dataclass(frozen=True)
 class Took:
-    """What a question cost the last time that it was asked: wall time, with so many workers."""
+    """What a question cost when it was last asked: wall time, and the number of workers."""
 
     wall_s: float
     jobs: int

@@ -17,7 +17,8 @@ from foresee_dsl.study.halves import Half
 
 
 class Counted(StrEnum):
-    """What is counted, each of the one before: raw failures, their stories, those of them that somebody avoids."""
+    """What is counted: raw failures, the different stories that these tell, or those of the stories that somebody
+    avoids."""
 
     COLLISIONS = "collisions"
     FINDINGS = "findings"
@@ -58,7 +59,7 @@ class MeasuredClip:
 
 @dataclass(frozen=True)
 class MeasuredCase:
-    """A test case as it was run, and its clips, which it has only where it passed."""
+    """A test case as it was run, and its clips; it has clips only if it passed."""
 
     name: str
     family: str
@@ -89,7 +90,7 @@ class MeasuredCase:
         return counted(self.children, what)
 
     def first_points(self, count: int) -> MeasuredCase:
-        """Return what it would be with so many risky points at most."""
+        """Return it with at most a number of risky points."""
         return replace(self, clips=tuple(clip for clip in self.clips if clip.position < count))
 
 
@@ -127,9 +128,8 @@ class Measured:
         return tuple(case for case in self.cases if case.passed)
 
     def first_points(self, count: int) -> Measured:
-        """Return what the campaign would have given with so many risky points a test case at most.
-
-        The clips of fewer points are the first of those of more, and nothing else depends on their number.
+        """Return what the campaign would have given with at most a number of risky points a test case. With fewer
+        points it has the first of the same clips, and nothing else depends on the number.
         """
         return replace(self, risky_points=count, cases=tuple(case.first_points(count) for case in self.cases))
 
@@ -154,7 +154,7 @@ class Measured:
         return counted(self.children_run, what)
 
     def of_verdict(self, verdict: Verdict) -> int:
-        """Return how many children ended so."""
+        """Return how many children ended with a verdict."""
         return sum(child.verdict is verdict for child in self.children_run)
 
     @property
@@ -175,7 +175,7 @@ class Measured:
 
 
 def avoided(measured: Measured, who: str) -> int:
-    """Return how many findings somebody (of `AVOIDERS`) avoids one failure of at least."""
+    """Return of how many findings somebody (of `AVOIDERS`) avoids at least one failure."""
     children = measured.children_run
     return len({child.story for child in children if child.verdict.is_collision and who in child.avoided_by})
 

@@ -22,12 +22,12 @@ from foresee_dsl.study.tables.complementarity import iterations
 STANDS_FOR: Mapping[str, str] = MappingProxyType(
     {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "two drivers together"}
 )
-"""Whose figures a driver's are compared with; those of any other with the paper's two together, or with InterFuser's
-where it has no others."""
+"""The paper's driver whose figures each of ours is compared with. Any other driver is compared with the paper's two
+together, or with InterFuser where the paper has no others."""
 
 
 class Unit(StrEnum):
-    """What a figure is in. `neutral`: the value that means no difference; NaN where there is none such."""
+    """The unit of a figure. `neutral`: the value that means no difference; NaN where there is none such."""
 
     neutral: float
 
@@ -103,7 +103,7 @@ def _collisions(of: MeasuredCase | Measured) -> float:
 
 
 def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results, str], Ours | None]:
-    """Return what computes collisions a risky point."""
+    """Return a function that computes collisions a risky point."""
 
     def ours(results: Results, driver: str) -> Ours | None:
         found = _campaigns(results, driver, ranker, clip_s, points)
@@ -113,7 +113,8 @@ def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results,
 
 
 def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
-    """Return what computes foresee's share of the exhaustive search's collisions, %, in the same repetitions."""
+    """Return a function that computes foresee's share of the exhaustive search's collisions, %, in the same
+    repetitions."""
 
     def ours(results: Results, driver: str) -> Ours | None:
         everything = _campaigns(results, driver, EXHAUSTIVE, clip_s)
@@ -125,7 +126,7 @@ def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
 
 
 def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
-    """Return what computes by how much foresee's collisions are more than a ranker's, %."""
+    """Return a function that computes how many more collisions foresee has than a ranker, %."""
 
     def ours(results: Results, driver: str) -> Ours | None:
         sides = [_campaigns(results, driver, name, CHOSEN_S) for name in ("foresee", ranker)]
@@ -137,7 +138,7 @@ def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
 
 
 def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
-    """Return what computes by how much more collisions an hour foresee finds than the exhaustive search, %."""
+    """Return a function that computes how many more collisions an hour foresee finds than the exhaustive search, %."""
 
     def ours(results: Results, driver: str) -> Ours | None:
         rates = []
@@ -151,7 +152,7 @@ def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
 
 
 def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
-    """Return what computes how many times a ranker's area under the curve foresee's is, to the earlier end."""
+    """Return a function that divides foresee's area under the curve by a ranker's, up to the earlier end."""
 
     def ours(results: Results, driver: str) -> Ours | None:
         sides = [_campaigns(results, driver, name, CHOSEN_S) for name in ("foresee", ranker)]

@@ -17,7 +17,8 @@ from foresee_dsl.study.settings import BUNDLED, StudySettings, Wanted
 
 @dataclass(frozen=True)
 class Planned:
-    """What a question would run: campaigns, runs that are in the store, known to be missing, and more at most.
+    """What a question would run: its campaigns, and how many runs are in the store, are known to be missing, and may
+    follow.
 
     `longest_s`: one core's time for all that, at most.
     """
@@ -77,7 +78,7 @@ def _following(node: Node, wanted: Wanted) -> tuple[int, int]:
 _USUAL_POINTS = 45
 """Clips of a test case that is searched exhaustively, at most (paper, section 4.3: 45 of a run of 48 s)."""
 _CLIP_S, _CHILD_S = 0.3, 0.12
-"""Of a store that has none yet: wall time of a clip and of a child (ours: the bundled scenarios with `pdm`)."""
+"""Wall time of a clip and of a child, for a store that has none yet (ours: the bundled scenarios with `pdm`)."""
 _FUZZED_S = 0.7
 """Wall time of a fuzzed test case (ours: the bundled scenarios with `pdm`)."""
 

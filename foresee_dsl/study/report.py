@@ -28,7 +28,7 @@ from foresee_dsl.study.tables.table import Table
 TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
     {"rq1": effectiveness, "rq2": comparison, "rq3": efficiency, "rq4": complementarity, "rq5": generality}
 )
-"""What makes the tables of each question."""
+"""The function that makes each question's tables."""
 
 
 def tables_of(name: str, results: Results) -> tuple[Table, ...]:
@@ -79,7 +79,7 @@ def write_report(folder: StudyFolder, half: Half | None = None, page: Path | Non
 
 @dataclass(frozen=True)
 class Part:
-    """What the page has of a question."""
+    """One question's part of the page."""
 
     question: Question
     words: tuple[str, ...]

@@ -15,7 +15,7 @@ from foresee_dsl.study.settings import BUNDLED, DRIVERS, EXHAUSTIVE, POINTS, RAN
 from foresee_dsl.study.statistics import Pair
 
 TOGETHER = "all"
-"""What stands for all drivers together."""
+"""The name that stands for all drivers together."""
 
 
 @dataclass(frozen=True)
@@ -119,13 +119,13 @@ def _of_half(measured: Measured, half: Half) -> Measured:
 
 
 def mean(values: Iterable[float]) -> float | None:
-    """Return the mean; None of nothing."""
+    """Return the mean; None of no values."""
     found = list(values)
     return sum(found) / len(found) if found else None
 
 
 def total(values: Iterable[float | None]) -> float | None:
-    """Return the sum of those that there are; None of nothing."""
+    """Return the sum of the values that are not None; None where there is no such value."""
     found = [value for value in values if value is not None]
     return sum(found) if found else None
 

@@ -115,7 +115,7 @@ def run_study(
 
 
 class _Run:
-    """What of a study was run so far."""
+    """What was run of a study so far."""
 
     def __init__(
         self, settings: StudySettings, cases: Cases, folder: StudyFolder, store: Store, listeners: Sequence[Listener],

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.cli.options.plain_output import PlainStream, harmless_console, plain
-from foresee_dsl.language.lints.hidden import hidden_characters
+from foresee_dsl.language.lints.lint import hidden_characters
 
 FORESEE = Path(sys.executable).parent / "foresee"
 EVIL = "\x1b]0;owned\x07\x1b[2J\u202egnp\u2066"

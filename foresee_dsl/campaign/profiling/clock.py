@@ -102,7 +102,8 @@ class Measurement:
 
 
 EVERY = 8
-"""CPU time is read around one decision in so many. Ours: around each it took 6 % of a campaign, so less than 1 %."""
+"""CPU time is read around one in this many decisions. Ours: read around every decision it took 6 % of a campaign, so
+this takes less than 1 %."""
 
 
 class Clock:

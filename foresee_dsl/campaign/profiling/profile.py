@@ -103,7 +103,8 @@ class Profile:
 
 
 def _worked(part: Part, took: Spent) -> Spent:
-    """Return what a part took; while tasks are handed out and results received, only CPU time is no waiting."""
+    """Return what a part took. Of handing out tasks and receiving results only the CPU time counts: the rest is
+    waiting."""
     return Spent(took.cpu_ns, took.cpu_ns) if part is Part.HANDING else took
 
 

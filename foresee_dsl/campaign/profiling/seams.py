@@ -87,7 +87,7 @@ CAMPAIGN = (
 
 
 def missing(seams: Sequence[Seam]) -> list[str]:
-    """Return those that name what is not there (any more)."""
+    """Return the functions and methods that do not exist (any more)."""
     gone = []
     for seam in seams:
         found = getattr(import_module(seam.module), seam.name, None)
@@ -97,7 +97,7 @@ def missing(seams: Sequence[Seam]) -> list[str]:
 
 
 def install(clock: Clock, seams: Sequence[Seam], *, runs: bool = True) -> list[tuple[object, str, Any]]:
-    """Wrap the functions, for good or until `remove`; what is gone is left out.
+    """Wrap the functions, for good or until `remove`; those that do not exist are left out.
 
     `runs`: in this process runs are simulated.
 
@@ -160,7 +160,7 @@ def _wrap_methods(clock: Clock, seam: Seam, owner: type, seams: Sequence[Seam]) 
 
 
 def _replace(original: object, new: object) -> list[tuple[object, str, Any]]:
-    """Put something in the place of a function or class in all modules of this package that have it."""
+    """Replace a function or class by something else in all modules of this package that have imported it."""
     if original is new:
         return []
     modules = [module for name, module in list(sys.modules.items()) if name.startswith("foresee_dsl.")]
@@ -201,7 +201,8 @@ def _counted(clock: Clock, run: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _referring(clock: Clock, driven: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function that drives with a reference driver; what it takes is not the driver's under test."""
+    """Return the function that drives with a reference driver, wrapped: its time is not that of the driver under
+    test."""
     timed = _timed(clock, Part.EXPLAIN, driven)
 
     @wraps(driven)

@@ -25,7 +25,7 @@ class Profiler:
     """Measures a command: this process, and the tasks that it hands to others."""
 
     def __init__(self) -> None:
-        """Begin: all until now was start-up."""
+        """Begin; the time until now was start-up."""
         self._own = self._tasks = Measurement()
         self._worked_s = 0.0
         self._clock = Clock(Part.REST)
@@ -47,7 +47,7 @@ class Profiler:
         return replace(task, function=_Measured(task.function, tuple(functions)))
 
     def taken(self, outcome: object) -> Any:  # noqa: ANN401 - what the task gave
-        """Return what a task of `task` gave, and note what it took."""
+        """Return the result of a measured task, and add what it took."""
         if isinstance(outcome, _WithMeasurement):
             self.add(outcome.measurement)
             return outcome.value
@@ -121,8 +121,8 @@ class _WithMeasurement:
 
 @dataclass(frozen=True)
 class _Measured:
-    """A task's function, measured: one that gives parts gives a `Measurement` as its last; another's value comes in a
-    `_WithMeasurement`."""
+    """A task's function, measured. One that yields parts yields a `Measurement` last; what any other returns is put
+    into a `_WithMeasurement`."""
 
     function: Callable[[Any], Any]
     functions: tuple[Seam, ...]
@@ -154,11 +154,11 @@ def _parts(parts: Iterator[Any], clock: Clock) -> Iterator[Any]:
 
 
 _CLOCKS: dict[int, Clock] = {}
-"""This process's clock, by its number: a fork has one of its own."""
+"""The clock of this process, by the process's number: a forked process has a clock of its own."""
 
 
 def _clock_here(functions: tuple[Seam, ...]) -> Clock:
-    """Return this process's clock; when it is asked for first, all until now was start-up."""
+    """Return this process's clock; at the first call, the time until now was start-up."""
     clock = _CLOCKS.get(os.getpid())
     if clock is None:
         cpu_ns = time.process_time_ns()

@@ -35,11 +35,11 @@ CLEAR_SIGHT = SensorSettings(scan_s=STEP_S, latency_s=0.0, noise=NO_NOISE, dropo
 """What it sees: all that the standard sensors have in view, exactly and at once. Reaction times are its own."""
 
 _CATCHES_UP_S = 2.0
-"""What it is behind the recorded ego, it catches up in this time where nothing speaks against it. Ours."""
+"""The time in which it catches up with the recorded ego where nothing speaks against it. Ours."""
 _KEPT_S = 1.0
-"""It goes on braking for so long after nobody comes into its way any more. Ours."""
+"""It goes on braking for this long after the last conflict. Ours."""
 _STANDS_OFF_M = 1.0
-"""It means to stand this far from who comes into its way. Ours."""
+"""It means to stand this far from an actor that comes into its way. Ours."""
 _SAME_MPS2 = 0.1
 """Less than this changes nothing. Ours: below what people feel."""
 _DECIDES_EVERY = 2
@@ -47,7 +47,7 @@ _DECIDES_EVERY = 2
 
 
 class Ahead(Replay):
-    """Drives a recorded run's way as somebody would who anticipates.
+    """Drives the way of a recorded run as an anticipating driver would.
 
     Attributes:
         from_s: until then the ego follows the clip's recorded states, whatever it is told.
@@ -98,7 +98,7 @@ class Ahead(Replay):
         return self._follow(bicycle)
 
     def _as_recorded(self) -> bool:
-        """Whether it does just what was recorded: until something asks for less speed than that."""
+        """Whether it still drives just as recorded: until something asks for a lower speed."""
         speeds = self._way.recorded_mps
         if self._frame < self._free_from:
             return True
@@ -192,7 +192,7 @@ class Ahead(Replay):
         return math.inf
 
     def _for_conflicts(self, ego: Ego, others: list[tuple[int, Other]], now: float, expects: bool) -> float:
-        """Return the braking for who comes into its way, m/s^2, once the reaction time is over."""
+        """Return the braking for actors that come into its way, m/s^2, once the reaction time is over."""
         found = conflicts(ego, [other for _, other in others])
         needed = 0.0
         for (track, other), meets in zip(others, found, strict=True):
@@ -205,7 +205,7 @@ class Ahead(Replay):
             since = self._noticed.setdefault(track, now)
             if not meets.certain:
                 continue
-            # Who was watched already is not new: the foot is over the brake.
+            # An actor that was watched already is no surprise: the foot is over the brake.
             expected = expects or now - since >= EVALUATION_S - 1e-9
             acts_s = self._acts.setdefault(track, now + (EXPECTED_REACTION_S if expected else EVALUATION_S + DELAY_S))
             if now >= acts_s - 1e-9:

@@ -29,10 +29,11 @@ from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S
 REACTION_S = EVALUATION_S + DELAY_S
 """From the first moment at which the driver can tell until it acts: R157's evaluation and delay, 1.15 s."""
 _BRAKED_MPS2 = 3.5
-"""Who is hit from behind while it brakes harder than this may have given cause. Ours: just over comfortable braking."""
+"""An ego that is hit from behind while it brakes harder than this may have caused it. Ours: just over comfortable
+braking."""
 _LOOKS_BACK_S = 3.0
 SLOWER_MPS = 0.5
-"""Who drives less slower than this, and does not brake, drives the same way. Ours: 2 km/h."""
+"""A run without braking in which the ego is slower by less than this counts as driven in the same way. Ours: 2 km/h."""
 
 
 def assess(child: TestCase, result: RunResult) -> Anticipation:
@@ -119,7 +120,7 @@ class _Assessment:
         return bool((self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS).any())
 
     def _stands(self, seen_s: float | None) -> str:
-        """Say for how long the ego had stood, where that is since before anything could be done; "" else."""
+        """Say for how long the ego had stood, if it stood before anything could be done; else ""."""
         if self._failed.ego_mps >= STUCK_SPEED_MPS:
             return ""
         moving = np.flatnonzero(self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS)

@@ -2,9 +2,9 @@
 
 Of each other actor in sight the motions are predicted that IEEE 2846 calls reasonably foreseeable, within the bounds
 of `settings`: a walker goes on where it is going, a little faster or slower; a vehicle goes on as it moves now, and
-one that cuts in stays on the ego's line; one that crosses or oncomes, and does not go first, is expected to wait as
-long as it can still do so with comfortable braking, and is not nearer than R157's 2 s. There is a conflict where one
-of them comes to the ego's way when the ego does.
+one that cuts in stays on the ego's line; one that crosses or is oncoming, and does not go first, is expected to wait as
+long as it can still do so with comfortable braking, and is not nearer than R157's 2 s. There is a conflict where one of
+them comes to the ego's way when the ego does.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW
 
 _EVERY_S = 0.1
 _CREEPS_MPS = 2.0
-"""An ego that is slower is predicted with this: whether it could set off. Ours."""
+"""An ego slower than this is predicted with this speed, to see whether it could set off. Ours."""
 _EVERY_FRAMES = 2
 _ON_WAY_M, _SAME_WAY = 2.0, 0.7
-"""Who is this near to a way and whose heading differs by less than 45 degrees is on it. Ours: within its lane."""
+"""An actor this near to a way, with a heading that differs by less than 45 degrees, is on it. Ours: within its lane."""
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def suits_mps(gap_m: float, walks_mps: float, slowest_mps: float) -> float:
 
 
 def hazards(ego: Ego, others: list[Other]) -> list[Hazard]:
-    """Return what lies ahead to slow for, of what is in sight."""
+    """Return what is in sight ahead and has to be slowed for."""
     if not others:
         return []
     along, left, heading = ego.way.beside(np.array([(other.x, other.y) for other in others]))

@@ -18,9 +18,9 @@ from foresee_dsl.simulate.trace import STEP_S, Trace
 
 _PEAK, _JERK = 10 / math.sqrt(3), 30.0
 """A step to the side is the polynomial 10 u^3 - 15 u^4 + 6 u^5: its second derivative is at most 5.77, and its third is
-30 in the middle, where the wheel goes over."""
+30 in the middle, where the steering changes sides."""
 _SLOW_MPS = 1.0
-"""Slower than this nobody evades. Ours: the wheel's angle would be divided by the speed."""
+"""Below this speed the ego does not evade. Ours: the wheel's angle would be divided by the speed."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Plan:
         return braking + (max(COMFORTABLE_MPS2, braking) - braking) * stops
 
     def aside_at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return how far to the side it wants to be at times [N], m, and that one's first and second derivatives."""
+        """Return the wanted distance to the side at times [N], m, and its first and second derivatives."""
         takes = sidestep_s(self.sideways_m)
         u = np.clip((time_s - self.begins_s) / takes, 0.0, 1.0)
         d = self.sideways_m
@@ -88,7 +88,7 @@ class Manoeuvre(Replay):
         return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
 
     def _steered(self, bicycle: Bicycle, time_s: float) -> float:
-        """The wheels' angle towards the wanted line beside the way, errors to it decaying critically damped."""
+        """The wheels' angle that brings the ego to the wanted line beside the way, critically damped."""
         aside, rate, bend = (float(value[0]) for value in self._plan.aside_at(np.array([time_s])))
         return steered(bicycle, self._way, self._along, self._state, (aside, rate, bend))
 

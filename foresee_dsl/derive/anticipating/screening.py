@@ -32,7 +32,8 @@ from foresee_dsl.simulate.results.outcome import off_road_points
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y
 
 _NEAR_M = 40.0
-"""Actors that never come nearer than this to the recorded ego are left out. Ours: farther than a way differs."""
+"""Actors that never come nearer than this to the recorded ego are left out. Ours: no manoeuvre differs that far from
+the recorded way."""
 _WITHIN_M = 5.0
 _SHOWN_EVERY = 4
 """A step to the side is checked for the road at every fourth frame."""
@@ -117,7 +118,8 @@ class Screening:
         return Screened(plan, self.least_m(plan))
 
     def latest_s(self, begins_s: float) -> float:
-        """Return until when the hardest braking may begin and still keeps the margin, s; it does at `begins_s`."""
+        """Return the latest time at which the hardest braking can begin and still keep the margin, s; at `begins_s` it
+        does."""
         low, high = round(begins_s / STEP_S), len(self._speeds) - 1
         while high - low > 1:
             middle = (low + high) // 2

@@ -34,22 +34,23 @@ SIDESTEPS_M = (0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.0, 3.5)
 """How far sideways is tried, either way, m. Ours: from a swerve within the lane to a lane's width."""
 
 FORESEES_S = 1.45
-"""To the time that comfortable braking takes, this is added for how far ahead others are predicted: R157's evaluation
-(0.4 s) and delay (0.75 s), and half of the build-up."""
+"""Others are predicted for the time that comfortable braking takes, and this much longer: R157's evaluation (0.4 s) and
+delay (0.75 s), and half of the build-up."""
 GAP_ACCEPTED_S = 4.1
-"""Others are predicted so far ahead at least: Highway Capacity Manual, base critical headway of left turns from a major
-street. Measured: without it, one who had stopped for the first oncoming car set off in front of the second."""
+"""Others are predicted at least this far ahead: Highway Capacity Manual, base critical headway of left turns from a
+major street. Measured: without it, a driver that had stopped for the first oncoming car set off in front of the
+second."""
 WALKER_HASTENS_MPS = 0.5
-"""A walker may become so much faster, or slower. Ours: two thirds of the way from walking to running (`WALKING_MPS`,
-`RUNNING_MPS`)."""
+"""A walker is predicted to become up to this much faster or slower. Ours: two thirds of the way from walking
+to running (`WALKING_MPS`, `RUNNING_MPS`)."""
 CROSSES_RAD = math.radians(45)
-"""A vehicle whose heading differs more than this from the ego's crosses or oncomes, and is expected to wait where it
-can do so with comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model."""
+"""A vehicle whose heading differs by more than this from the ego's is crossing or oncoming, and is expected to wait
+where it can do so with comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model."""
 GAP_S = 0.5
-"""Two who come through a place within this time of each other are in conflict. Ours: post-encroachment times under 1 s
-are serious in conflict studies; the predicted boxes add the ego's length."""
+"""Two road users that come through one place within this time of each other are in conflict. Ours: post-encroachment
+times under 1 s are serious in conflict studies; the predicted boxes add the ego's length."""
 FORGETS_S = 1.0
-"""A conflict that is gone for less is the same. Ours: as long as sensors keep a track."""
+"""A conflict that is interrupted for less than this goes on as the same one. Ours: as long as sensors keep a track."""
 
 WALKING_MPS = 1.39
 """5 km/h: Euro NCAP, AEB VRU protocol, walking adult and obstructed child."""
@@ -58,11 +59,11 @@ RUNNING_MPS = 2.22
 BESIDE_M = 3.0
 """A stopped vehicle whose side is nearer than this to the ego's side can hide somebody. Ours: a lane's width."""
 HIDES_M = 1.2
-"""What stands and is narrower hides nobody. Ours: a skip and a parked car do, a cone and a cabinet do not."""
+"""A standing object narrower than this hides nobody. Ours: a skip and a parked car do, a cone and a cabinet do not."""
 KERB_M = 2.0
 """A standing walker nearer than this to the ego's side may step out. Ours: a kerb, and a step from it."""
 CLOSE_M = 1.0
-"""So near to the ego's side anybody who walks is passed with care, wherever it walks to. Ours, measured: with walkers
+"""A walker nearer than this to the ego's side is passed with care, wherever it walks to. Ours, measured: with walkers
 predicted to turn by 15 degrees at any time, the driver stopped 19 m before a walker who went along the kerb."""
 AT_CROSSING_M = 3.0
 """A walker this near to a crossing on the ego's way, where walkers go first, may want to cross. Ours: two steps. German
@@ -70,22 +71,24 @@ law (StVO 26) asks for moderate speed there, and to wait."""
 NEAR_VEHICLE_M = 5.0
 """Walkers this near to a stopped vehicle belong to it. Ours: a car's length."""
 SLOWEST_MPS = 30 / 3.6
-"""What might happen slows the driver to this at least. Ours, after the zones of 30 km/h in which such streets lie."""
+"""The driver does not go slower than this for what might happen. Ours, after the zones of 30 km/h in which such streets
+lie."""
 SLOWEST_AT_BUS_MPS = 20 / 3.6
-"""And past a bus at its stop, or a stopped vehicle with people near it. Ours: German law (StVO 20) asks for a speed
-at which one can stop for who steps out, and for walking pace past a bus with its hazard lights on."""
+"""The same past a bus at its stop, or past a stopped vehicle with people near it. Ours: German law (StVO 20) asks for a
+speed at which one can stop for who steps out, and for walking pace past a bus with its hazard lights on."""
 HEADWAY_S = 2.0
 """The two-second rule behind another vehicle: The Highway Code (UK), rule 126."""
 HARDEST_MPS2 = 7.0
-"""What the driver counts on when it chooses a speed that suits what is hidden. Ours: R157's 0.774 g less a tenth, for
-the build-up."""
+"""The braking that the driver counts on when it chooses its speed past hidden places. Ours: R157's 0.774 g less a
+tenth, for the build-up."""
 
 TURNING_RAD = math.radians(20)
-"""Who turns by more than this within the time ahead looks over its shoulder: who comes from behind beside it counts.
+"""A driver that turns by more than this within the predicted time looks over its shoulder: others that come from behind
+beside it are considered.
 Ours: 20 degrees, as `CROSSING_RAD` of the near misses."""
 
 STANDS_MPS = 0.3
-"""Slower is standing, for whom one slows. Ours: a tenth of walking pace above SUMO's threshold."""
+"""An actor slower than this counts as standing. Ours: a tenth of walking pace above SUMO's threshold."""
 
 MARGIN_M = 0.3
 """Least distance to everybody that the pre-screening asks of braking. Ours: a step of a fast car's sideways error."""
@@ -94,12 +97,12 @@ MARGIN_ASIDE_M = 0.5
 CLEAR_M = 0.1
 """A confirming run that comes nearer than this to anybody prevents nothing: chance decides. Ours."""
 LOOKS_ON_S = 3.0
-"""So long after the failure's contact a confirming run goes on. Ours: who stops from 50 km/h comfortably has stood
-for a while, and the other has gone by."""
+"""A confirming run goes on for this long after the failure's contact. Ours: by then an ego that brakes comfortably from
+50 km/h has stood for a while, and the other has passed."""
 PASSES_S = 1.0
-"""Who evades keeps going until so long after the failure's contact, then stops comfortably. Ours."""
+"""An ego that evades keeps going until this long after the failure's contact, then stops comfortably. Ours."""
 STOOD_S = 0.5
-"""A walker who walks into an ego that has stood for so long would have stopped: walkers of the simulation do not look.
+"""A real walker would not have walked into an ego that had stood for this long; walkers of the simulation do not look.
 Ours: a step."""
 MOST_RUNS = 6
 """Runs in the real simulation for one failure, the unchanged replay included. Ours: the campaign's time."""

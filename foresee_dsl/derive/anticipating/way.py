@@ -13,11 +13,13 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _ON_M = 80.0
-"""How far the way goes on. Ours: farther than anybody drives within the seconds that are looked at."""
+"""How far the way goes on after the run's end. Ours: farther than the ego drives within the seconds that are
+assessed."""
 _JOINS_M = 12.0
 """A sideways distance to the route's line decays over this length. Ours: at 10 m/s about 1 s."""
 _NEAR_M, _NEAR_RAD = 3.0, 0.6
-"""Who ends farther from its route's line, or more askew, goes straight on. Ours."""
+"""An ego that ends farther than this from its route's line (m), or turned more from it (rad), goes straight on.
+Ours."""
 _SPACING_M = 1.0
 
 
@@ -36,7 +38,7 @@ class Way(RecordedPath):
             self._continue(states[-1], line, trace.actors[0].wheelbase_m)
         grid = np.arange(0.0, float(self._marks[-1]) + _SPACING_M, _SPACING_M)
         self._grid, self._grid_poses = grid, self.at(grid)
-        # Where it stood, it may be driven as fast as it was driven on from there.
+        # Where the ego stood, the recorded speed is the one with which it drove on.
         self._fastest = _widened(self.along, self.recorded_mps)
 
     def _continue(self, last: FloatArray, line: RouteLine, wheelbase_m: float) -> None:

@@ -11,7 +11,7 @@ from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.derive.preventability.risk import RecordedPath
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
-from foresee_dsl.simulate.actors.slippery import SlipperyGround
+from foresee_dsl.simulate.actors.roads import SlipperyGround
 from foresee_dsl.simulate.trace import SPEED, STEER, STEP_S, Trace
 
 BRAKING_MPS2 = 0.774 * GRAVITY_MPS2

@@ -18,7 +18,8 @@ class FusionState(Decisions):
     """What the driver knows since `reset`."""
 
     def decide(self, observation: Observation, answer: Answer) -> Decision:
-        """Take both as the network gives them; where it wants to be much slower soon, brake as hard as the car can."""
+        """Take waypoints and target speed as the network gives them; where it asks for hard braking, brake as hard as
+        the car can."""
         decision = _decision(answer)
         wanted_mps2 = (decision.target_mps - observation.ego.speed_mps) / decision.within_s
         return decision._replace(hardest=wanted_mps2 < -cfg.FUSION_HARD_MPS2)

@@ -107,7 +107,7 @@ class InputMaker:
         return self._route.at_s
 
     def make(self, observation: Observation) -> LearnedInputs:
-        """Return the inputs, the past as it was noted."""
+        """Return the inputs; their past is that of the observations before."""
         self.note(observation)
         return self.draw(observation, [self._ago(observation.time_s, seconds) for seconds in PAST_S])
 
@@ -119,7 +119,7 @@ class InputMaker:
             self._seen.popleft()
 
     def draw(self, observation: Observation, past: Sequence[Sequence[SeenActor]]) -> LearnedInputs:
-        """Return the inputs with a past that is known otherwise.
+        """Return the inputs with a past that is given.
 
         Args:
             observation: not earlier than those before.

@@ -24,8 +24,8 @@ FUSION_TIMES_S = tuple(0.25 * k for k in range(1, 9))
 SPEED_BINS_MPS = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0, 25.0)
 """`target_speed` [1, 14] of `fusion`: the probability of each of these speeds (they sum up to 1)."""
 TARGET_SPEED_S = 1.0
-"""The target speed is the one that the ego shall have so long from now: target minus speed, over this, is the mean
-acceleration that is asked for."""
+"""The ego shall have the target speed this long from now. So the mean acceleration that is asked for is the target
+speed less the present one, divided by this."""
 
 FUSION_SAFE_OUTPUTS = ("waypoints", "density", "stop_line", "signal")
 FUSION_SAFE_TIMES_S = tuple(0.3 * k for k in range(1, 11))

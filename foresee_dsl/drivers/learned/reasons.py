@@ -1,8 +1,8 @@
 """Why a learned driver did what it did.
 
 `fusion_safe` knows what binds. `fusion` does not, so its network is asked again with one object, or the stop lines,
-painted out of both pictures: what makes it faster by that is a reason. What is painted out leaves a hole that no
-picture of training has, so small differences mean nothing.
+painted out of both pictures: where that makes it faster, the object is a reason. Painting out leaves a hole as no
+picture of the training has, so small differences mean nothing.
 """
 
 from __future__ import annotations
@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from foresee_dsl.drivers.learned.outputs import Occupied
 
 LEAST_MPS = 0.3
-"""What changes the target speed by less is no reason. Ours: what 2 m/s^2 change in a decision and a half."""
+"""An object without which the target speed changes by less than this is no reason. Ours: what 2 m/s^2 change in one and
+a half decisions."""
 NEAREST = 12
-"""So many objects, the nearest, are painted out. Ours: 60 ms for a step."""
+"""At most this many objects, the nearest, are painted out. Ours: 60 ms for a step."""
 SAME_M = 4.0
-"""An object of the density map is the object of the list that is nearest, within this. Ours: a car's length."""
+"""An object of the density map is taken for the nearest object of the list, if that is within this. Ours: a car's
+length."""
 _AROUND_M = 0.75
 """Painted out with a margin. Ours: one pixel and a half, as boxes are drawn larger than they are."""
 _ROAD_USERS = [CHANNELS.index(n) for n in CHANNELS if n in {"vehicle", "two_wheeler", "pedestrian", "obstacle"}]
@@ -53,7 +55,7 @@ def reasons_by_erasing(
 def _erased(
     observation: Observation, inputs: LearnedInputs, decision: Decision, decide: Callable[[LearnedInputs], Decision]
 ) -> Iterator[tuple[float, Reason]]:
-    """Yield by how much faster it is without something, m/s, and the reason that this is."""
+    """Yield how much faster the driver is without an object, m/s, and that object as a reason."""
     for seen in observation.actors[:NEAREST]:
         faster = decide(_without(observation, inputs, seen)).target_mps - decision.target_mps
         if faster >= LEAST_MPS:

@@ -8,14 +8,14 @@ Sensor Fusion Transformer", its appendix on the safety controller, and its publi
 from __future__ import annotations
 
 DECIDES_S = 0.075
-"""A new decision on each object list that was measured at least this much after the last one's: ten a second, with
-the standard sensors (a list every 0.1 s) as with ideal ones (every 0.05 s). Ours."""
+"""A new decision is made on an object list that was measured at least this long after that of the last decision: ten a
+second, with the standard sensors (a list every 0.1 s) as with ideal ones (every 0.05 s). Ours."""
 
 # --- waypoints to pedals ----------------------------------------------------------------------------------------
 AIM_S = 0.45
 AIM_LEAST_M = 2.2
-"""Ours: the point that is steered for is this far ahead of the ego's centre. With 0.6 s and 3 m, as with more, the ego
-cut the exit of a roundabout over its kerb. TransFuser aims at 4 m below 5.5 m/s and at 6.5 m above."""
+"""Ours: the ego steers for a point this far ahead of its centre. With 0.6 s and 3 m, as with more, the ego cut the exit
+of a roundabout over its kerb. TransFuser aims at 4 m below 5.5 m/s and at 6.5 m above."""
 WAY_LEAST_M = 0.7
 """Ours: shorter waypoints belong to a car that is to stand; their direction says nothing, the wheels stay as they
 are."""
@@ -56,7 +56,8 @@ SAME_OBJECT_M = 2.0
 LEAST_M = 0.5
 """Ours: the least length and width of an object; the network says 0 for some people."""
 MOST_OBJECTS = 30
-"""Ours: so many objects ahead, the nearest, are looked at: the cost is theirs; in the densest traffic 25 are seen."""
+"""Ours: at most this many objects ahead, the nearest, are considered, as each costs time; in the densest traffic 25 are
+seen."""
 STEP_S = 0.5
 """InterFuser's step of the linear programme."""
 STEPS = 6
@@ -71,20 +72,20 @@ SOON_S = 1.0
 on. Ours: crossing cars that brake for their own red light would bind otherwise."""
 SLOW_MPS = 3.0
 SLOW_SOON_S = 2.0
-"""Ours: who walks or runs goes on walking, and binds from two seconds before."""
+"""Ours: people who walk or run keep on walking, so they bind two seconds ahead."""
 SMALL_M = 2.5
 SMALL_MARGIN_M = 0.4
 """People and bicycles are drawn larger, as InterFuser doubles what is shorter than 1.5 m: by a step on each side."""
 SPEED_ERROR_MPS = 0.5
-"""Ours: slower than this the others stand; the network's speeds are that far off."""
+"""Ours: others slower than this count as standing; the network's speeds are that far off."""
 MARGIN_M = 2.0
 """InterFuser: what is left in front of an object."""
 SIDE_MARGIN_M = 0.2
 """Ours: air on either side of the ego; InterFuser has 0.2 m more than half a car's width, and tolerates an overlap of
 4 %."""
 BESIDE_M = 0.4
-"""Ours: by how much what lies beside the ego may seem to be inside it, as sizes and places in the density map are off
-by that much. A barrier that it passed held it for good."""
+"""Ours: an object beside the ego may seem to overlap it by this much, as sizes and places in the density map are that
+far off. Without it the ego once stood for good beside a barrier."""
 SAMPLE_M = 0.5
 """Ours: spacing of the ego's places along the waypoints that are looked at; InterFuser has 0.2 m."""
 STOP_PROBABILITY = 0.5
@@ -93,8 +94,8 @@ junctions that are near."""
 STOP_MARGIN_M = 0.5
 """Ours: where the front comes to rest before a stop line."""
 PLANNED_S = 0.9
-"""Ours: the waypoints' speed is read between 0.6 s and 1.2 s ahead, so that single ones do not matter; it is to be
-reached in the middle of that."""
+"""Ours: the waypoints' speed is read between 0.6 s and 1.2 s ahead, so that a single bad waypoint does not matter; the
+speed is to be reached in the middle of that time."""
 PLANNED_BETWEEN = (1, 3)
 """The same as places among the waypoints, 0.3 s apart."""
 MOST_MPS = 25.0

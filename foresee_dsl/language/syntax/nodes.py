@@ -41,7 +41,7 @@ class _AnyName(frozenset[str]):
 ANY_NAME: frozenset[str] = _AnyName()
 """The parameters of a scenario that extends another: a word may be one of the other's, which are not in this file.
 
-A word that turns out to be none becomes a name again when the two are joined (`extend.extended`).
+A word that turns out to be no parameter becomes a name again when the two are joined (`extend.extended`).
 """
 
 
@@ -77,7 +77,7 @@ class NodeMaker:
         self.stated: list[Node] = []
         """The statements of parameters and of drawn cases."""
         self.settles = False
-        """Something is worked out in them, which `parameters.settle` does once all are made."""
+        """Whether they hold expressions, which `parameters.settle` evaluates once all nodes are made."""
         extends = any(part.data == "extension" for part in _trees(tree.children))
         self._parameters = ANY_NAME if extends else frozenset(_parameter_names(tree))
         self.calculates = False

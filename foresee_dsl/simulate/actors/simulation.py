@@ -13,7 +13,6 @@ from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.insertion import Insertion
-from foresee_dsl.simulate.actors.limits import Limits
 from foresee_dsl.simulate.actors.moved_actors import (
     STANDS_MPS,
     Ego,
@@ -23,8 +22,8 @@ from foresee_dsl.simulate.actors.moved_actors import (
     with_timing,
 )
 from foresee_dsl.simulate.actors.path_groups import PathGroup
+from foresee_dsl.simulate.actors.roads import Limits, SlipperyGround
 from foresee_dsl.simulate.actors.shown_actors import ShownActors
-from foresee_dsl.simulate.actors.slippery import SlipperyGround
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
 from foresee_dsl.simulate.trace import STEP_S

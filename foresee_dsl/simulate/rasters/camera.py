@@ -208,7 +208,7 @@ def _counter_clockwise(outline: Points) -> Points:
 
 
 def _stretch(middle: FloatArray, half: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return from where to where |step * z - middle| <= half, [K, W]."""
+    """Return the least and the greatest z with |step * z - middle| <= half, [K, W]."""
     safe = np.where(np.abs(step) < 1e-12, 1e-12, step)
     one, other = (middle - half) / safe, (middle + half) / safe
     return np.minimum(one, other), np.maximum(one, other)

@@ -41,7 +41,8 @@ _FIRST_GROUP = FORWARD_CHANNELS.index(GROUPS[0])
 
 
 class Canvas:
-    """Draws a run's pictures from plain arrays; nothing is drawn, the map neither, before the first is asked for."""
+    """Draws a run's pictures from plain arrays; nothing is drawn, not even the map, before the first picture is asked
+    for."""
 
     def __init__(
         self,

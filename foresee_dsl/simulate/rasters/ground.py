@@ -31,7 +31,7 @@ MARKING_M = 0.5
 """Width of markings and lane centres in pictures. Ours: painted lines are 0.12 to 0.25 m wide and would be missed by
 pixels of 0.5 m."""
 ROUTE_M = 1.5
-"""Width of the route. Ours: half a lane, so that it is told from the lane centres."""
+"""Width of the route. Ours: half a lane, so that it can be told from the lane centres."""
 _MARGIN_M = 25.0
 """Margin of the map around the lanes, m. Ours: a run ends (off the road) long before its ego comes so far."""
 _MAX_PX = 64_000_000
@@ -134,7 +134,7 @@ class GroundMap:
 
 
 def _offset(pixels: float, size: int) -> np.int32:
-    """Return a coordinate with its bits behind the point; far outside of the map it stays just outside the picture."""
+    """Return a coordinate in fixed point; one far outside of the map is moved to just outside of it."""
     return np.int32(round(min(max(pixels, -2.0 * size - 4000), 3.0 * size + 4000) * (1 << _FRACTION)))
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
 
@@ -30,15 +31,27 @@ Truth = Callable[[], bool | None]
 Reads = Callable[[], float]
 """Returns a measure's value now, NaN where there is none."""
 
-_ALWAYS, _NUMBER, _PAIR, _AREA, _OTHER = range(5)
-"""In which order the parts of an `and` are looked at: the first always, and then the cheapest first."""
+
+class _Cost(IntEnum):
+    """What a look at a condition costs; the parts of an `and` or `or` are looked at in this order.
+
+    `EVERY_STEP`: it is looked at in every step, whatever the other parts say. Of the others, `NUMBER` reads one number
+    of the state table, `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and
+    `MARGIN` is evaluated by `Conditions`, with its margin.
+    """
+
+    EVERY_STEP = 0
+    NUMBER = 1
+    PAIR = 2
+    AREA = 3
+    MARGIN = 4
 
 
 class _Made(NamedTuple):
     """A condition as a function, and what it costs."""
 
     truth: Truth
-    cost: int
+    cost: _Cost
 
 
 def truth_of(condition: m.Condition, conditions: Conditions) -> Truth | None:
@@ -56,10 +69,10 @@ def _made(condition: m.Condition, conditions: Conditions) -> _Made:
             return _Made(partial(_opposite, inner.truth), inner.cost)
         case m.Both() | m.Either():
             found = sorted((_made(part, conditions) for part in condition.conditions), key=lambda one: one.cost)
-            always = tuple(one.truth for one in found if one.cost == _ALWAYS)
-            rest = tuple(one.truth for one in found if one.cost != _ALWAYS)
-            cost = _ALWAYS if always else max(one.cost for one in found)
-            return _Made(partial(_joined, always, rest, isinstance(condition, m.Either)), cost)
+            every_step = tuple(one.truth for one in found if one.cost == _Cost.EVERY_STEP)
+            rest = tuple(one.truth for one in found if one.cost != _Cost.EVERY_STEP)
+            cost = _Cost.EVERY_STEP if every_step else max(one.cost for one in found)
+            return _Made(partial(_joined, every_step, rest, isinstance(condition, m.Either)), cost)
         case m.Comparison() if isinstance(condition.left, m.Measure):
             bound = si_of(condition.right)
             reads, cost = _reads(condition.left, bound, conditions)
@@ -71,27 +84,29 @@ def _made(condition: m.Condition, conditions: Conditions) -> _Made:
         case m.InJunction() if condition.junction is not None:
             actor = conditions.simulation.by_id.get(condition.actor)
             if actor is not None:
-                return _Made(_in_junction(actor, word_of(condition.junction), conditions), _AREA)
+                return _Made(_in_junction(actor, word_of(condition.junction), conditions), _Cost.AREA)
     return _Made(partial(_outcome, condition, conditions), _cost_of(condition, conditions))
 
 
-def _reads(measure: m.Measure, bound: float, conditions: Conditions) -> tuple[Reads, int]:
+def _reads(measure: m.Measure, bound: float, conditions: Conditions) -> tuple[Reads, _Cost]:
     """Return a function that returns a measure's value, or infinity where that is surely above the bound, and what it
     costs."""
     simulation = conditions.simulation
     actor, name = simulation.by_id.get(measure.actor or ""), word_of(measure.other or "")
     other = simulation.by_id.get(name)
     if measure.what == "time":
-        return (lambda: simulation.time_s), _NUMBER
+        return (lambda: simulation.time_s), _Cost.NUMBER
     if actor is None:
-        return (lambda: math.nan), _NUMBER
+        return (lambda: math.nan), _Cost.NUMBER
     if measure.what in ("speed", "acceleration"):
-        return partial(_number, actor, conditions, SPEED if measure.what == "speed" else ACCELERATION), _NUMBER
+        return partial(_number, actor, conditions, SPEED if measure.what == "speed" else ACCELERATION), _Cost.NUMBER
     if measure.what in ("eta", "distance") and conditions.is_junction(name):
         to = _eta if measure.what == "eta" else _to_junction
-        return partial(to, actor, name, simulation), _AREA if _looks_anywhere(actor, conditions) else _ALWAYS
+        return partial(to, actor, name, simulation), _Cost.AREA if _looks_anywhere(
+            actor, conditions
+        ) else _Cost.EVERY_STEP
     if other is not None and measure.what in ("distance", "ttc", "headway"):
-        return _pair(measure, bound, (actor, other), conditions), _PAIR
+        return _pair(measure, bound, (actor, other), conditions), _Cost.PAIR
     return partial(conditions.value, measure), _cost_of(measure, conditions)
 
 
@@ -142,15 +157,15 @@ def _looks_anywhere(actor: Actor, conditions: Conditions) -> bool:
     return actor is conditions.simulation.ego or isinstance(actor, PathActor)
 
 
-def _cost_of(item: m.Condition | m.Measure, conditions: Conditions) -> int:
+def _cost_of(item: m.Condition | m.Measure, conditions: Conditions) -> _Cost:
     """Return what a condition or measure costs that is evaluated with its margin."""
     if isinstance(item, m.Within) and isinstance(item.of, m.OfActor):
-        return _ALWAYS
+        return _Cost.EVERY_STEP
     by_id = conditions.simulation.by_id
     actors = (by_id.get(name) for name in (getattr(item, "actor", None), getattr(item, "other", None)) if name)
     if all(actor is None or _looks_anywhere(actor, conditions) for actor in actors):
-        return _OTHER
-    return _ALWAYS
+        return _Cost.MARGIN
+    return _Cost.EVERY_STEP
 
 
 def _in_junction(actor: Actor, junction: str, conditions: Conditions) -> Truth:
@@ -184,10 +199,13 @@ def _opposite(truth: Truth) -> bool | None:
     return None if held is None else not held
 
 
-def _joined(always: tuple[Truth, ...], rest: tuple[Truth, ...], enough: bool) -> bool | None:
-    """Join parts of which one that is `enough` decides: for `or` one that holds, for `and` one that does not."""
+def _joined(every_step: tuple[Truth, ...], rest: tuple[Truth, ...], enough: bool) -> bool | None:
+    """Join the parts of an `or` (`enough`: True) or an `and` (False): one part that is `enough` decides.
+
+    `every_step`: parts that are looked at in every step. `rest`: those that are looked at until one decides.
+    """
     decided, unknown = False, False
-    for truth in always:
+    for truth in every_step:
         held = truth()
         decided, unknown = decided or held is enough, unknown or held is None
     if decided:

@@ -14,7 +14,7 @@ RESAMPLES = 10_000
 """Draws with replacement (ours: the ends of an interval then move by less than 1 % from seed to seed)."""
 SHARE = 0.95
 SEED = 20_26
-"""Of the draws: the same results give the same intervals."""
+"""The seed of the draws: the same results give the same intervals."""
 
 
 class Interval(NamedTuple):

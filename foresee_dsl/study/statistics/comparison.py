@@ -57,7 +57,7 @@ class Comparison:
 
     @property
     def ratio(self) -> float:
-        """How many times the second the first is; infinite over 0, NaN where both are 0."""
+        """The first sum divided by the second; infinite where only that is 0, NaN where both are."""
         if not self.second:
             return math.inf if self.first else math.nan
         return self.first / self.second

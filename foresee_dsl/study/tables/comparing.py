@@ -26,7 +26,7 @@ NOTES = (
 
 @dataclass(frozen=True)
 class Compared:
-    """A row to be: two techniques compared. `heading`: what stands above it, where that changes."""
+    """Two techniques whose comparison becomes a row. `heading`: what stands above the row, where that changes."""
 
     heading: str
     label: str

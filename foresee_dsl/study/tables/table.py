@@ -17,7 +17,7 @@ Value = str | int | float | None
 
 
 class RowKind(StrEnum):
-    """What a row is."""
+    """The kind of a row."""
 
     ROW = "row"
     HEADING = "heading"
@@ -147,7 +147,7 @@ class Table:
         return tuple(ShownRow(row.label, row.kind, self.texts(row)) for row in self.rows)
 
     def as_markdown(self) -> str:
-        """Return it with its title and notes."""
+        """Return the table as Markdown, with its title and notes."""
         heads = (self.first, *(column.whole_title for column in self.columns))
         lines = [f"**{self.title}**", "", _barred(heads), _barred(("---", *("---:",) * len(self.columns)))]
         for row in self.rows:
@@ -157,7 +157,7 @@ class Table:
         return "\n".join((*lines, "", *(f"{note}  " for note in self.notes[:-1]), *self.notes[-1:])).rstrip() + "\n"
 
     def as_csv(self) -> str:
-        """Return it with one line of headings; a heading among the rows is a column of its own."""
+        """Return the table as CSV, with one line of headings; a heading among the rows is a column of its own."""
         file = io.StringIO()
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("part", self.first or "row", *(column.whole_title for column in self.columns)))
@@ -171,7 +171,7 @@ class Table:
         return file.getvalue()
 
     def as_latex(self) -> str:
-        """Return it as the paper sets its tables: booktabs, groups over their columns."""
+        """Return the table as LaTeX, as the paper sets its tables: booktabs, groups over their columns."""
         made = templates("study", markup=False)
         made.filters["tex"] = _escaped
         return made.get_template("table.tex.j2").render(table=self, rules=tuple(self._rules()))

@@ -1,9 +1,4 @@
-"""Slippery patches of ground: what tyres hold on them, for the ego and for every other vehicle.
-
-Nobody is told of a patch. The ego and vehicles under a steering offset have the mean friction of what lies under their
-four wheels. SUMO and paths move a vehicle by one rate of speeding up and one of braking, which are no more than the
-friction under the middle of its footprint allows; in bends they keep their way. People walk over a patch as they did.
-"""
+"""What changes about roads in a run: slippery patches of ground, and speed limits."""
 
 from __future__ import annotations
 
@@ -11,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from math import hypot
 
 from foresee_dsl.compile.bundle import Scene
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
@@ -21,10 +17,19 @@ from foresee_dsl.simulate.world import World
 
 TYRE_M = 0.1
 """A wheel stands this far inside the vehicle's side. Ours: half a car tyre's width."""
+ROUNDING_MPS = 0.01
+"""A vehicle that is this much slower than the limit drives as fast as it allows. Ours: clips round to 0.0001 m/s, maps
+to 0.01 m/s."""
 
 
 class SlipperyGround:
-    """The patches of a scene; asked once a step, before anybody moves."""
+    """The slippery patches of a scene; asked once a step, before anybody moves.
+
+    Nobody is told of a patch. The ego and vehicles under a steering offset have the mean friction of what lies under
+    their four wheels. SUMO and paths move a vehicle by one rate of speeding up and one of braking, which are no more
+    than the friction under the middle of its footprint allows; in bends they keep their way. People walk over a patch
+    as they did.
+    """
 
     def __init__(self, scene: Scene) -> None:
         """Know the patches, and the friction of the road around them."""
@@ -81,3 +86,48 @@ class SlipperyGround:
             if slips or name in self._slowed:
                 world.hold_tyres(name, self._most(vehicle) if slips else None)
                 (self._slowed.add if slips else self._slowed.discard)(name)
+
+
+class Limits:
+    """The lanes whose speed limit was changed, and what vehicles drive under it.
+
+    What a vehicle drives there depends on its own speed and on both limits only, so that a clip needs no more: one that
+    drives as fast as the old limit allows, or faster, drives the new one, others where that is less.
+    """
+
+    def __init__(self, network: RoadNetwork, world: World) -> None:
+        self._network, self._world = network, world
+        self._now: dict[str, float] = {}
+        self._driven: dict[str, float] = {}
+
+    @property
+    def changed(self) -> bool:
+        """Whether any was."""
+        return bool(self._now)
+
+    def change(self, edge: str, lane: int | None, speed_mps: float) -> None:
+        """Change the limit of all lanes of an edge, or of one (counted from 1, the rightmost for cars)."""
+        for piece in self._network.pieces(edge):
+            lanes = self._network.edges[piece].drivable
+            for found in lanes if lane is None else lanes[lane - 1 : lane]:
+                self._now[found.id] = speed_mps
+                self._world.set_limit(found.id, speed_mps)
+
+    def capped(self, actor: Actor, speed_mps: float) -> float:
+        """Return what an actor drives that was told a speed: no more than a limit that was lowered."""
+        self._driven.pop(actor.id, None)
+        now = self._now.get(actor.lane)
+        return speed_mps if now is None or now >= self._network.lanes[actor.lane].speed_mps else min(speed_mps, now)
+
+    def driven(self, actor: Actor, cruise_mps: float) -> float | None:
+        """Return what an actor that nobody orders drives on its lane; None where it does so already."""
+        if actor.lane.startswith(":"):
+            return None
+        now, speed_mps = self._now.get(actor.lane), cruise_mps
+        if now is not None:
+            fast = cruise_mps >= self._network.lanes[actor.lane].speed_mps - ROUNDING_MPS
+            speed_mps = min(now if fast else min(cruise_mps, now), actor.placed.model.max_speed_mps)
+        if self._driven.get(actor.id, cruise_mps) == speed_mps:
+            return None
+        self._driven[actor.id] = speed_mps
+        return speed_mps
