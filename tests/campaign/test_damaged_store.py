@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import shutil
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
@@ -10,8 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.storage.store import Row, Store, StoreError
+from foresee_dsl.campaign.execution.engine import run_campaign
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.cli.options.campaign_options import notes_on
+from foresee_dsl.language.project.loading import load_test_cases
+from tests.support.small_campaign import SETTINGS, Heard, published, write_project
 
 KEYS = [f"{k:064x}" for k in range(300)]
 
@@ -65,26 +70,104 @@ def test_a_database_that_sqlite_cannot_read_is_replaced_by_what_can_be_rescued(t
     with Store(tmp_path) as store:
         there = [key for key in KEYS if store.get(key) is not None]
         assert 100 < len(there) < len(KEYS) and store.lost == len(KEYS) - len(there)
-        assert "could not be read from its database, which is kept" in notes_on(store)[-1]
+        assert f"{len(there)} results could be read from its database, at least" in notes_on(store)[-1]
         assert list(tmp_path.glob("runs.damaged-*.sqlite"))
 
 
+_FIRST_PAGE = (0, 15, 18, 19, 21, 31, 47, 55, 59, 60, 63, 68, 103, 108, 3699, 3913)
+"""Bytes of a database's first page: what it says of itself, and the text of its tables."""
+
+
 def test_any_flipped_byte_of_the_database_is_harmless(tmp_path: Path) -> None:
-    """Every row that is still given is the one that was written; a store that cannot be opened says so."""
+    """Every row that is still given is the one that was written, nearly all are, and the next one can be written."""
     file = filled(tmp_path) / "runs.sqlite"
     with Store(tmp_path) as store:
         written = {row.key: row for row in store.rows()}
     data, random_ = file.read_bytes(), random.Random(1)
-    for _ in range(40):
+    for at in (*_FIRST_PAGE, *(random_.randrange(len(data)) for _ in range(24))):
         file.write_bytes(data)
-        changed(file, random_.randrange(len(data)))
-        try:
-            with Store(tmp_path) as store:
-                assert all(row == written.get(row.key) for row in store.rows())
-        except StoreError as err:
-            assert "damaged" in str(err) or "schema" in str(err)
-        for rest in tmp_path.glob("runs.damaged-*"):
+        changed(file, at)
+        with Store(tmp_path) as store:
+            rows = list(store.rows())
+            assert all(row == written.get(row.key) for row in rows)
+            assert len(rows) > len(written) / 2 if at >= _PAGE else len(rows) == len(written)
+            store.add(Row(key="new", kind="child", name="new", record=b"new"))
+        for rest in tmp_path.glob("runs.*sqlite-*"):
             rest.unlink()
+
+
+_PAGE = 4096
+
+
+_SETTINGS = replace(SETTINGS, children=2, against=())
+
+
+def driven(folder: Path, out: Path, heard: Heard) -> tuple[CampaignResult, str]:
+    """Run a campaign of one test case, of which one child fails; return what is said of the store, too."""
+    case, *_ = load_test_cases([folder / "project" / "crosser.foresee"])
+    with Store(out / "store") as store:
+        result = run_campaign([case], _SETTINGS, out=out, store=store, listeners=[heard])
+        return result, " ".join(notes_on(store))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished campaign, `out`, beside its `project`."""
+    folder = tmp_path_factory.mktemp("whole")
+    write_project(folder / "project")
+    driven(folder, folder / "out", Heard())
+    return folder
+
+
+class Flips(Heard):
+    """Changes a byte of the first trace of each kind of step as soon as it is stored, and of one child's row."""
+
+    def __init__(self, store: Path) -> None:
+        super().__init__()
+        self.store, self.flipped = store, set[str]()
+
+    def done(self, row: Row, *, new: bool = True) -> None:
+        super().done(row, new=new)
+        if row.trace and row.kind not in self.flipped:
+            self.flipped.add(row.kind)
+            changed(self.store / "blobs" / row.trace[:2] / f"{row.trace}.npz", 60)
+        elif row.kind == "child" and "row" not in self.flipped:
+            self.flipped.add("row")
+            with closing(sqlite3.connect(self.store / "runs.sqlite", timeout=10)) as database, database:
+                database.execute("UPDATE runs SET reason = 'something else' WHERE key = ?", (row.key,))
+
+
+def test_what_is_changed_during_a_campaign_is_run_again(whole: Path) -> None:
+    heard = Flips(whole / "during" / "store")
+    result, said = driven(whole, whole / "during", heard)
+    assert "had been changed on the disk" in said
+    assert heard.flipped >= {"seed", "clip", "child", "row"} and not result.broken and not result.interrupted
+    assert without_times(published(whole / "during")) == without_times(published(whole / "out"))
+
+
+@pytest.mark.parametrize("where", ["trace", "record", "first page", "index"])
+def test_what_was_changed_before_a_campaign_is_run_again(whole: Path, where: str) -> None:
+    out = whole / where.replace(" ", "_")
+    shutil.copytree(whole / "out", out)
+    file = out / "store" / "runs.sqlite"
+    with Store(out / "store", write=False) as store:
+        row = next(row for row in store.rows() if row.kind == "child" and row.trace)
+    data, key = file.read_bytes(), row.key.encode()
+    at = {"trace": 50, "record": data.index(row.record) + 9, "first page": 3, "index": data.index(key, 2 * _PAGE)}
+    changed(store.blobs.path(row.trace) if where == "trace" else file, at[where])
+    heard = Heard()
+    result, said = driven(whole, out, heard)
+    assert not result.broken and set(heard.names) <= {row.name}
+    assert (where == "first page") == (not heard.names) or where == "index"
+    assert "was damaged" in said
+    assert without_times(published(out)) == without_times(published(whole / "out"))
+
+
+def without_times(found: object) -> object:
+    """What a campaign's folder holds, without how long runs took."""
+    if isinstance(found, dict):
+        return {key: without_times(value) for key, value in found.items() if key != "wall_s"}
+    return [without_times(value) for value in found] if isinstance(found, list) else found
 
 
 def test_a_store_without_checksums_is_read_and_gets_them(tmp_path: Path) -> None:

@@ -108,6 +108,7 @@ def test_a_store_of_another_layout_is_refused_by_every_command_with_what_to_do(o
     for schema, what in ((2, "use that version"), (0, "move it away")):
         with sqlite3.connect(out / "store" / "runs.sqlite") as database:
             database.execute(f"PRAGMA user_version = {schema}")
+            database.execute("PRAGMA application_id = 0")
         database.close()
         for command in ("plan", "campaign"):
             said = CliRunner().invoke(app, [command, str(file), *OPTIONS, "--out", str(out)])

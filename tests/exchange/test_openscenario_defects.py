@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from pathlib import Path
@@ -17,7 +18,7 @@ from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.roads import Roads
 from foresee_dsl.exchange.outcome import Coordinates, Imported, NotExpressed, SourceError
 from foresee_dsl.language import model as m
-from foresee_dsl.language.model import EdgeRoute, Quantity, Scenario, When
+from foresee_dsl.language.model import Quantity, Scenario, When
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.loading import load_test_case
 from tests.support import openscenario_files as osc
@@ -280,8 +281,9 @@ def test_a_loop_is_driven_round(tmp_path: Path) -> None:
     file = osc.write(tmp_path / "in", text, road=ring)
     importer.run(file, out=tmp_path / "out")
     target = load_test_case(tmp_path / "out" / "cut_in.foresee").scenario.actors[1]
-    (route,) = [item for item in target.body if isinstance(item, EdgeRoute)]
-    assert len(route.edges) >= 3
+    (path,) = [item for item in target.body if isinstance(item, m.Path)]
+    places = [(point.x.si, point.y.si) for point in path.points if isinstance(point, m.Point)]
+    assert sum(math.dist(a, b) for a, b in itertools.pairwise(places)) > 600
 
 
 def test_a_vehicle_that_somebody_slower_would_hold_up_keeps_its_speed(tmp_path: Path) -> None:

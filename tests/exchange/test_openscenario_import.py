@@ -176,7 +176,11 @@ def test_every_kind_of_place(tmp_path: Path, position: str, pose: tuple[float, f
         ('<StandStillCondition duration="2"/>', "ego.speed < 0.1 m/s for 2 s"),
         (
             '<TimeHeadwayCondition entityRef="walker" value="3" rule="lessOrEqual" freespace="true"/>',
-            "headway(ego, walker) <= 3 s",
+            "headway(ego, walker) <= 3 s and not walker behind ego",
+        ),
+        (
+            '<TimeHeadwayCondition entityRef="walker" value="3" rule="greaterThan" freespace="true"/>',
+            "headway(ego, walker) > 3 s and walker ahead of ego",
         ),
         (
             '<TimeToCollisionCondition value="2" rule="lessThan" freespace="true"><TimeToCollisionConditionTarget>'

@@ -33,6 +33,8 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
+_MENDED = 3
+"""How many times a campaign whose results are changed on the disk meanwhile runs what is missing (ours)."""
 _AWAITED_TURN = ChildStep.turn
 """What comes after the children has no round waiting for it."""
 
@@ -136,6 +138,10 @@ class _Run:
         self._expected: Counter[str] = Counter()
         """Keys that tasks under way may give, and how many of these tasks."""
         self._broken: list[str] = []
+        self._begun_again: set[str] = set()
+        """Keys of steps that broke as what they read had been changed."""
+        self._then: dict[str, list[Node]] = {}
+        """These steps, by the key of what they read."""
         self._rounds = {node: rounds for rounds in stages.rounds for node in rounds.seeds}
         """The rounds that a test case belongs to, where children are allocated in rounds."""
         self._awaited: Counter[tuple[int, int]] = Counter()
@@ -150,10 +156,16 @@ class _Run:
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
         try:
-            self._run_through(self._stages.seeds)
-            # What is a finding is known once all children are.
-            if minimise and not self._stopped:
-                self._run_through(choose_representatives(self._stages))
+            roots: Sequence[Node] = self._stages.seeds
+            for _ in range(_MENDED):
+                self._run_through(roots)
+                # What is a finding is known once all children are.
+                if minimise and not self._stopped:
+                    self._run_through(choose_representatives(self._stages))
+                roots = self._changed_meanwhile()
+                if self._stopped or not roots:
+                    break
+                self._broken.clear()
             return self._broken, self._stopped
         finally:
             if self._executor is not None:
@@ -172,6 +184,14 @@ class _Run:
             for update in self._executor.updates(self._stop):
                 self._handle(update)
                 self._begin_rounds()
+
+    def _changed_meanwhile(self) -> list[Node]:
+        """Return the steps without a result, where one of these was changed on the disk since it was stored."""
+        if self._executor is None:
+            return []
+        self._store.read_again()
+        missing = [node for node, row in self._stages.walk() if row is None]
+        return missing if any(node.step.key in self._store.damaged for node in missing) else []
 
     def _begin_rounds(self) -> None:
         """Begin each round for which all results are there."""
@@ -217,8 +237,11 @@ class _Run:
         return id(rounds), awaited_by(node)
 
     def _hand_out(self, node: Node) -> None:
+        waiting = self._waiting.setdefault(node.step.key, [])
+        if node in waiting:
+            return
+        waiting.append(node)
         self._awaited[self._awaited_by(node)] += 1
-        self._waiting.setdefault(node.step.key, []).append(node)
         if self._expected[node.step.key]:
             return  # a task that is under way gives it
         task = self._stages.task(node, self._files, self._options.limits)
@@ -241,6 +264,8 @@ class _Run:
         node = self._running.pop(update.task.key)
         keys = [step.key for step in self._stages.task_steps(node)]
         self._expected.subtract(keys)
+        if isinstance(update.value, Broken) and self._begins_again(node):
+            return
         if isinstance(update.value, Broken):
             # The part that it was at is the first that it has not given.
             key = next((k for k in keys if not self._store.has(k)), node.step.key)
@@ -253,11 +278,25 @@ class _Run:
                 for listener in self._listeners:
                     listener.broken(self._broken[-1])
 
+    def _begins_again(self, node: Node) -> bool:
+        """Run once more what a step that broke had read, if that was changed on the disk; the step follows from it."""
+        if not node.step.reads or node.step.key in self._begun_again:
+            return False
+        read = node.over(node.step.reads)
+        self._store.read_again()
+        if self._stages.row(read) is not None:
+            return False
+        self._begun_again.add(node.step.key)
+        self._end_waiting(node.step.key)
+        self._then.setdefault(read.step.key, []).append(node)
+        self._hand_out(read)
+        return True
+
     def _add(self, row: Row, trace: bytes | None) -> None:
         row = self._store.add(row, trace)
         for k, node in enumerate(self._end_waiting(row.key)):
             self._tell(row, new=k == 0)
-            self._visit(self._stages.after(node, row))
+            self._visit((*self._then.pop(row.key, ()), *self._stages.after(node, row)))
 
     def _end_waiting(self, key: str) -> list[Node]:
         """Return the steps that waited for a result."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+from foresee_dsl.campaign.storage.traces import name_of
 from foresee_dsl.language.model import Network, VehicleModel
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
@@ -27,12 +28,19 @@ class Ref:
 
         Raises:
             OSError: the file is gone.
+            ValueError: it was changed.
         """
-        return self.path.read_bytes() if self.data is None else self.data
+        data = self._bytes()
+        if name_of(data) != self.name:
+            raise ValueError(f"{self.path} was changed on the disk")
+        return data
 
     def inline(self) -> Ref:
-        """Return it with its bytes."""
-        return replace(self, data=self.read())
+        """Return it with its bytes; whoever reads it finds out whether they were changed."""
+        return replace(self, data=self._bytes())
+
+    def _bytes(self) -> bytes:
+        return self.path.read_bytes() if self.data is None else self.data
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,7 @@ def load_trace(ref: Ref) -> Trace:
 
     Raises:
         OSError: its file is gone.
-        ValueError: its file is no trace.
+        ValueError: its file was changed, or is no trace.
     """
     return Trace.load(io.BytesIO(ref.read()))
 

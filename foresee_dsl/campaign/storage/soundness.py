@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import sqlite3
+import tempfile
 import time
 import zlib
 from collections.abc import Iterator, Sequence
@@ -15,6 +17,12 @@ UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)
 """What reading a damaged database raises; the second where the name of a table is damaged, which the message holds."""
 _SIDES = ("", "-wal", "-shm")
 """The files of a database in SQLite's write-ahead mode."""
+_DAMAGE = ("malformed", "not a database", "unsupported file format")
+"""Parts of SQLite's messages about a file that was changed."""
+_MODES = slice(18, 20)
+"""The bytes of a database that say how it is written and read (SQLite's file format, 1.3)."""
+_WRITE_AHEAD = b"\x02\x02"
+"""These bytes in write-ahead mode."""
 
 
 def sum_of(values: Sequence[object]) -> str:
@@ -49,38 +57,79 @@ def has_sums(database: sqlite3.Connection) -> bool:
 
 
 def is_whole(file: Path) -> bool:
-    """Return whether SQLite can read all of a database. A file that is no database passes: opening it gives the
-    error."""
+    """Return whether SQLite can read and write all of a database, as far as that can be told: one that cannot be opened
+    at all (a lock, a right that is missing) counts as whole."""
     try:
         with closing(_opened(file)) as database:
-            return bool(database.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
-    except UNREADABLE as err:
-        return not isinstance(err, UnicodeDecodeError) and "malformed" not in str(err)
+            whole = database.execute("PRAGMA integrity_check(1)").fetchone() == ("ok",)
+        with file.open("rb") as stream:
+            return whole and stream.read(_MODES.stop)[_MODES] in (
+                b"",
+                b"\x01\x01",
+                _WRITE_AHEAD,
+            )
+    except UnicodeDecodeError:
+        return False
+    except sqlite3.DatabaseError as err:
+        return not any(part in str(err) for part in _DAMAGE)
 
 
-def rescue(file: Path, columns: Sequence[str], insert: str, setup: Sequence[str]) -> int:
-    """Replace a damaged database by one with all sound rows that can be read; the old one stays beside it.
+def sound_rows(file: Path, columns: Sequence[str], setup: Sequence[str]) -> dict[Any, Sequence[Any]]:
+    """Return the rows of a damaged database that can still be read and are as they were written, by their first value.
+
+    It is read as it is, and with the first page of a new one: where that was changed, no row is found.
 
     Args:
-        columns: of a row, in the order of its checksum. insert: a row with its checksum. setup: makes the tables.
+        columns: of a row, in the order of its checksum. setup: makes the tables of a new one.
+    """
+    rows: dict[Any, Sequence[Any]] = {}
+    with tempfile.TemporaryDirectory(prefix="foresee-store-") as folder:
+        mended = _with_new_start(file, Path(folder) / "runs.sqlite", setup)
+        for *values, total in (*_readable(file, columns), *_readable(mended, columns)):
+            if is_sound(values, total):
+                rows[values[0]] = (*values, total)
+    return rows
+
+
+def rescue(file: Path, rows: dict[Any, Sequence[Any]], insert: str, setup: Sequence[str]) -> int:
+    """Replace a damaged database by one with the rows that can still be read; the old one stays beside it.
+
+    Args:
+        rows: see `sound_rows`. insert: a row with its checksum. setup: makes the tables.
 
     Returns:
-        How many rows are missing, as far as that can be told; at least 1.
+        How many rows are missing, as far as that can be told.
     """
     old = file.with_name(f"runs.damaged-{time.time_ns()}.sqlite")
     for side in _SIDES:
         beside = file.with_name(file.name + side)
         if beside.exists():
             beside.rename(old.with_name(old.name + side))
-    rows: dict[Any, Sequence[Any]] = {}
-    for *values, total in _readable(old, columns):
-        if is_sound(values, total):
-            rows[values[0]] = (*values, total)
     with closing(sqlite3.connect(file)) as database, database:
         for statement in setup:
             database.execute(statement)
         database.executemany(insert, rows.values())
-    return max(1, _claimed(old) - len(rows))
+    return max(0, _claimed(old) - len(rows))
+
+
+def _with_new_start(file: Path, copy: Path, setup: Sequence[str]) -> Path:
+    """Copy a database and give it the first page of a new one, which says where its tables are, with its own number of
+    pages."""
+    for side in _SIDES:
+        if (beside := file.with_name(file.name + side)).exists():
+            shutil.copyfile(beside, copy.with_name(copy.name + side))
+    with closing(sqlite3.connect(":memory:")) as database:
+        for statement in setup:
+            database.execute(statement)
+        database.commit()
+        ((size,),) = database.execute("PRAGMA page_size").fetchall()
+        page = bytearray(database.serialize()[:size])
+    data = copy.read_bytes()
+    page[_MODES] = _WRITE_AHEAD
+    page[28:32] = (len(data) // size).to_bytes(4, "big")
+    page[92:96] = page[24:28]  # the number of pages counts where these two agree
+    copy.write_bytes(page + data[size:])
+    return copy
 
 
 def _readable(file: Path, columns: Sequence[str]) -> Iterator[tuple[Any, ...]]:

@@ -19,12 +19,14 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
-from foresee_dsl.campaign.storage.soundness import UNREADABLE, has_sums, is_sound, is_whole, rescue, sum_of
+from foresee_dsl.campaign.storage.soundness import UNREADABLE, has_sums, is_sound, is_whole, rescue, sound_rows, sum_of
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.errors import ForeseeError
 
 SCHEMA = 1
 """`user_version` of the database: raised when a table changes."""
+_MARK = 0x46530000 + SCHEMA
+"""`application_id` of the database ("FS" and the schema): tells a changed `user_version` from another schema's."""
 _TABLES = """
 CREATE TABLE runs (
   key TEXT PRIMARY KEY, kind TEXT NOT NULL, name TEXT NOT NULL, driver TEXT NOT NULL, tool TEXT NOT NULL,
@@ -34,6 +36,7 @@ CREATE TABLE runs (
 """
 _WITH_SUM = "ALTER TABLE runs ADD COLUMN sum TEXT NOT NULL DEFAULT ''"
 """Stores of the first versions have none; their rows' sums are empty, and only their records are checked."""
+_SETUP = (_TABLES, f"PRAGMA user_version = {SCHEMA}", f"PRAGMA application_id = {_MARK}")
 _BUSY_MS = 10_000
 """How long a statement waits while another process reads the database. Ours: `foresee store stat` reads a large store
 in a second."""
@@ -88,9 +91,11 @@ class Store:
         self.blobs = Blobs(folder / "blobs")
         self.damaged: dict[str, str] = {}
         """Results that were changed on the disk and count as missing: their names by key."""
+        self.rescued: int | None = None
+        """The number of results that could be read from a damaged database, where there was one: it was replaced by
+        one of these, and stays beside it."""
         self.lost = 0
-        """The number of results lost with a damaged database. It was replaced by what could be read; the damaged file
-        stays beside it."""
+        """The number of results known to be lost with a damaged database."""
         self._sound: set[str] = set()
         self._sum = "sum"
         self._lock: int | None = None
@@ -128,6 +133,10 @@ class Store:
         if self.blobs.has(row.trace):
             self.damaged[row.key] = row.name
         return False
+
+    def read_again(self) -> None:
+        """Let each trace be read and checked once more: it may have been changed meanwhile."""
+        self._sound.clear()
 
     def has(self, key: str) -> bool:
         """Return whether `get` would return a row, without reading its record."""
@@ -216,31 +225,39 @@ class Store:
         how = "?mode=ro" if os.access(self.folder, os.W_OK) else "?mode=ro&immutable=1"
         address = file.resolve().as_uri() + ("" if write else how)
         if write and file.exists() and not is_whole(file):
-            self.lost = rescue(file, COLUMNS, _INSERT, (_TABLES, f"PRAGMA user_version = {SCHEMA}"))
+            self._rescue(file)
         database = sqlite3.connect(address, uri=True, timeout=_BUSY_MS / 1000)
         database.text_factory = _text
         try:
             (schema,) = database.execute("PRAGMA user_version").fetchone()
+            (mark,) = database.execute("PRAGMA application_id").fetchone()
             (tables,) = database.execute("SELECT count(*) FROM sqlite_master").fetchone()
-            if tables or not write:
+            if (tables or not write) and mark != _MARK:
                 _check_schema(schema, self.folder)
             if write:
                 # NORMAL: a commit is safe from the end of any process; a power cut may undo the last ones, not break
                 # the file. FULL would cost a wait for the disk at each run.
                 database.execute("PRAGMA journal_mode = WAL")
                 database.execute("PRAGMA synchronous = NORMAL")
-                if not tables:
-                    with database:
+                with database:
+                    if not tables:
                         database.execute(_TABLES)
-                        database.execute(f"PRAGMA user_version = {SCHEMA}")
-                elif not has_sums(database):
-                    with database:
+                    elif not has_sums(database):
                         database.execute(_WITH_SUM)
+                    if (schema, mark) != (SCHEMA, _MARK):
+                        for statement in _SETUP[1:]:
+                            database.execute(statement)
             self._sum = "sum" if has_sums(database) else "''"
         except BaseException:
             database.close()
             raise
         return database
+
+    def _rescue(self, file: Path) -> None:
+        """Replace a database that SQLite cannot read by what can be read of it; leave alone what was never ours."""
+        rows = sound_rows(file, COLUMNS, _SETUP)
+        if rows or _is_ours(file):
+            self.lost, self.rescued = rescue(file, rows, _INSERT, _SETUP), len(rows)
 
     @contextlib.contextmanager
     def _errors(self) -> Iterator[None]:
@@ -248,6 +265,15 @@ class Store:
             yield
         except (*UNREADABLE, OSError) as err:
             raise StoreError(_explained(self.folder, err)) from err
+
+
+def _is_ours(file: Path) -> bool:
+    """Return whether a damaged database can at least be told to be a store's."""
+    try:
+        with contextlib.closing(sqlite3.connect(file)) as database:
+            return bool(database.execute("SELECT 1 FROM sqlite_master WHERE name = 'runs'").fetchone())
+    except UNREADABLE:
+        return False
 
 
 def _text(data: bytes) -> str:

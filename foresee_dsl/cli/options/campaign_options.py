@@ -254,9 +254,10 @@ def _damage_in(store: Store) -> str:
         names = sorted(set(store.damaged.values()))
         shown = ", ".join(safe(name, 80) for name in names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
         said.append(f"{common.counted(len(store.damaged), 'result')} had been changed on the disk: {shown}")
-    if store.lost:
-        said.append(f"at least {common.counted(store.lost, 'result')} could not be read from its database, which is "
-                    "kept as runs.damaged-*.sqlite")  # fmt: skip
+    if store.rescued is not None:
+        lost = f", at least {common.counted(store.lost, 'result')} could not" if store.lost else ""
+        said.append(f"{common.counted(store.rescued, 'result')} could be read from its database{lost}; the old "
+                    "database is kept as runs.damaged-*.sqlite")  # fmt: skip
     return f"The store {store.folder} was damaged. {'; '.join(said)}. What was missing was run again." if said else ""
 
 

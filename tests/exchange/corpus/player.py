@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import math
 import subprocess
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
 _PLAYER_S = 30.0
 _STEP_S = 0.05
 _EXIT_LINES = 3
+_LOOKS_S = 0.02
+_TAIL_BYTES = 100_000
 
 
 @dataclass(frozen=True)
@@ -37,15 +39,32 @@ def play(player: Path, file: Path, time_s: float) -> Played:
             "--csv_logger",
             table,
         ]
-        with contextlib.suppress(subprocess.TimeoutExpired):  # what it wrote up to then counts
-            silent = [*map(str, command), "--disable_stdout"]
-            subprocess.run(silent, cwd=folder, timeout=_PLAYER_S, capture_output=True, check=False)
+        silent = [*map(str, command), "--disable_stdout"]
+        with subprocess.Popen(silent, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            ends = time.monotonic() + _PLAYER_S
+            while process.poll() is None and time.monotonic() < ends and not _is_past(table, time_s):
+                time.sleep(_LOOKS_S)
+            process.kill()  # what it wrote up to then counts
         log = Path(folder) / "log.txt"
         text = log.read_text(errors="replace") if log.exists() else ""
         lines = [line for line in text.splitlines() if line.strip()]
         errors = [line for line in lines if "error" in line.lower()] or lines[-_EXIT_LINES:]
         found = _at(table, time_s) if table.exists() else {}
     return Played(found, "" if found else " / ".join(errors)[-300:] or "it wrote nothing")
+
+
+def _is_past(table: Path, time_s: float) -> bool:
+    """Return whether the last whole line but one is later than a time."""
+    if not table.exists():
+        return False
+    with table.open("rb") as stream:
+        stream.seek(max(0, table.stat().st_size - _TAIL_BYTES))
+        lines = stream.read().decode(errors="replace").splitlines()
+    cells = lines[-2].split(",") if len(lines) > _EXIT_LINES else []
+    try:
+        return float(cells[1]) > time_s + 1.0
+    except (IndexError, ValueError):
+        return False
 
 
 def _at(table: Path, time_s: float) -> dict[str, tuple[float, float]]:

@@ -23,7 +23,7 @@ from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places, point_of
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.reading.ways import trajectories as tracks
-from foresee_dsl.exchange.openscenario.reading.ways.held_up import path_if_held_up, way_on
+from foresee_dsl.exchange.openscenario.reading.ways.held_up import path_along, way_on
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 
@@ -53,7 +53,8 @@ class BuiltActor:
 class ActorBuilder:
     """Makes actors of entities on a network; `ways` gets how far each can go.
 
-    `lane_changers`: entities that need lanes. `beginnings`: where each is at the beginning, and its speed, m/s.
+    `lane_keepers`: entities that need lanes. `lane_changers`: those that change lanes. `beginnings`: where each is at
+    the beginning, and its speed, m/s.
     """
 
     source: Source
@@ -61,6 +62,7 @@ class ActorBuilder:
     places: Places
     losses: Losses
     ways: dict[str, Way] = field(default_factory=dict)
+    lane_keepers: Set[str] = frozenset()
     lane_changers: Set[str] = frozenset()
     beginnings: Mapping[str, tuple[Pose, float]] = field(default_factory=dict)
 
@@ -178,10 +180,10 @@ class ActorBuilder:
             route = tracks.route_through(self.network, [front], kind)
         speed = state.speed_mps or 0.0
         way = tracks.straight_on(self.network, route, kind)
-        if entity.ref not in self.lane_changers:
+        if entity.ref not in self.lane_keepers:
             others = [other for ref, other in self.beginnings.items() if ref != entity.ref]
-            path = path_if_held_up(self.network, way, middle, front, kind, speed, others)
-            if path:
+            only_if = (speed, others) if entity.ref in self.lane_changers else None
+            if path := path_along(self.network, way, middle, front, kind, only_if):
                 return self._on_path(state, middle, path, speed)
         self.losses.note(
             "vehicles on lanes ignore signals and priority, as a default controller does; they follow others"
@@ -196,10 +198,9 @@ class ActorBuilder:
         return BuiltActor(_actor(entity, middle, speed, tuple(body)), () if speed > 0 else (stands,))
 
     def _on_path(self, state: EntityState, middle: Pose, path: list[XY], speed: float) -> BuiltActor:
-        """Return a vehicle that keeps its speed where its lanes would not let it, as a default controller does."""
+        """Return a vehicle that keeps to its lane and speed, whatever is ahead, as a default controller does."""
         self.losses.note(
-            "vehicles that limits, bends or others would hold up follow their lanes as a path and react to nobody, as "
-            "a default controller does"
+            "vehicles that keep to their lane follow it as a path and react to nobody, as a default controller does"
         )
         self._walks(state.entity, path)
         points = tuple(point_of(Pose(x, y, 0.0)) for x, y in path)

@@ -266,7 +266,15 @@ class ConditionReader:
                 self.losses.note("times between two actors are measured between their footprints")
         if what == "distance" and value <= 0 and kind.get("rule") in ("lessThan", "lessOrEqual"):
             return m.Within(actor=entity.name, distance=quantity(0.0, "length"), of=m.Named(name=other.name))
-        return _compared(m.Measure(what=what, actor=entity.name, other=other.name), kind, value, dimension)
+        found = _compared(m.Measure(what=what, actor=entity.name, other=other.name), kind, value, dimension)
+        if what != "headway":
+            return found
+        # There is none to somebody behind, and so no condition that holds.
+        if kind.get("rule") in ("lessThan", "lessOrEqual"):
+            ahead: m.Condition = m.Not(condition=m.Behind(actor=other.name, other=entity.name))
+        else:
+            ahead = m.Ahead(actor=other.name, other=entity.name)
+        return m.Both(conditions=(found, ahead))
 
     def _near_place(self, kind: Element, entity: Entity) -> m.Condition:
         position = kind.find("Position")

@@ -247,12 +247,17 @@ class _Import:
 
     def _actors(self) -> dict[str, EntityState]:
         """Add the actors; return what is known of each."""
+        changers = self._acting("LaneChangeAction")
         builder = ActorBuilder(
             self.source,
             self.network,
             self.places,
             self.losses,
-            lane_changers=self._lane_changers(),
+            # Who keeps somewhere across a lane needs lanes, and who changes them where the map does not say where they
+            # are.
+            lane_keepers=self._acting("LaneOffsetAction", "LateralDistanceAction")
+            | (changers if self.places.roads is None else set()),
+            lane_changers=changers,
             beginnings=self._beginnings(),
         )
         self._ways = builder.ways
@@ -277,14 +282,14 @@ class _Import:
             self._add(when)
         return states
 
-    def _lane_changers(self) -> set[str]:
-        """Return the entities that need lanes: that keep somewhere across theirs, or change lanes of which the map does
-        not say where they are."""
+    def _acting(self, *tags: str) -> set[str]:
+        """Return the entities that have a lateral action of some kinds."""
         events = (*self.events, *self.inits.events)
-        tags = ["LateralAction/LaneOffsetAction", "LateralAction/LateralDistanceAction"]
-        if self.places.roads is None:
-            tags.append("LateralAction/LaneChangeAction")
-        asked = (e for e in events if any(kind.find(tag) is not None for kind in e.actions for tag in tags))
+        asked = (
+            e
+            for e in events
+            if any(kind.find(f"LateralAction/{tag}") is not None for kind in e.actions for tag in tags)
+        )
         return {ref for e in asked for ref in e.refs}
 
     def _beginnings(self) -> dict[str, tuple[Pose, float]]:

@@ -1,4 +1,4 @@
-"""Vehicles that their lanes would hold up follow their way as a path at their speed, as a default controller does."""
+"""Vehicles that follow their way along lanes as a path at their speed, as a default controller does."""
 
 from __future__ import annotations
 
@@ -22,45 +22,51 @@ usual run)."""
 _SLOWER = 0.98
 _IN_THE_WAY_M = 2.0
 """An actor that is at most this far from the way stands on it, m (ours: half a lane)."""
+_NEAR_S = 1.5
+"""Somebody so near ahead holds a vehicle up that is no faster, s (ours: SUMO's gap of 1 s and half of that)."""
 _STRAIGHT_M = 0.02
 """A path may leave out points that are at most this far from it, m (ours)."""
 
 
-def path_if_held_up(
+def path_along(
     network: RoadNetwork,
     edges: tuple[str, ...],
     middle: Pose,
     front: Pose,
     kind: LaneKind,
-    speed_mps: float,
-    others: Iterable[tuple[Pose, float]],
+    if_held_up: tuple[float, Iterable[tuple[Pose, float]]] | None = None,
 ) -> list[XY]:
-    """Return the way along some edges as a path of a vehicle's middle, where it could not keep its speed on the lanes.
+    """Return the way along some edges as a path of a vehicle's middle; nothing where it is on none of their lanes.
 
-    That is where limits and bends are slower, or one of the `others` (pose, m/s) is ahead and slower. Else nothing:
-    SUMO moves it.
+    `if_held_up`: its speed, m/s, and the others (pose, m/s): only where it could not keep its speed on the lanes, as
+    limits or bends are slower, or one of the others is ahead, and slower or too near. Else nothing: SUMO moves it.
     """
     near = nearest(network, front, kind)
-    if near is None or speed_mps <= 0:
+    if near is None:
         return []
     try:
         line = network.line(edges, start_lane=near.lane.id, kind=kind)
     except RouteError:
         return []
-    begin, _ = line.project(middle.x, middle.y)
-    ahead = [k for k, s in enumerate(line.marks) if s > begin + 1.0]
-    seen = [k for k in ahead if line.marks[k] - begin < speed_mps * _LOOKS_S]
-    if len(seen) < 2:
-        return []
-    allowed = min(line.limits[k] for k in seen)
-    way = shapely.LineString([line.xy[k] for k in seen])
-    blocked = any(
-        slower < speed_mps * _SLOWER and way.distance(shapely.Point(pose.x, pose.y)) < _IN_THE_WAY_M
-        for pose, slower in others
-    )
-    if allowed >= speed_mps * _SLOWER and not blocked:
+    if if_held_up is not None and not _held_up(line, middle, *if_held_up):
         return []
     return _along(line, middle)
+
+
+def _held_up(line: RouteLine, middle: Pose, speed_mps: float, others: Iterable[tuple[Pose, float]]) -> bool:
+    begin, _ = line.project(middle.x, middle.y)
+    seen = [k for k, s in enumerate(line.marks) if 1.0 < s - begin < speed_mps * _LOOKS_S]
+    if speed_mps <= 0 or len(seen) < 2:
+        return False
+    if min(line.limits[k] for k in seen) < speed_mps * _SLOWER:
+        return True
+    way = shapely.LineString([line.xy[k] for k in seen])
+    for pose, slower in others:
+        point = shapely.Point(pose.x, pose.y)
+        near = math.dist((pose.x, pose.y), (middle.x, middle.y)) < speed_mps * _NEAR_S
+        if (near or slower < speed_mps * _SLOWER) and way.distance(point) < _IN_THE_WAY_M:
+            return True
+    return False
 
 
 def way_on(network: RoadNetwork, end: Pose, kind: LaneKind) -> list[XY]:
