@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.completion import case_addresses, drivers
+from foresee_dsl.cli.completion import drivers
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 
 if TYPE_CHECKING:
@@ -41,9 +41,6 @@ HandoverOption = Annotated[
 RankerOption = Annotated[
     str,
     typer.Option("--ranker", help="What picks the risky points: foresee, careful, proximity, random, ..."),
-]
-AddressArgument = Annotated[
-    str, typer.Argument(metavar="FILE[::CASE]", help="A test case, a clip or a mutant.", autocompletion=case_addresses)
 ]
 AllowOutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Files may use files outside the project folder.")

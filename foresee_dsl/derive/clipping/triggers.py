@@ -336,19 +336,9 @@ class _Rest:
 
     def _order(self, action: m.Action, since_s: float) -> Resumed | m.Meets | m.ChangesLane | None:
         """Return an order to give again."""
+        if isinstance(action, Resumed):
+            return self._triggers.rest_of(action, since_s)
         match action:
-            case (
-                m.ChangesSpeed()
-                | m.Stops()
-                | m.StopsAt()
-                | m.KeepsGap()
-                | m.MatchesSpeed()
-                | m.KeepsBeside()
-                | m.ChangesLine()
-                | m.Synchronises()
-                | m.Reverses()
-            ):
-                return self._triggers.rest_of(action, since_s)
             case m.ChangesLane():
                 return action if self._triggers.still_to_change(action.actor, since_s) else None
             case m.Meets():

@@ -11,7 +11,6 @@ from foresee_dsl.language.lints.logic import holds_for_some, negated
 from foresee_dsl.language.printer import written
 
 _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "headway", "lateral")
-_OF_TWO = (m.Ahead, m.Behind, m.SameLane, m.Sees, m.InSight)
 _WIDEST_LANE_M = 10.0
 """The widest lane that a road can have: no middle of an actor is farther from that of its own lane than half of it."""
 _SLACK = 1.02

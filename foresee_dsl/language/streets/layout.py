@@ -21,8 +21,6 @@ BUMP_MPS = 20 / 3.6
 """Over a bump without a `speed`: 20 km/h, what sinusoidal humps in a 30 km/h zone are made for (ours)."""
 BUMP_M = 4.0
 """Length of a bump without a `length`: that of the usual flat or round-topped hump, 3.7 m, and its ramps (ours)."""
-OWN_M = 0.5
-"""Two cuts nearer to each other than this leave no piece between them (ours: netconvert needs some length)."""
 
 OnRoads = m.Zebra | m.Bump | m.LaneEnd | m.OnRamp | m.OffRamp
 
