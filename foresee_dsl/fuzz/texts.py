@@ -7,25 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import relative_path
+from foresee_dsl.campaign.regression.expectations import Ending
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.fuzz.mutation import Line
 from foresee_dsl.fuzz.records import Outcome
 from foresee_dsl.language import model as m
-from foresee_dsl.language.model.expected import FailureName
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_item, print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.simulate.results.verdict import Verdict
-
-_EXPECTED: dict[Verdict, FailureName] = {
-    Verdict.F1: "F1",
-    Verdict.F2: "F2",
-    Verdict.F3: "F3",
-    Verdict.F4: "F4",
-    Verdict.F5: "F5",
-    Verdict.STUCK: "stuck",
-}
 
 
 @dataclass(frozen=True)
@@ -83,15 +74,8 @@ def file_text(
 ) -> str:
     """Return the whole file of a mutated test case; `file`: where it will be. With `outcome`: what its run came to."""
     body: list[m.ExtensionItem] = [m.Doc(text=" ".join(about.replace('"', "'").split()))] if about else []
-    if outcome is not None and (expected := _expected(driver, outcome)) is not None:
-        body.append(expected)
+    if outcome is not None and outcome.verdict is not Verdict.TIMEOUT:  # it may be in time on another machine
+        expected = Ending(outcome.verdict, outcome.with_).expected_of(driver)
+        body += [] if expected is None else [expected]
     body += [*seed.alone, *lines_of(text)]
     return print_model(m.Extension(name=name, parent=relative_path(seed.file, file.parent), body=tuple(body)))
-
-
-def _expected(driver: str, outcome: Outcome) -> m.Expected | None:
-    if outcome.verdict is Verdict.PASS:
-        return m.Expected(driver=driver, outcome="passes")
-    if outcome.verdict not in _EXPECTED:
-        return None
-    return m.Expected(driver=driver, outcome="fails", failure=_EXPECTED[outcome.verdict], actor=outcome.with_ or None)

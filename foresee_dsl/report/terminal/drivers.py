@@ -17,7 +17,7 @@ from foresee_dsl.report.terminal.live import bars
 from foresee_dsl.report.terminal.runs import print_notes
 from foresee_dsl.report.terminal.tables import plain_table
 from foresee_dsl.report.verdicts import WHOLE, verdicts_line, without_verdict
-from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
+from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
 
 
 @contextmanager
@@ -66,7 +66,8 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
 
 def _table(title: str, first: str, rows: Sequence[tuple[str, DriverRow]]) -> Table:
     columns = {kind.value: (kind,) for kind in COLLISIONS} | {
-        "stuck": (Verdict.STUCK,), "late": (Verdict.TIMEOUT,), "other": (Verdict.CRASH, Verdict.INVALID)
+        "stuck": (Verdict.STUCK,), "late": (Verdict.TIMEOUT,),
+        "other": tuple(kind for kind in Verdict if kind not in (*FAILURES, Verdict.PASS, Verdict.TIMEOUT)),
     }  # fmt: skip
     table = plain_table(
         (first, "cases", "arrive", "fail", *columns, "km/h", "brake", "ms"),

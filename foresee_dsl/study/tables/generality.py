@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
+from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES
 from foresee_dsl.study.measured import Counted, Measured
 from foresee_dsl.study.questions import HEAVY_WEATHER
 from foresee_dsl.study.results import Results, mean, total
 from foresee_dsl.study.settings import BUNDLED
 from foresee_dsl.study.tables.table import Column, Row, RowKind, Table, Value
 
-_KINDS = (*COLLISIONS, Verdict.STUCK)
 _COLUMNS = (
-    Column("#TCs"), *(Column(kind.value) for kind in _KINDS), Column("Σ"), Column("findings"), Column("avoidable"),
+    Column("#TCs"), *(Column(kind.value) for kind in FAILURES), Column("Σ"), Column("findings"), Column("avoidable"),
     Column("collisions, %", digits=1),
 )  # fmt: skip
 
@@ -69,8 +68,8 @@ def _counts(found: tuple[Measured, ...]) -> Iterator[Value]:
     children = mean(len(m.children_run) for m in found)
     collided = mean(m.count(Counted.COLLISIONS) for m in found)
     yield children
-    yield from (mean(m.of_verdict(kind) for m in found) for kind in _KINDS)
-    yield mean(sum(m.of_verdict(kind) for kind in _KINDS) for m in found)
+    yield from (mean(m.of_verdict(kind) for m in found) for kind in FAILURES)
+    yield mean(sum(m.of_verdict(kind) for kind in FAILURES) for m in found)
     yield mean(m.count(Counted.FINDINGS) for m in found)
     yield mean(m.count(Counted.AVOIDABLE) for m in found)
     yield 100 * collided / children if children and collided is not None else None

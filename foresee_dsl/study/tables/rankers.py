@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import product
 
-from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
+from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
 from foresee_dsl.study.measured import AVOIDERS, Counted, Measured, avoided
 from foresee_dsl.study.results import TOGETHER, Results, mean, total
 from foresee_dsl.study.statistics import compare
 from foresee_dsl.study.tables.comparing import Compared, comparison_table
 from foresee_dsl.study.tables.table import Column, Row, RowKind, Table, family_rows
-
-_KINDS = (*COLLISIONS, Verdict.STUCK)
 
 
 def comparison(results: Results) -> tuple[Table, ...]:
@@ -54,7 +52,7 @@ def _kinds(results: Results, driver: str, family: str, rankers: tuple[str, ...])
     yield mean(len(m.children_run) for m in own)
     for ranker in rankers:
         found = results.of_campaign(driver, ranker, family=family)
-        numbers = {kind: mean(m.of_verdict(kind) for m in found) for kind in _KINDS}
+        numbers = {kind: mean(m.of_verdict(kind) for m in found) for kind in FAILURES}
         yield from (numbers[kind] for kind in COLLISIONS)
         yield total(numbers[kind] for kind in COLLISIONS)
         yield numbers[Verdict.STUCK]
