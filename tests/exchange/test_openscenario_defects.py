@@ -188,7 +188,8 @@ def test_parameters_are_found_wherever_they_are_written(tmp_path: Path) -> None:
     assert not done.lost
     assert done.left_out == {"events whose conditions hold at no time": 1}
     assert whens(scenario) == [
-        "when time > 2 s { target_1 changes speed to 6 m/s then { target_1 changes speed to 3 m/s } }"
+        "when time > 2 s { target_1 changes speed to 6 m/s over 0.05 s "
+        "then { target_1 changes speed to 3 m/s over 0.05 s } }"
     ]
 
 
@@ -238,7 +239,7 @@ def test_lane_changes_and_speeds_relative_to_the_ego_and_states_of_the_storyboar
 def test_conditions_are_about_the_same_point_of_a_car(tmp_path: Path, inner: str, said: str) -> None:
     done, scenario = imported(tmp_path, events(osc.event("e", osc.speed_action("3"), osc.of_entity("Ego", inner))))
     assert not done.lost
-    assert whens(scenario) == [f"when {said} {{ target_1 changes speed to 3 m/s }}"]
+    assert whens(scenario) == [f"when {said} {{ target_1 changes speed to 3 m/s over 0.05 s }}"]
 
 
 def test_what_happens_at_once_is_how_it_begins_and_a_trajectory_is_a_start(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_a_cut_in_reads_like_one_and_happens(tmp_path: Path) -> None:
         "    }\n"
         "  }\n"
         "}",
-        "when ego within 56.3 m of (300 m, -5.25 m) {\n  walker changes speed to 1.5 m/s\n}",
+        "when ego within 56.3 m of (300 m, -5.25 m) {\n  walker changes speed to 1.5 m/s over 0.05 s\n}",
     ]
     assert done.taken == {"of the kind ego": 1, "of the kind pedestrian": 1, "of the kind vehicle": 1}
     assert done.left_out == {"durations of lane changes (1 m/s sideways is driven)": 1}

@@ -160,7 +160,7 @@ class TriggerBuilder:
         if state.profile is None or state.entity.ref in self._used:
             return []
         self._used.add(state.entity.ref)
-        return speed_changes(state.entity.name, state.profile)
+        return speed_changes(state, state.profile)
 
     def _speed(self, action: Element, state: EntityState, *, at_once: bool) -> list[m.Action]:
         """Return a change of speed; none where it is at once and the actor begins with that speed."""
@@ -171,7 +171,7 @@ class TriggerBuilder:
         state.speed_mps = to
         dynamics = action.find("SpeedActionDynamics")
         took = _over(dynamics, was, to)
-        return [] if at_once and took == 0 and was == to else [_changes(state.entity.name, to, took)]
+        return [] if at_once and took == 0 and was == to else [_changes(state, was, to, took)]
 
     def _matches(self, relative: Element, state: EntityState) -> m.MatchesSpeed:
         """Return the action of an actor that keeps to another's speed."""
@@ -213,7 +213,7 @@ class TriggerBuilder:
         for entry in action.iterfind("SpeedProfileEntry"):
             to = max(base + number(entry, "speed"), 0.0)
             took = number(entry, "time", 0.0) if entry.get("time") else None
-            change = _changes(state.entity.name, to, took)
+            change = _changes(state, state.speed_mps, to, took)
             found.append(m.Then(actions=(change,)) if found else change)
             state.speed_mps = to
         if not found:
@@ -302,7 +302,7 @@ def _between(lane: int, target: int) -> int:
     return by if lane * target > 0 else by - (1 if by > 0 else -1)
 
 
-def speed_changes(name: str, profile: SpeedProfile) -> list[m.Action]:
+def speed_changes(state: EntityState, profile: SpeedProfile) -> list[m.Action]:
     """Return changes of speed one after the other; times are rounded to the simulation's steps."""
     times = [round(t / FRAME_S) for t in profile.time_s]
     found: list[m.Action] = []
@@ -312,14 +312,22 @@ def speed_changes(name: str, profile: SpeedProfile) -> list[m.Action]:
         steps = times[k] - times[k - 1]
         if steps <= 0:
             continue
-        change = _changes(name, profile.speed_mps[k], steps * FRAME_S)
+        state.changes(profile.speed_mps[k - 1], profile.speed_mps[k], steps * FRAME_S, within_limits=False)
+        change = _changes(state, profile.speed_mps[k - 1], profile.speed_mps[k], steps * FRAME_S)
         found.append(m.Then(actions=(change,)) if found else change)
     return found
 
 
-def _changes(name: str, to: float, over_s: float | None) -> m.ChangesSpeed:
+def _changes(state: EntityState, was: float | None, to: float, over_s: float | None) -> m.ChangesSpeed:
+    """Return a change of speed in some time; one at once is done within a step of ours by a model made for it."""
+    step = over_s == 0 and not state.entity.bundled and not state.on_lanes
+    if step:
+        over_s, was = FRAME_S, state.most_mps if to < state.most_mps else 0.0
+    state.most_mps = max(state.most_mps, was or 0.0, to)
+    if over_s and was is not None:
+        state.changes(was, to, over_s, within_limits=not step)
     over = quantity(over_s, "time") if over_s else None
-    return m.ChangesSpeed(actor=name, to=quantity(to, "speed"), over=over)
+    return m.ChangesSpeed(actor=state.entity.name, to=quantity(to, "speed"), over=over)
 
 
 def _over(dynamics: Element | None, was: float | None, to: float | None) -> float | None:

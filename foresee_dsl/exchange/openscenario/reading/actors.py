@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
+import shapely
+
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.checks import NEAR_ROAD_M
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
@@ -24,6 +26,7 @@ from foresee_dsl.exchange.openscenario.reading.places import Places, point_of
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.reading.ways import trajectories as tracks
 from foresee_dsl.exchange.openscenario.reading.ways.held_up import path_along, way_on
+from foresee_dsl.exchange.openscenario.reading.ways.lane_ahead import lane_ahead
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 
@@ -35,6 +38,10 @@ _NEAR_M = NEAR_ROAD_M - 1.0
 _LIMIT = 1.01
 _APART_M = 1.0
 """An actor so far from its trajectory's beginning goes there first (ours)."""
+_ASKEW_RAD = math.radians(20)
+"""A vehicle that looks so far off its lane's direction does not follow it (ours)."""
+_STRAIGHT_M = 0.02
+"""A path may leave out points that are at most this far from it, m (ours)."""
 _GENTLE_MPS2 = 1.0
 """Nothing that drives brakes less (ours)."""
 _CRAWLS_MPS = 0.05
@@ -157,7 +164,7 @@ class ActorBuilder:
         if profile is not None:
             speed = profile.speed_mps[0]
             if at_start:
-                whens = (m.When(condition=from_the_start(), actions=tuple(speed_changes(entity.name, profile))),)
+                whens = (m.When(condition=from_the_start(), actions=tuple(speed_changes(state, profile))),)
             else:
                 state.profile = profile
         if math.dist(path[0], (middle.x, middle.y)) > _APART_M and not at_start:
@@ -175,11 +182,15 @@ class ActorBuilder:
             route = tracks.route_through(self.network, [front, *self._waypoints(routing)], kind)
         except NotExpressed as err:
             if str(err) == "starts off the lanes":
+                if own := self._ahead(state):
+                    return self._on_path(state, middle, own, state.speed_mps or 0.0)
                 return self._straight(state, middle, _OFF_ROAD_M)
             self.losses.lose(str(err), f"'{entity.ref}'")
             route = tracks.route_through(self.network, [front], kind)
         speed = state.speed_mps or 0.0
         way = tracks.straight_on(self.network, route, kind)
+        if routing is None and entity.ref not in self.lane_changers | self.lane_keepers and (own := self._ahead(state)):
+            return self._on_path(state, middle, own, speed)
         if entity.ref not in self.lane_keepers:
             others = [other for ref, other in self.beginnings.items() if ref != entity.ref]
             only_if = (speed, others) if entity.ref in self.lane_changers else None
@@ -205,6 +216,22 @@ class ActorBuilder:
         self._walks(state.entity, path)
         points = tuple(point_of(Pose(x, y, 0.0)) for x, y in path)
         return BuiltActor(_actor(state.entity, middle, speed, _walk(state.entity, points, speed)))
+
+    def _ahead(self, state: EntityState) -> list[XY]:
+        """Return the way ahead of a vehicle in its lane of the map, in either direction; nothing where that is not
+        known."""
+        entity, roads = state.entity, self.places.roads
+        place = self.places.lane_of(entity.ref)
+        if roads is None or place is None or not place.lane:
+            return []
+        poses = lane_ahead(roads, place, tracks.AHEAD_M, onward=state.ahead)
+        points = [(pose.x, pose.y) for pose in (pose.ahead(entity.centre_m) for pose in poses)]
+        looks = self.places.initial(entity.ref).heading_rad
+        if len(points) < 2 or abs(math.remainder(poses[0].heading_rad - looks, math.tau)) > _ASKEW_RAD:
+            return []
+        if self.network.far_from_lanes(points, _NEAR_M) is not None:
+            return []
+        return [(float(x), float(y)) for x, y in shapely.simplify(shapely.LineString(points), _STRAIGHT_M).coords]
 
     def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:
         """Return an actor that goes straight on off the lanes, or stands."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
+from typing import NamedTuple, cast
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
@@ -109,16 +109,37 @@ def possible_egos(source: Source) -> list[str]:
     return [ref for ref, e in found.items() if e.tag == "Vehicle" and e.get("vehicleCategory") != "bicycle"]
 
 
-def made_faster(catalogue: Catalogue, fastest: Mapping[str, float]) -> Catalogue:
-    """Return a catalogue in which models can drive as fast as their actors are told, m/s by the models' names."""
+class Asked(NamedTuple):
+    """What a scenario asks of a model: the highest speed, m/s, and the hardest it is to speed up and brake, m/s^2."""
+
+    speed_mps: float
+    rises_mps2: float = 0.0
+    falls_mps2: float = 0.0
+
+
+def made_stronger(catalogue: Catalogue, asked: Mapping[str, Asked]) -> Catalogue:
+    """Return a catalogue in which models can do what is asked of them, by the models' names."""
     body: list[Doc | VehicleModel] = []
     for item in catalogue.body:
-        if isinstance(item, VehicleModel) and fastest.get(item.name, 0.0) > spec_of(item).max_speed_mps:
-            faster = quantity(math.ceil(fastest[item.name] * 10) / 10, "speed")
-            body.append(item.model_copy(update={"max_speed": faster}))
-        else:
+        if not isinstance(item, VehicleModel) or item.name not in asked:
             body.append(item)
+            continue
+        wanted, can, new = asked[item.name], spec_of(item), dict[str, Quantity]()
+        if wanted.speed_mps > can.max_speed_mps:
+            new["max_speed"] = quantity(_rounded_up(wanted.speed_mps), "speed")
+        for key, value, has in (
+            ("acceleration", wanted.rises_mps2, can.acceleration_mps2),
+            ("braking", wanted.falls_mps2, can.braking_mps2),
+            ("emergency_braking", wanted.falls_mps2, can.emergency_braking_mps2),
+        ):
+            if value > has > 0:
+                new[key] = quantity(_rounded_up(value), "acceleration")
+        body.append(item.model_copy(update=new))
     return catalogue.model_copy(update={"body": tuple(body)})
+
+
+def _rounded_up(value: float) -> float:
+    return math.ceil(value * 10) / 10
 
 
 def _object(source: Source, entity: Element, losses: Losses) -> Element | None:

@@ -6,7 +6,7 @@ import dataclasses
 import math
 import shutil
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
@@ -20,8 +20,9 @@ from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, TriggerBu
 from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder, trajectory_of
 from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
 from foresee_dsl.exchange.openscenario.reading.entities import (
+    Asked,
     Participants,
-    made_faster,
+    made_stronger,
     possible_egos,
     read_participants,
 )
@@ -75,6 +76,28 @@ def run(
         InputError: the scenario that comes out is impossible; nothing is written.
     """
     source = read_source(file, allow_outside=allow_outside)
+    without: set[str] = set()
+    while True:
+        try:
+            return _imported(source, without, out=out, ego=ego, road=road, coordinates=coordinates, partial=partial)
+        except _OnTopError as err:
+            if not partial or not err.names - without - {"ego"}:
+                raise
+            without |= err.names - {"ego"}
+
+
+def _imported(
+    source: Source,
+    without: Set[str],
+    *,
+    out: Path,
+    ego: str,
+    road: Path | None,
+    coordinates: Coordinates,
+    partial: bool,
+) -> Imported:
+    """Import a file without some actors, by their names here, which stand on others."""
+    file = source.path
     network_path = network_file(source, road, SUFFIXES)
     name = name_of(file.name.partition(".")[0], "scenario")
     suffix = next(suffix for suffix in SUFFIXES if network_path.name.endswith(suffix))
@@ -84,14 +107,14 @@ def run(
         losses = Losses()
         try:
             participants = read_participants(source, losses, name=f"{name}_models", ego=chosen)
-            work = _Import(source, participants, network_path, losses, coordinates)
+            work = _Import(source, participants, network_path, losses, coordinates, without)
             scenario, remarks = work.scenario(name, network_name)
             break
         except _NowhereError as err:
             nowhere = err
     else:
         raise nowhere or ExchangeError(f"{file} has no ego")
-    catalogue = work.faster_models(scenario)
+    catalogue = work.stronger_models(scenario)
     if losses.lost and not partial:
         raise ExchangeError(_refusal(file, losses))
     kinds = Counter(actor.kind for actor in scenario.actors)
@@ -109,8 +132,10 @@ def run(
             mistakes = placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
         if mistakes:
             found = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
-            on_top = all("starts on top of" in d.message for d in mistakes)
-            raise (SourceError if on_top else ExchangeError)(f"{file} cannot be played on its network: {found}")
+            said = f"{file} cannot be played on its network: {found}"
+            if all(_ON_TOP in d.message for d in mistakes):
+                raise _OnTopError(said, {d.message.partition(_ON_TOP)[0] for d in mistakes})
+            raise ExchangeError(said)
 
         return Imported((), 1, taken, +losses.left_out, tuple(losses.notes), +losses.lost)
 
@@ -125,6 +150,17 @@ def _refusal(file: Path, losses: Losses) -> str:
     )
 
 
+_ON_TOP = " starts on top of "
+
+
+class _OnTopError(SourceError):
+    """Actors begin on top of others."""
+
+    def __init__(self, message: str, names: set[str]) -> None:
+        super().__init__(message)
+        self.names = names
+
+
 class _NowhereError(SourceError):
     """The ego has no place on the network; another vehicle may have one."""
 
@@ -133,7 +169,13 @@ class _Import:
     """One import: everything about a file that is read, and the statements made of it."""
 
     def __init__(
-        self, source: Source, participants: Participants, network_path: Path, losses: Losses, coordinates: Coordinates
+        self,
+        source: Source,
+        participants: Participants,
+        network_path: Path,
+        losses: Losses,
+        coordinates: Coordinates,
+        without: Set[str] = frozenset(),
     ) -> None:
         self.source, self.losses = source, losses
         self.network = RoadNetwork.from_net(foreign_net(network_path))
@@ -143,6 +185,9 @@ class _Import:
         self.inits = Inits.read(source, ego, losses)
         for ref in self.inits.removed - {ego}:
             self.entities.pop(ref, None)
+        for ref in [ref for ref, entity in self.entities.items() if entity.name in without]:
+            losses.lose("entities that begin on top of others", f"'{ref}'")
+            del self.entities[ref]
         self.events = read_events(source, losses)
         placed = self.inits.positions
         vehicles = [placed[ref] for ref, e in self.entities.items() if e.kind in WHEELS and ref in placed]
@@ -162,6 +207,7 @@ class _Import:
             self.inits.earlier,
         )
         self._fill_places()
+        self.states: dict[str, EntityState] = {}
         self._remarks: dict[int, list[str]] = {}
         self._body: list[m.ScenarioItem] = []
 
@@ -177,7 +223,7 @@ class _Import:
             self.losses.leave("programs of signals")
         for weather in self.inits.weather():
             self._add(weather)
-        states = self._actors()
+        self.states = states = self._actors()
         built = {ref: self.entities[ref] for ref in states}
         reader = self._reader(dataclasses.replace(self._reader(), entities=built))
         arrange(self.events, reader)
@@ -188,8 +234,9 @@ class _Import:
         self._add(m.End(after=quantity(_end_s(self.source, self.losses), "time")))
         return m.Scenario(name=name, body=tuple(self._body)), self._remarks
 
-    def faster_models(self, scenario: m.Scenario) -> m.Catalogue | None:
-        """Return the catalogue of new models, which can drive as fast as the scenario tells its actors."""
+    def stronger_models(self, scenario: m.Scenario) -> m.Catalogue | None:
+        """Return the catalogue of new models, which can drive as fast as the scenario tells its actors, and change
+        their speeds as fast."""
         if self.catalogue is None:
             return None
         asked: dict[str, float] = {}
@@ -201,10 +248,12 @@ class _Import:
             for change in _changes_of_speed(when.actions):
                 if isinstance(change.to, m.Quantity):
                     asked[change.actor] = max(asked.get(change.actor, 0.0), change.to.si)
-        fastest: dict[str, float] = {}
-        for entity in self.entities.values():
-            fastest[entity.model] = max(fastest.get(entity.model, 0.0), asked.get(entity.name, 0.0))
-        return made_faster(self.catalogue, fastest)
+        most: dict[str, Asked] = {}
+        for ref, entity in self.entities.items():
+            state = self.states.get(ref)
+            own = Asked(asked.get(entity.name, 0.0), *((state.rises_mps2, state.falls_mps2) if state else ()))
+            most[entity.model] = Asked(*map(max, own, most.get(entity.model, own)))
+        return made_stronger(self.catalogue, most)
 
     def _add(self, item: m.ScenarioItem) -> None:
         """Put a statement into the scenario, with comments on what was lost since the one before."""

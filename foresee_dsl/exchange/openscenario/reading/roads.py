@@ -147,6 +147,36 @@ class Roads:
                 heapq.heappush(heap, (cost + self.length(step[0]), next(counter), *step, (*way, step)))
         return []
 
+    def lane_sections(self, road: str) -> list[tuple[float, float, Element]]:
+        """Return the sections of a road's lanes with their begin and end along it."""
+        sections = self._roads[road].findall("lanes/laneSection")
+        begins = [number(section, "s", 0.0) for section in sections]
+        return list(zip(begins, [*begins[1:], self.length(road)], sections, strict=True))
+
+    def lane_behind(self, road: str, lane: int, *, onward: bool) -> tuple[str, int, bool] | None:
+        """Return the road and lane behind a lane's end in a direction, and whether it begins there: the straightest."""
+        for other, begins in self._followers(road, onward=onward):
+            to = self._linked(road, lane, other, onward=onward)
+            if to:
+                return other, to, begins
+        return None
+
+    def _linked(self, road: str, lane: int, other: str, *, onward: bool) -> int:
+        """Return the lane of another road that a link leads to from one; 0 for none."""
+        way = "successor" if onward else "predecessor"
+        link = self._roads[road].find(f"link/{way}")
+        if link is None:
+            return 0
+        if link.get("elementType") != "junction":
+            sections = self.lane_sections(road)
+            return linked_lane(sections[-1 if onward else 0][2], lane, onward=onward) if sections else 0
+        for connection in self._junctions[link.get("elementId", "")].iterfind("connection"):
+            if connection.get("incomingRoad") == road and connection.get("connectingRoad") == other:
+                for pair in connection.iterfind("laneLink"):
+                    if round(number(pair, "from", 0.0)) == lane:
+                        return round(number(pair, "to", 0.0))
+        return 0
+
     def _followers(self, road: str, *, onward: bool) -> Iterator[tuple[str, bool]]:
         """Yield the roads behind an end of a road, the straightest first, each with whether it begins there."""
         link = self._roads[road].find(f"link/{'successor' if onward else 'predecessor'}")
@@ -219,3 +249,12 @@ class Roads:
     @cached_property
     def _tree(self) -> shapely.STRtree:
         return shapely.STRtree([line for _, line, _ in self._lines])
+
+
+def linked_lane(section: Element, lane: int, *, onward: bool) -> int:
+    """Return the id of the lane that follows a lane of a section; 0 for none."""
+    for element in section.iterfind("left/lane" if lane > 0 else "right/lane"):
+        if round(number(element, "id", 0.0)) == lane:
+            link = element.find(f"link/{'successor' if onward else 'predecessor'}")
+            return round(number(link, "id", 0.0)) if link is not None else 0
+    return 0

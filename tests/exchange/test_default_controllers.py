@@ -1,0 +1,78 @@
+"""Vehicles of OpenSCENARIO files without a controller: they keep to their lane and speed, or change it at once."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.exchange.openscenario.reading import importer
+from foresee_dsl.exchange.outcome import SourceError
+from foresee_dsl.language import model as m
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.trace import SPEED, X, Y
+from tests.support import openscenario_files as osc
+
+_WIDTH = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'
+_LANES = f"""<lanes><laneSection s="0">
+    <left><lane id="1" type="driving"><link><successor id="-1"/></link>{_WIDTH}</lane></left>
+    <center><lane id="0" type="none"/></center>
+    <right><lane id="-1" type="driving"><link><successor id="1"/></link>{_WIDTH}</lane></right>
+  </laneSection></lanes>"""
+BENT = f"""<OpenDRIVE><header revMajor="1" revMinor="4" name="bent" version="1"/>
+<road name="straight" length="100" id="1" junction="-1">
+  <link><successor elementType="road" elementId="2" contactPoint="end"/></link>
+  <planView><geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry></planView>
+  {_LANES}</road>
+<road name="bend, drawn the other way" length="{50 * math.pi / 2}" id="2" junction="-1">
+  <link><successor elementType="road" elementId="1" contactPoint="end"/></link>
+  <planView><geometry s="0" x="150" y="50" hdg="{-math.pi / 2}" length="{50 * math.pi / 2}"><arc curvature="-0.02"/></geometry></planView>
+  {_LANES}</road>
+</OpenDRIVE>"""  # noqa: E501 - a map
+AGAINST = '<LanePosition roadId="1" laneId="1" s="30"><Orientation type="relative" h="3.14159265"/></LanePosition>'
+
+
+@pytest.fixture(scope="module")
+def overtakes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A car in the lane of the other direction, which comes to a bend, and stands still from 4 s on."""
+    folder = tmp_path_factory.mktemp("overtakes")
+    text = osc.scenario(events=osc.group("Target-1", osc.event("stop", osc.speed_action("0"), osc.condition(_AT_4_S))))
+    text = text.replace('laneId="-2" s="50"', 'laneId="-1" s="5"').replace('x="300" y="-8.5"', 'x="60" y="-4"')
+    text = text.replace('<RelativeLanePosition entityRef="Ego" dLane="1" ds="${$gap * 2 - 5}" offset="0"/>', AGAINST)
+    importer.run(osc.write(folder / "in", text, road=BENT), out=folder / "out")
+    return folder / "out" / "cut_in.foresee"
+
+
+_AT_4_S = '<ByValueCondition><SimulationTimeCondition value="4" rule="greaterThan"/></ByValueCondition>'
+
+
+def test_who_drives_in_the_lane_of_the_other_direction_follows_it_over_roads(overtakes: Path) -> None:
+    target = next(actor for actor in load_test_case(overtakes).scenario.actors if actor.name == "target_1")
+    (path,) = [item for item in target.body if isinstance(item, m.Path)]
+    places = [(p.x.si, p.y.si) for p in path.points if isinstance(p, m.Point) and isinstance(p.x, m.Quantity)]
+    assert places[0] == pytest.approx((31.4, 1.75), abs=0.01) and places[-1][1] > 45
+    for x, y in places:
+        off = y - 1.75 if x < 100 else math.hypot(x - 100, y - 50) - 48.25
+        assert abs(off) < 0.06, "along the middle of the lane, a rear axle's distance before it"
+
+
+def test_a_step_of_the_speed_is_one(overtakes: Path) -> None:
+    result = run_test_case(load_test_case(overtakes), "idm", 0)
+    target = next(k for k, info in enumerate(result.trace.actors) if info.id == "target_1")
+    states = result.trace.states[:, target]
+    before, after = result.trace.frame_at(3.9), result.trace.frame_at(4.2)
+    assert states[before, SPEED] == pytest.approx(14, abs=0.1) and states[after, SPEED] == 0
+    assert math.dist(states[0, [X, Y]], states[before, [X, Y]]) == pytest.approx(14 * 3.9, abs=0.5)
+
+
+def test_who_begins_on_top_of_another_is_lost_and_said(tmp_path: Path) -> None:
+    text = osc.scenario().replace('dLane="1" ds="${$gap * 2 - 5}"', 'dLane="0" ds="1"')
+    file = osc.write(tmp_path / "in", text)
+    with pytest.raises(SourceError, match="target_1 starts on top of ego"):
+        importer.run(file, out=tmp_path / "out")
+    done = importer.run(file, out=tmp_path / "out", partial=True)
+    assert done.lost == {"entities that begin on top of others": 1}
+    scenario = load_test_case(tmp_path / "out" / "cut_in.foresee").scenario
+    assert [actor.name for actor in scenario.actors] == ["ego", "walker"]
