@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.mutate_file import mutate_file
+from foresee_dsl.campaign.steps.clip import measure_clip
+from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.cli import app
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.errors import DriverError
+from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.loading import load_test_case
 from tests.support.small_campaign import TEXT
 
 PROGRAM = "external:python3 mine.py"
@@ -58,3 +68,57 @@ def test_a_line_in_the_configuration_allows_a_folder(campaign: Path, tmp_path: P
         config.write_text(wrong, encoding="utf-8")
         with pytest.raises(DriverError, match="the configuration"):
             refuse_programs([(PROGRAM, campaign)], "ask")
+
+
+@pytest.fixture(scope="module")
+def mutant(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A mutant that somebody sent, which says that it was recorded with a program."""
+    folder = tmp_path_factory.mktemp("received")
+    shutil.copytree(scenarios, folder, dirs_exist_ok=True)
+    case = load_test_case(folder / "scenario9.foresee::r03")
+    trace = run_test_case(case, "idm", 0).trace
+    file = folder / "p1.foresee"
+    draft = clip_around(case, trace, load_ranker("proximity").rank(trace)[0], file, before_s=2.0, after_s=1.0)
+    clip, *_ = measure_clip(draft, case, trace, file, driver="idm", seed=0)
+    file.write_text(print_model(clip), encoding="utf-8")
+    (child,) = mutate_file(file, preset="focused", count=1, driver="idm", seed=0)
+    (folder / "mine.py").write_text("open('mark', 'w')\n", encoding="utf-8")
+    recorded = f'driver "example 1 via external:{sys.executable} {folder}/mine.py"'
+    text, replaced = re.subn(r'driver "idm [^"]*"', recorded, child.text)
+    assert replaced == 1
+    Path(child.file).write_text(text, encoding="utf-8")
+    return Path(child.file)
+
+
+@pytest.mark.parametrize(
+    ("command", "more", "said"),
+    [
+        ("verify", (), "--run-programs"),
+        ("minimise", (), "--run-programs"),
+        ("show", (), ""),
+        ("view", ("--output", "page.html"), ""),
+        ("export", ("openscenario", "--out", "exported"), "name it with --driver, or another"),
+        ("repin", ("--run",), ""),
+    ],
+)
+def test_no_command_starts_the_program_that_a_mutant_records(
+    mutant: Path, command: str, more: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORESEE_CONFIG", str(tmp_path / "config.toml"))
+    monkeypatch.chdir(mutant.parent)
+    more = tuple(str(tmp_path / word) if word in ("page.html", "exported") else word for word in more)
+    words = [command, *more[:1], str(mutant), *more[1:]] if command == "export" else [command, str(mutant), *more]
+    done = CliRunner().invoke(app, words)
+    assert not (mutant.parent / "mark").exists()
+    assert said in f"{done.stdout} {done.exception}"
+
+
+def test_a_link_in_an_allowed_folder_is_where_it_leads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORESEE_CONFIG", str(tmp_path / "config.toml"))
+    (tmp_path / "config.toml").write_text(f'run-programs-in = ["{tmp_path}/mine"]\n', encoding="utf-8")
+    for folder in ("mine", "received"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "received" / "x.foresee").touch()
+    (tmp_path / "mine" / "x.foresee").symlink_to(tmp_path / "received" / "x.foresee")
+    with pytest.raises(DriverError, match="programs as drivers"):
+        refuse_programs([(PROGRAM, tmp_path / "mine" / "x.foresee")], "ask")

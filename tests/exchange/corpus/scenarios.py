@@ -64,9 +64,13 @@ def _shortened(case: TestCase) -> TestCase:
 
 
 def _by_the_ego(scenario: Scenario) -> set[str]:
-    """Return the actors that are told to keep to the ego: where they are depends on the driver, as the ego does."""
-    actions = (action for when in scenario.all(When) for action in all_actions(when.actions))
-    return {action.actor for action in actions if getattr(action, "other", "") == "ego" and hasattr(action, "actor")}
+    """Return the actors that are told to keep to the ego, or to one that does: where they are depends on the driver."""
+    actions = [action for when in scenario.all(When) for action in all_actions(when.actions)]
+    pairs = [(action.actor, getattr(action, "other", "")) for action in actions if hasattr(action, "actor")]
+    found = {"ego"}
+    while more := {actor for actor, other in pairs if other in found} - found:
+        found |= more
+    return found - {"ego"}
 
 
 def _compared(row: Row, file: Path, scenario: Scenario, trace: Trace, player: Path) -> Row:
