@@ -1,4 +1,4 @@
-"""Vehicles of OpenSCENARIO files without a controller: they keep to their lane and speed, or change it at once."""
+"""Vehicles of OpenSCENARIO files without a controller: they keep to their lane and speed; parts that are elsewhere."""
 
 from __future__ import annotations
 
@@ -76,3 +76,14 @@ def test_who_begins_on_top_of_another_is_lost_and_said(tmp_path: Path) -> None:
     assert done.lost == {"entities that begin on top of others": 1}
     scenario = load_test_case(tmp_path / "out" / "cut_in.foresee").scenario
     assert [actor.name for actor in scenario.actors] == ["ego", "walker"]
+
+
+def test_maps_and_catalogues_that_are_elsewhere_are_found(tmp_path: Path) -> None:
+    text = osc.scenario().replace('filepath="straight.xodr"', 'filepath="../gone/straight.xodr"')
+    file = osc.write(tmp_path / "in", text.replace('path="catalogues"', 'path="../gone/catalogues"'))
+    (tmp_path / "in" / "catalogues" / "cars.xosc").rename(tmp_path / "in" / "catalogues" / "Cars.xosc")
+    (tmp_path / "in" / "catalogues").rename(tmp_path / "kept")
+    (tmp_path / "in" / "straight.xodr").rename(tmp_path / "kept" / "straight.xodr")
+    with pytest.raises(SourceError, match=r"gone/straight\.xodr', which does not exist"):
+        importer.run(file, out=tmp_path / "out", allow_outside=True)
+    assert not importer.run(file, out=tmp_path / "out", allow_outside=True, road=tmp_path / "kept").lost

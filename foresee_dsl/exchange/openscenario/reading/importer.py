@@ -65,8 +65,8 @@ def run(
     Args:
         file: the `.xosc` file. out: the folder.
         ego: the entity under test; by default the one that is called so, else the first vehicle.
-        road: the network (`.xodr`, `.net.xml`), or a folder in which the one that the file names is looked for; by
-            default the one that the file names.
+        road: the network (`.xodr`, `.net.xml`), or a folder in which the one that the file names is looked for, and
+            catalogues whose folders are missing; by default the one that the file names.
         coordinates: how world positions are meant.
         partial: also write a scenario from which actions, triggers or participants are lost, with comments.
         allow_outside: whether the file may name files outside its project folder.
@@ -76,6 +76,7 @@ def run(
         InputError: the scenario that comes out is impossible; nothing is written.
     """
     source = read_source(file, allow_outside=allow_outside)
+    source.elsewhere = road if road is not None and road.is_dir() else None
     without: set[str] = set()
     while True:
         try:

@@ -31,7 +31,7 @@ class Source:
         path: the file. root: its `<OpenSCENARIO>`.
         roots: folders that the file may name other files in.
         values: of the parameters that hold in the whole file.
-        missing: folders of catalogues that are not there.
+        missing: folders of catalogues that are not there. elsewhere: where these are looked for, if anywhere.
     """
 
     path: Path
@@ -39,6 +39,7 @@ class Source:
     roots: tuple[Path, ...]
     values: Mapping[str, str] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
+    elsewhere: Path | None = None
 
     def named(self, written: str, what: str, suffixes: tuple[str, ...] = ()) -> Path:
         """Return a file or folder that the scenario names, relative to itself; an `ExchangeError` for one that is
@@ -58,7 +59,7 @@ class Source:
     def entry(self, reference: Element) -> Element:
         """Return what a `<CatalogReference>` means, with the parameters that it assigns."""
         catalogue, name = reference.get("catalogName", ""), reference.get("entryName", "")
-        entries = self._all.get(catalogue)
+        entries = self._all.get(catalogue) or self._elsewhere(catalogue)
         if entries is None:
             known = ", ".join(sorted(self._all)) or "none"
             missing = "".join(f"; the folder '{folder}' does not exist" for folder in self.missing)
@@ -103,6 +104,17 @@ class Source:
         """What the file's header says of it."""
         header = self.root.find("FileHeader")
         return header.get("description", "").strip() if header is not None else ""
+
+    def _elsewhere(self, name: str) -> dict[str, Element] | None:
+        """Return the entries of a catalogue whose folder is missing, from the folder that is given for that."""
+        if self.elsewhere is None or not self.missing:
+            return None
+        found: dict[str, Element] = {}
+        for file in sorted(self.elsewhere.rglob(f"{name}.xosc"))[:_MOST_CATALOGUES]:
+            catalogue = parse_xml(file, "OpenSCENARIO", WHAT, ExchangeError).find("Catalog")
+            if catalogue is not None:
+                found = {entry.get("name", ""): entry for entry in catalogue} | found
+        return found or None
 
     @cached_property
     def _all(self) -> dict[str, dict[str, Element]]:
