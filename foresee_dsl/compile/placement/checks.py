@@ -9,7 +9,8 @@ from dataclasses import replace
 from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import PlacedActor, Signal, StopPlace
 from foresee_dsl.compile.placement.paths import joined_way
-from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, Spot, UnsettledError
+from foresee_dsl.compile.placement.spots import Spot, UnsettledError
+from foresee_dsl.compile.placement.starts import OFF_ROUTE_M
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
-from foresee_dsl.compile.placement.starts import OnRoute
+from foresee_dsl.compile.placement.spots import OnRoute
 from foresee_dsl.compile.placement.statements import item
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.language import model as m

@@ -25,7 +25,8 @@ from foresee_dsl.compile.placement.doors import door_problems, doors_of
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
 from foresee_dsl.compile.placement.reach import never_near
-from foresee_dsl.compile.placement.starts import CircleError, OnPath, OnRoute, Starts, UnsettledError
+from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, UnsettledError
+from foresee_dsl.compile.placement.starts import Starts
 from foresee_dsl.compile.placement.statements import WHEELS, item, items, lane_kind, route_of, si
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY

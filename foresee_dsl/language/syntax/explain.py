@@ -26,7 +26,7 @@ from foresee_dsl.language.syntax.expected import (
     words_of_terminals,
 )
 from foresee_dsl.language.syntax.foreign import foreign
-from foresee_dsl.language.syntax.foreign_words import CODE
+from foresee_dsl.language.syntax.foreign_words import CODE, OF_ROADS, UNSUPPORTED
 from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, statement_parser
 from foresee_dsl.language.units import UNITS
 
@@ -66,31 +66,6 @@ _OFTEN = (
 
 
 _OF_NETWORKS = ("network_item", "junction_item", "road_item", "roundabout_item", "ramp_item")
-_UNSUPPORTED = (
-    (
-        ("elevation", "slope", "height", "incline", "gradient", "z", "bridge", "tunnel"),
-        "roads are flat: leave it out; a bridge is a road that shares no junction with the one below",
-    ),
-    (
-        ("tram", "tram_track", "tram_tracks", "tram_lane", "rail", "rails", "track"),
-        "SUMO would drive trams as one rigid body: leave it out; a reserved lane for a bus is `bus_lane 3.5 m`",
-    ),
-)
-"""Words of networks that the language does not know on purpose, and why."""
-
-
-_OF_ROADS = {
-    **dict.fromkeys(("max_speed", "maxspeed", "speed_limit", "limit"), "speed"),
-    **dict.fromkeys(("width", "lanewidth"), "lane_width"),
-    **dict.fromkeys(("crosswalk", "crossing", "zebra_crossing", "pedestrian_crossing"), "zebra"),
-    **dict.fromkeys(("bike_lane", "bicycle_lane"), "cycle_lane"),
-    **dict.fromkeys(("bike_track", "bicycle_track", "cycleway"), "cycle_track"),
-    **dict.fromkeys(("pavement", "footpath", "sidewalks"), "sidewalk"),
-    **dict.fromkeys(("street", "edge", "highway"), "road"),
-    **dict.fromkeys(("node", "intersection", "crossroads"), "junction"),
-    **dict.fromkeys(("circle", "rotary", "traffic_circle"), "roundabout"),
-}
-"""What parts of networks are called elsewhere."""
 
 
 class Refusal:
@@ -285,9 +260,9 @@ class Refusal:
 
     def _unknown_statement(self, words: Collection[str], shown: str) -> tuple[str, str, str]:
         place = PLACES.get(self._rule, "a file")
-        if self._rule in _OF_NETWORKS and (why := next((w for words, w in _UNSUPPORTED if self.word in words), "")):
+        if self._rule in _OF_NETWORKS and (why := next((w for words, w in UNSUPPORTED if self.word in words), "")):
             return "FS271", f"'{shown}' is not supported", why
-        ours = _OF_ROADS.get(self.word) if self._rule in _OF_NETWORKS else None
+        ours = OF_ROADS.get(self.word) if self._rule in _OF_NETWORKS else None
         places = homes().get(self.word, ()) if ours is None else ()
         if places and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in places:
             help = f"put `add` or `change` in front of it: `add {self.word} ...`"

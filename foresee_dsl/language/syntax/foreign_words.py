@@ -124,3 +124,29 @@ WEATHER: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys(("dry", "clear"), "wetness 0"),
     }
 )
+
+UNSUPPORTED = (
+    (
+        ("elevation", "slope", "height", "incline", "gradient", "z", "bridge", "tunnel"),
+        "roads are flat: leave it out; a bridge is a road that shares no junction with the one below",
+    ),
+    (
+        ("tram", "tram_track", "tram_tracks", "tram_lane", "rail", "rails", "track"),
+        "SUMO would drive trams as one rigid body: leave it out; a reserved lane for a bus is `bus_lane 3.5 m`",
+    ),
+)
+"""Words of networks that the language does not know on purpose, and why."""
+
+
+OF_ROADS = {
+    **dict.fromkeys(("max_speed", "maxspeed", "speed_limit", "limit"), "speed"),
+    **dict.fromkeys(("width", "lanewidth"), "lane_width"),
+    **dict.fromkeys(("crosswalk", "crossing", "zebra_crossing", "pedestrian_crossing"), "zebra"),
+    **dict.fromkeys(("bike_lane", "bicycle_lane"), "cycle_lane"),
+    **dict.fromkeys(("bike_track", "bicycle_track", "cycleway"), "cycle_track"),
+    **dict.fromkeys(("pavement", "footpath", "sidewalks"), "sidewalk"),
+    **dict.fromkeys(("street", "edge", "highway"), "road"),
+    **dict.fromkeys(("node", "intersection", "crossroads"), "junction"),
+    **dict.fromkeys(("circle", "rotary", "traffic_circle"), "roundabout"),
+}
+"""What parts of networks are called elsewhere."""
