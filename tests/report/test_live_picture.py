@@ -15,8 +15,7 @@ from typing import Any
 
 import pytest
 
-from foresee_dsl.report.picture.answer import answer
-from foresee_dsl.report.picture.page import page_of
+from foresee_dsl.report.picture.answer import answer, page_of
 from tests.report.test_picture import SMALL
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -23,6 +23,6 @@ def picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:
 
 def page(nonce: str) -> str:
     """Return the page that shows pictures, for a web view whose scripts and styles have this nonce."""
-    from foresee_dsl.report.picture.page import page_of
+    from foresee_dsl.report.picture.answer import page_of
 
     return page_of(nonce, title="foresee", connect="")

@@ -1,4 +1,4 @@
-"""What a live page gets: the picture of a text as it is now, or what is wrong with the text and where."""
+"""A live page, and what it gets: the picture of a text as it is now, or what is wrong with the text and where."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.files import data_folder, rendered
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.report.picture.draw import Drawing, draw
@@ -74,3 +75,19 @@ def _diagnostic(found: Diagnostic) -> dict[str, Any]:
 
 def _plain(message: str, path: str = "", line: int = 0, column: int = 0) -> dict[str, Any]:
     return {"message": message, "path": path, "line": line, "column": column}
+
+
+def page_of(nonce: str, *, title: str, connect: str) -> str:
+    """Return the page; it loads nothing, and asks for pictures at the address `connect` ("": its host sends them).
+
+    Its scripts and styles have the nonce, which its content security policy names.
+    """
+    folder = data_folder("templates") / "draw"
+    return rendered(
+        "draw/page.html",
+        nonce=nonce,
+        title=title,
+        connect=connect,
+        script=(folder / "page.js").read_text(encoding="utf-8"),
+        style=(folder / "page.css").read_text(encoding="utf-8"),
+    )
