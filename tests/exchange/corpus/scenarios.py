@@ -13,7 +13,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.openscenario.reading import importer
 from foresee_dsl.exchange.openscenario.reading.entities import Entity, read_participants
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
-from foresee_dsl.exchange.openscenario.reading.source import read_source
+from foresee_dsl.exchange.openscenario.reading.source import Source, read_source
 from foresee_dsl.exchange.outcome import Imported, SourceError
 from foresee_dsl.language.model import End, Quantity, Scenario, When
 from foresee_dsl.language.project.document import TestCase
@@ -50,7 +50,11 @@ def judge(file: Path, name: str, settings: Settings) -> Row:
         row = Row(name, Outcome.partial if lost else Outcome.imported, lost)
         (case,) = load_test_cases([file for file in done.files if file.name.endswith(f"{_scenario(done)}.foresee")])
         trace = run_test_case(_shortened(case), _DRIVER, 0).trace
-        return row if settings.player is None else _compared(row, file, case.scenario, trace, settings.player)
+        if settings.player is None:
+            return row
+        source = read_source(file, allow_outside=True)
+        source.elsewhere = settings.maps
+        return _compared(row, source, case.scenario, trace, settings.player)
 
 
 def _scenario(done: Imported) -> str:
@@ -73,12 +77,12 @@ def _by_the_ego(scenario: Scenario) -> set[str]:
     return found - {"ego"}
 
 
-def _compared(row: Row, file: Path, scenario: Scenario, trace: Trace, player: Path) -> Row:
+def _compared(row: Row, source: Source, scenario: Scenario, trace: Trace, player: Path) -> Row:
     """Return the row with how far actors are from where the player has them; the ego is our driver's to drive, and
     those that keep to it go where it goes."""
     driven = _by_the_ego(scenario)
-    played = play(player, file, AT_S)
-    entities = read_participants(read_source(file, allow_outside=True), Losses(), name="x").entities
+    played = play(player, source.path, AT_S)
+    entities = read_participants(source, Losses(), name="x").entities
     off: dict[str, float] = {}
     for ref, entity in entities.items():
         if entity.name == "ego" or entity.name in driven or ref not in played.at:
