@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +16,7 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.netconvert import sumo_home
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.maps import osm, sumo
@@ -105,6 +109,28 @@ def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     assert result.exit_code == 0
     assert "16 edges for cars" in result.stdout
     assert "1 ways for others: footway" in result.stdout
+
+
+def test_a_netconvert_that_dies_of_the_maps_crossings_is_said_and_started_again(tmp_path: Path) -> None:
+    """As 1.28 does on some extracts; here one that dies of the option."""
+    real, packages = sumo_home(), tmp_path / "packages"
+    (packages / "sumo" / "bin").mkdir(parents=True)
+    for folder, within in ((real, packages / "sumo"), (real / "bin", packages / "sumo" / "bin")):
+        for entry in folder.iterdir():
+            if entry.name not in ("bin", "netconvert"):
+                (within / entry.name).symlink_to(entry)
+    for entry in real.parent.glob("eclipse_sumo-*.dist-info"):
+        (packages / entry.name).symlink_to(entry)
+    program = packages / "sumo" / "bin" / "netconvert"
+    dies = 'for word in "$@"; do [ "$word" = --osm.crossings ] && kill -SEGV $$; done'
+    program.write_text(f'#!/bin/sh\n{dies}\nexec {real}/bin/netconvert "$@"\n')
+    program.chmod(0o755)
+    command = [sys.executable, "-m", "foresee_dsl", "import", "osm", TOWN, "--out", tmp_path / "out"]
+    environment = {**os.environ, "PYTHONPATH": str(packages), "COLUMNS": "400"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "while it put the map's crossings" in done.stdout
+    assert (tmp_path / "out" / "small_town.net.xml").is_file()
 
 
 def _text(change: Callable[[str], str]) -> bytes:
