@@ -14,9 +14,9 @@ from foresee_dsl.compile.placement.statements import item
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.language import model as m
 
-_MOST = 256
-"""Placements that are kept, up to 80 kB each, most of it the line of a route. Ours: those of the four clips for which a
-worker counts as warm, with 60 actors each."""
+_MOST = 128
+"""Placements that are kept, 110 kB each, most of it the line of a route. Ours: those of the four clips for which a
+worker counts as warm, with 32 actors each."""
 
 
 @dataclass(frozen=True, slots=True)
