@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
@@ -44,34 +43,3 @@ def import_late(name: str, functions: Iterable[str] = ()) -> None:
     above, _, last = name.rpartition(".")
     if above:  # `import PACKAGE.NAME` finds the stand-in and sets nothing; numpy.testing 2.4 asks the package for it
         setattr(import_module(above), last, standin)
-
-
-@contextmanager
-def left_out(name: str) -> Iterator[None]:
-    """Let imports of a package's module in this block give an empty one; after the block it is as if never imported.
-
-    For a library that only wants to know whether it is there. Without its package it is not there; one that is already
-    imported stays as it is.
-    """
-    package, _, last = name.rpartition(".")
-    if package in sys.modules or find_spec(package) is None:
-        yield
-        return
-    standins = {package: ModuleType(package), name: ModuleType(name)}
-    standins[package].__path__ = []
-    above, _, within = package.rpartition(".")
-    for module, attribute, standin in (
-        (sys.modules.get(above), within, standins[package]),
-        (standins[package], last, standins[name]),
-    ):
-        if module is not None:
-            setattr(module, attribute, standin)
-    sys.modules.update(standins)
-    try:
-        yield
-    finally:
-        for each, standin in standins.items():
-            if sys.modules.get(each) is standin:
-                del sys.modules[each]
-        if above:
-            vars(sys.modules[above]).pop(within, None)

@@ -1,12 +1,11 @@
 """Modules that are imported when they are first used."""
 
-import subprocess
 import sys
 from types import ModuleType
 
 import pytest
 
-from foresee_dsl.late_import import import_late, left_out
+from foresee_dsl.late_import import import_late
 
 
 @pytest.fixture(autouse=True)
@@ -63,35 +62,3 @@ def test_a_package_has_the_standin_as_it_would_have_the_module() -> None:
 
     assert callable(wsgiref.util.guess_scheme)
     assert wsgiref.util is sys.modules["wsgiref.util"]
-
-
-def test_what_is_left_out_is_as_if_never_imported() -> None:
-    import wsgiref
-
-    vars(wsgiref).pop("util", None)
-    with left_out("wsgiref.util.nothing"):
-        import wsgiref.util.nothing
-
-        assert not hasattr(wsgiref.util, "guess_scheme")
-    assert not hasattr(wsgiref, "util")
-    assert {"wsgiref.util", "wsgiref.util.nothing"}.isdisjoint(sys.modules)
-    import wsgiref.util
-
-    assert callable(wsgiref.util.guess_scheme)
-    with left_out("wsgiref.util.nothing"), left_out("no_such_package.nothing"):
-        assert "guess_scheme" in vars(sys.modules["wsgiref.util"])
-        assert "no_such_package" not in sys.modules
-
-
-def test_kernels_leave_scipy_out_and_drivers_may_use_it_after_them() -> None:
-    code = """
-import sys
-import foresee_dsl.drivers.pdm
-assert "scipy.linalg" not in sys.modules
-import numba, numpy as np, scipy.linalg, scipy.linalg.cython_blas
-assert scipy.linalg.cython_blas.__pyx_capi__["dgemm"]
-assert np.allclose(scipy.linalg.expm(np.zeros((2, 2))), np.eye(2))
-product = numba.njit(lambda a, b: np.dot(a, b))(np.eye(2), np.ones((2, 2)))
-assert (product == 1).all()
-"""
-    subprocess.run([sys.executable, "-c", code], check=True)

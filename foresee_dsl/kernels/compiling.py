@@ -1,10 +1,9 @@
-"""Compiles kernels to machine code (numba) and keeps them on disk.
+"""Makes kernels of plain functions: each becomes machine code once, and runs from there.
 
 A kernel is a plain function of numbers, arrays and records that loops over a few actors, frames or proposals: many
-small operations, for which calls of numpy would cost ten times what the arithmetic does. Each is compiled for one
-signature when its module is imported for the first time, and kept beside the module (`__pycache__`), so the first
-import in an environment takes half a minute. From then on a kernel is loaded from there when it is first called: a
-run calls half of them. A campaign's fork server loads all that are imported, before the workers start (`load_all`).
+small operations, for which calls of numpy would cost ten times what the arithmetic does. numba compiles each for one
+signature, all of this folder when the first of them is imported in an environment, which takes a minute. After that
+numba is not imported: it takes a second of CPU to start (`machine_code`).
 
 Arithmetic is IEEE's, in the order that is written (no `fastmath`, no threads), so that a machine of the same kind gives
 the same bits. Indices are not checked: an index that comes from a measurement is clamped to its array (the integer of a
@@ -13,134 +12,150 @@ NaN may be anything).
 
 from __future__ import annotations
 
-import hashlib
-import sys
-from collections.abc import Callable, Sequence
-from functools import cache
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, update_wrapper
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
-from foresee_dsl.late_import import left_out
+import numpy as np
 
-with left_out("scipy.linalg.cython_blas"):
-    # numba (0.68.1) imports it, and with it scipy.linalg, a third of its own start-up, to see whether it is installed
-    import numba.np.arraymath  # noqa: F401  before the first kernel does
-from numba import njit, types
+from foresee_dsl.kernels import machine_code
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-FLOAT, INT, FLAG = types.float64, types.int64, types.boolean
-FLOATS, INTS = types.float64[::1], types.int64[::1]
-"""[N], in one piece."""
-TABLE = types.float64[:, ::1]
-"""[M, N], in one piece."""
-ANY_TABLE = types.float64[:, :]
-"""[M, N], a part of another one, perhaps."""
-BYTE_TABLE = types.uint8[:, ::1]
-FLAG_TABLE = types.boolean[:, ::1]
-CUBE = types.float64[:, :, ::1]
-HYPERCUBE = types.float64[:, :, :, ::1]
 
-_notice_given = False
+@dataclass(frozen=True)
+class Kind:
+    """The type of a kernel's argument: a number, or an array of numbers or records.
+
+    Attributes:
+        dtype: numpy's. dimensions: 0 of a number. layout: in one piece ("C"), or a part of another array, perhaps.
+    """
+
+    dtype: np.dtype[Any]
+    dimensions: int = 0
+    layout: Literal["C", "A"] = "C"
+
+    def for_numba(self) -> Any:  # noqa: ANN401  numba's types have none
+        """Return numba's type."""
+        from numba import from_dtype, types
+
+        item = from_dtype(self.dtype)
+        return types.Array(item, self.dimensions, self.layout) if self.dimensions else item
+
+
+FLOAT, INT, FLAG = (Kind(np.dtype(kind)) for kind in (np.float64, np.int64, np.bool_))
+FLOATS, INTS, KEYS = (Kind(np.dtype(kind), 1) for kind in (np.float64, np.int64, np.uint64))
+"""[N], in one piece."""
+TABLE, KEY_TABLE = (Kind(np.dtype(kind), 2) for kind in (np.float64, np.uint64))
+"""[M, N], in one piece."""
+ANY_TABLE = Kind(np.dtype(np.float64), 2, "A")
+"""[M, N], a part of another one, perhaps."""
+BYTE_TABLE, FLAG_TABLE = (Kind(np.dtype(kind), 2) for kind in (np.uint8, np.bool_))
+CUBE = Kind(np.dtype(np.float64), 3)
+HYPERCUBE = Kind(np.dtype(np.float64), 4)
+
+
+class _Function:
+    """A function that numba can compile into others.
+
+    Attributes:
+        py_func: the plain one.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.py_func = function
+        update_wrapper(self, function)
+
+    @cached_property
+    def dispatcher(self) -> Any:  # noqa: ANN401  numba's types have none
+        """What numba makes of it."""
+        from numba import njit
+
+        return njit(error_model="numpy")(self.py_func)
+
+    @property
+    def _numba_type_(self) -> Any:  # noqa: ANN401  numba's types have none
+        """What numba (0.68.1) asks an object for that it meets in a function."""
+        return self.dispatcher._numba_type_
+
+    def __call__(self, *arguments: object) -> Any:  # noqa: ANN401  whatever the function returns
+        """Compile it for these arguments and run it; only tests and training do that."""
+        return self.dispatcher(*arguments)
+
+
+class Kernel(_Function):
+    """A function that is compiled for one signature.
+
+    Attributes:
+        kinds: the types of its arguments.
+    """
+
+    def __init__(self, function: Callable[..., Any], kinds: tuple[Kind, ...]) -> None:
+        super().__init__(function)
+        self.kinds = kinds
+        places = enumerate(kinds)
+        self._arrays = [(k, one.dtype, one.dimensions, one.layout == "C") for k, one in places if one.dimensions]
+
+    @cached_property
+    def entry(self) -> Callable[..., Any]:
+        """Its machine code, which reads arrays of other types than its own as if they were of its own."""
+        return machine_code.stored().get(name_of(self.py_func)) or self.dispatcher
+
+    @cached_property
+    def dispatcher(self) -> Any:  # noqa: ANN401  numba's types have none
+        """What numba makes of it, where there is no stored machine code, and in other compiled functions."""
+        from numba import njit
+
+        signature = tuple(kind.for_numba() for kind in self.kinds)
+        # numba (0.68.1) compiles anew when the function's own file changes, but not when a file does from which it uses
+        # functions or constants. It stores a function under its name, so the name contains a hash of this folder.
+        qualified = self.py_func.__qualname__
+        self.py_func.__qualname__ = f"{qualified}_{machine_code.state_of(Path(__file__).parent)}"
+        try:
+            return njit(signature, cache=True, error_model="numpy")(self.py_func)
+        except RuntimeError:  # it can be stored neither beside the module nor in a user's folder
+            return njit(signature, error_model="numpy")(self.py_func)
+        finally:
+            self.py_func.__qualname__ = qualified
+
+    def __call__(self, *arguments: object) -> Any:  # noqa: ANN401  whatever the function returns
+        """Run its machine code; a `TypeError` where an array is of another type than it was compiled for."""
+        if len(arguments) == len(self.kinds):  # its machine code tells of others
+            for place, dtype, dimensions, whole in self._arrays:
+                given: Any = arguments[place]
+                fits = isinstance(given, np.ndarray) and given.ndim == dimensions and given.dtype == dtype
+                if not fits or not (given.flags.carray if whole else given.flags.behaved):
+                    kind = self.kinds[place]
+                    raise TypeError(f"argument {place} of {self.py_func.__name__} is not {kind}")
+        return self.entry(*arguments)
 
 
 def inner(function: F) -> F:
-    """Mark a function that only kernels call: it is compiled and kept as a part of each of them."""
-    return cast(F, njit(error_model="numpy")(function))
+    """Mark a function that only kernels call: it is compiled as a part of each of them."""
+    return cast(F, _Function(function)) if _compiles() else function
 
 
-def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's types have none
+def compiled(*signature: Kind) -> Callable[[F], F]:
     """Compile a function for arguments of these types: those above, or of `records.array_of`."""
 
     def compile_it(function: F) -> F:
-        # numba (0.68.1) compiles anew when the function's own file changes, but not when a file does from which it uses
-        # functions or constants. It stores a function under its name, so the name contains a hash of this folder.
-        function.__qualname__ += "_" + state_of(Path(__file__).parent)
-        try:
-            made = njit(cache=True, error_model="numpy")(function)
-        except RuntimeError:  # it can be stored neither beside the module nor in a user's folder
-            return cast(F, njit(signature, error_model="numpy")(function))
-        if hasattr(made, "py_func"):  # it has none where NUMBA_DISABLE_JIT is set
-            _load_late(made, signature)
-            if not _is_stored(made):
-                load_now(made)
-                _announce_once(made)
-        return cast(F, made)
+        if not _compiles():
+            return function
+        if str(function.__module__).startswith(f"{__package__}."):
+            machine_code.ensure()
+        return cast(F, Kernel(function, signature))
 
     return compile_it
 
 
-_waiting: dict[Any, Callable[[], Any]] = {}
-"""What loads each kernel that was not called yet."""
+def name_of(function: Callable[..., Any]) -> str:
+    """Return under which name a function's machine code is stored."""
+    return f"{function.__module__}.{function.__qualname__}"
 
 
-def _load_late(made: Any, signature: Sequence[Any]) -> None:  # noqa: ANN401  numba's dispatcher
-    """Let a kernel be loaded when it is first called, or first compiled into another one.
-
-    In both cases the dispatcher (numba 0.68.1) is asked for one of these two methods while it has no machine code for
-    the arguments. Ours stand before them until then, so that later calls cost nothing more.
-    """
-
-    def load() -> Any:  # noqa: ANN401  its entry point
-        for method in ("_compile_for_args", "get_call_template"):
-            vars(made).pop(method, None)
-        _waiting.pop(made, None)
-        entry = made.compile(signature)
-        made.disable_compile()
-        return entry
-
-    def first_called(*arguments: object) -> Any:  # noqa: ANN401  its entry point, which numba then calls
-        given = [made.typeof_pyval(argument) for argument in arguments]
-        fits = (made.typingctx.can_convert(*pair) is not None for pair in zip(given, signature, strict=False))
-        if len(given) != len(signature) or not all(fits):
-            raise TypeError(f"{made.py_func.__name__} is compiled for {signature}, not for {tuple(given)}")
-        return load()
-
-    def first_compiled_into(arguments: object, options: object) -> Any:  # noqa: ANN401  what numba's method returns
-        load()
-        return made.get_call_template(arguments, options)
-
-    made._compile_for_args, made.get_call_template = first_called, first_compiled_into
-    _waiting[made] = load
-
-
-def load_now(kernel: object) -> None:
-    """Load a kernel, if it was not loaded yet."""
-    if load := _waiting.get(kernel):
-        load()
-
-
-def load_all() -> None:
-    """Load every kernel whose module is imported now: in the process from which workers are forked."""
-    for load in tuple(_waiting.values()):
-        load()
-
-
-def _is_stored(made: Any) -> bool:  # noqa: ANN401  numba's dispatcher
-    """Return whether a kernel was compiled before, so that loading it takes no time worth a word."""
-    function = made.py_func
-    begins = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-"
-    return any(name.startswith(begins) for name in _files_in(made.stats.cache_path))
-
-
-@cache
-def _files_in(folder: str) -> tuple[str, ...]:
-    """Return the names of a folder's files, read once."""
-    return tuple(file.name for file in Path(folder).glob("*.nbc"))
-
-
-def _announce_once(made: Any) -> None:  # noqa: ANN401  numba's dispatcher
-    """Tell the user at a terminal why it takes so long, once the first function had to be compiled."""
-    global _notice_given  # noqa: PLW0603  once in a process
-    if not _notice_given and made.stats.cache_misses and sys.stderr.isatty():
-        _notice_given = True
-        sys.stderr.write("compiling the inner loops for this machine, once (about half a minute) ...\n")
-
-
-@cache
-def state_of(folder: Path) -> str:
-    """Return a short hash of the contents of all Python files in a folder and those within it."""
-    found = hashlib.sha256()
-    for file in sorted(folder.rglob("*.py")):
-        found.update(file.read_bytes())
-    return found.hexdigest()[:12]
+def _compiles() -> bool:
+    """Return whether kernels are compiled; numba's variable lets them be plain Python, for tests and debuggers."""
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import types
 
 from foresee_dsl.kernels.arrays import FloatArray, Hashes, IntArray
-from foresee_dsl.kernels.compiling import INT, INTS, TABLE, compiled, inner
-
-_KEYS, _KEY_TABLE = types.uint64[::1], types.uint64[:, ::1]
+from foresee_dsl.kernels.compiling import INT, INTS, KEY_TABLE, KEYS, TABLE, compiled, inner
 
 GOLDEN = 0x9E3779B97F4A7C15
 MIX_1, MIX_2 = 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
@@ -77,7 +74,7 @@ def chance(keys: Hashes, channels: int, frame: int, hold: int) -> float:
     return uniform(mixed(keys[2 * channels], (frame + phase) // hold))
 
 
-@compiled(_KEYS, INTS)
+@compiled(KEYS, INTS)
 def hashes(keys: Hashes, counters: IntArray) -> Hashes:
     """Return a hash of each key [K] with each counter [C], [K, C]."""
     table = np.empty((len(keys), len(counters)), dtype=np.uint64)
@@ -87,7 +84,7 @@ def hashes(keys: Hashes, counters: IntArray) -> Hashes:
     return table
 
 
-@compiled(_KEY_TABLE, TABLE, INT, INT, INT)
+@compiled(KEY_TABLE, TABLE, INT, INT, INT)
 def normals_over(keys: Hashes, scales: FloatArray, spacing: int, first: int, frames: int) -> FloatArray:
     """Return objects' noise over some frames, [F, N, C].
 

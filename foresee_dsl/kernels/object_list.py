@@ -10,16 +10,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 
 from foresee_dsl.kernels.arrays import FloatArray, Hashes, IntArray, Records
 from foresee_dsl.kernels.bicycle import Record
-from foresee_dsl.kernels.compiling import INT, TABLE, compiled, inner
+from foresee_dsl.kernels.compiling import INT, KEY_TABLE, TABLE, compiled, inner
 from foresee_dsl.kernels.noise import chance, error
 from foresee_dsl.kernels.records import array_of
 from foresee_dsl.kernels.sight import BODIES, HEADING, SPEED, WALLS, SightLimits, X, Y, find
-
-_KEY_TABLE = types.uint64[:, ::1]
 
 
 class ScanSettings(NamedTuple):
@@ -76,7 +73,7 @@ def _detected(frame: int, boxes: Records, seen: IntArray, bodies: Records, keys:
     return count
 
 
-@compiled(INT, TABLE, TABLE, BODIES, WALLS, _KEY_TABLE, TABLE, SETTINGS)
+@compiled(INT, TABLE, TABLE, BODIES, WALLS, KEY_TABLE, TABLE, SETTINGS)
 def measured(
     frame: int,
     ego: FloatArray,

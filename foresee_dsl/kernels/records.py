@@ -7,10 +7,11 @@ understands too. Arrays of records are handed over in 0.5 us each; a named tuple
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
 import numpy as np
-from numba import from_dtype, types
+
+from foresee_dsl.kernels.compiling import Kind
 
 
 @cache
@@ -22,6 +23,6 @@ def dtype_of(record: type) -> np.dtype[np.void]:
     return np.dtype(list(get_type_hints(record).items()), align=True)
 
 
-def array_of(record: type, dimensions: int = 1) -> Any:  # noqa: ANN401  numba's types have none
-    """Return numba's type of an array of such records, in one piece."""
-    return types.Array(from_dtype(dtype_of(record)), dimensions, "C")
+def array_of(record: type, dimensions: int = 1) -> Kind:
+    """Return the type of an array of such records, in one piece."""
+    return Kind(dtype_of(record), dimensions)

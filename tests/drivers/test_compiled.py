@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import astuple, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -19,12 +20,13 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
-from foresee_dsl.kernels import compiling
+from foresee_dsl.kernels import boxes as box_kernels
+from foresee_dsl.kernels import machine_code
 from foresee_dsl.kernels.arrays import Records
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, state_of
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, Kernel, compiled
+from foresee_dsl.kernels.machine_code import state_of
 from foresee_dsl.kernels.pdm import proposals, right_of_way
 from foresee_dsl.kernels.pdm import route as route_kernels
-from foresee_dsl.kernels.pdm.decision import decide
 from foresee_dsl.kernels.pdm.prediction import TIMES_S
 from foresee_dsl.kernels.pdm.records import ACTOR, PREDICTED, ROLLED
 from foresee_dsl.kernels.pdm.scoring import conflicts
@@ -107,24 +109,64 @@ def test_a_kernel_takes_its_types_and_no_others() -> None:
         return values[0] * by
 
     assert scaled(np.array([3.0]), 2) == 6.0
-    with pytest.raises(TypeError, match="No matching definition"):
-        scaled(np.array([[3.0]]), 2.0)
+    frozen = np.array([3.0])
+    frozen.flags.writeable = False
+    for wrong in (np.array([[3.0]]), np.array([3]), np.array([3.0, 4.0, 5.0])[::2], frozen, [3.0], 3.0):
+        with pytest.raises(TypeError, match="argument 0 of scaled is not"):
+            scaled(wrong, 2.0)
+    with pytest.raises(TypeError):
+        scaled(np.array([3.0]))  # type: ignore[call-arg]
 
 
-def test_a_first_import_fills_the_cache_and_the_second_one_uses_it(tmp_path: Path) -> None:
-    module = tmp_path / "kernels.py"
-    module.write_text(
-        "from foresee_dsl.kernels.compiling import FLOAT, compiled\n@compiled(FLOAT)\ndef half(x):\n    return x / 2\n",
-        encoding="utf-8",
-    )
-    ask = "import kernels; assert kernels.half(5.0) == 2.5; print(sum(kernels.half.stats.cache_hits.values()))"
-    hits = [
-        subprocess.run(
-            [sys.executable, "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=True
-        ).stdout.strip()
-        for _ in range(2)
-    ]
-    assert hits == ["0", "1"]
+def test_a_run_s_kernels_need_no_numba_and_do_with_it() -> None:
+    """As a driver's own numba and scipy would come after them."""
+    code = """
+import sys
+import numpy as np
+from foresee_dsl.kernels import boxes, machine_code
+a, b = np.array([[0.0, 0.0, 0.0, 4.0, 2.0]]), np.array([[10.0, 0.0, 0.0, 4.0, 2.0]])
+assert boxes.gaps(a, b).tolist() == [6.0]
+assert boxes.gaps.py_func.__name__ == "gaps" and len(machine_code.stored()) > 40
+assert not {"numba", "scipy"} & set(sys.modules)
+import numba, scipy.linalg
+assert (numba.njit(lambda a, b: np.dot(a, b))(np.eye(2), np.ones((2, 2))) == 1).all()
+@numba.njit
+def nearest(a, b):
+    return boxes.gaps(a, b).min()
+assert nearest(a, b) == boxes.gaps(a, b)[0] == 6.0
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_numba_s_own_and_the_stored_machine_code_give_the_same_bits() -> None:
+    rng = np.random.default_rng(3)
+    tables = [rng.uniform(-9, 9, (50, 5)) for _ in range(2)]
+    for kernel in (box_kernels.gaps, box_kernels.overlaps_of):
+        made = cast("Kernel", kernel)
+        assert made.entry is not made.dispatcher
+        assert made.entry(*tables).tobytes() == made.dispatcher(*tables).tobytes()
+
+
+def test_machine_code_that_cannot_be_read_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = machine_code._file()
+    assert file is not None and file.exists()
+    whole = file.read_bytes()
+    for content in (b"", whole[:1000], whole[:5000] + b"?" + whole[5001:]):
+        damaged = tmp_path / file.name
+        damaged.write_bytes(content)
+        monkeypatch.setattr(machine_code, "_file", lambda damaged=damaged: damaged)
+        assert machine_code.stored.__wrapped__() == {}
+        assert not damaged.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("sys.platform", "win32"), ("platform.machine", lambda: "riscv64"), ("_TRIED", ("0.99.",) * 3)]
+)
+def test_where_it_was_not_tried_numba_loads_each_kernel(
+    name: str, value: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"foresee_dsl.kernels.machine_code.{name}", value)
+    assert machine_code._file.__wrapped__() is None
 
 
 def test_a_kernel_is_compiled_anew_when_any_of_the_kernels_files_changes(tmp_path: Path) -> None:
@@ -135,7 +177,8 @@ def test_a_kernel_is_compiled_anew_when_any_of_the_kernels_files_changes(tmp_pat
         state_of.cache_clear()
         states.append(state_of(tmp_path))
     assert len(set(states)) == 4 and states[-1] == states[-2]
-    assert state_of(Path(str(compiling.__file__)).parent) in decide.py_func.__qualname__
+    file = machine_code._file()
+    assert file is not None and file.name.endswith(f"-{state_of(Path(str(machine_code.__file__)).parent)}")
 
 
 def test_offsets_are_rounded_as_python_does() -> None:

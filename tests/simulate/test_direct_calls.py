@@ -1,4 +1,4 @@
-"""Kernels that are called without numba's look at types get the types that they were compiled for."""
+"""Kernels that are called without the check of types get the types that they were compiled for."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-import numba
-import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.files import data_folder
 from foresee_dsl.kernels import direct as module
+from foresee_dsl.kernels.compiling import Kernel
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.runner import run
 
@@ -25,22 +24,11 @@ CASES = (
 
 
 def checked(called: set[str]) -> Callable[[Any], Any]:
-    """Return what `direct` is replaced by: calls that compare each argument with the kernel's signature first."""
+    """Return what `direct` is replaced by: the kernel itself, which compares each argument with its type first."""
 
     def direct(kernel: Any) -> Any:
-        (signature,) = kernel.signatures
-
         def call(*arguments: Any) -> Any:
-            assert len(arguments) == len(signature), kernel.__name__
-            for place, (argument, wanted) in enumerate(zip(arguments, signature, strict=True)):
-                where = f"argument {place} of {kernel.__name__}"
-                if isinstance(wanted, numba.types.Array):
-                    assert isinstance(argument, np.ndarray), where
-                    given = numba.typeof(argument)
-                    assert (given.dtype, given.ndim) == (wanted.dtype, wanted.ndim), where
-                    assert wanted.layout in ("A", given.layout), where
-                else:
-                    assert not isinstance(argument, np.ndarray), where
+            assert len(arguments) == len(kernel.kinds), kernel.__name__
             called.add(kernel.__name__)
             return kernel(*arguments)
 
@@ -55,8 +43,7 @@ def test_arguments_are_of_the_compiled_types(address: str, driver: str, monkeypa
     case = load_test_case(f"{data_folder('scenarios') / address}")
     run(compile_test_case(case), load_driver(driver))  # imports what is used
     ours = [one for name, one in sys.modules.items() if name.startswith("foresee_dsl.") and one is not module]
-    kernels = {id(module.direct(value)): value for one in ours for value in vars(one).values()
-               if len(getattr(value, "overloads", ())) == 1}  # fmt: skip
+    kernels = {id(value.entry): value for one in ours for value in vars(one).values() if isinstance(value, Kernel)}
     for user in ours:
         for name, value in list(vars(user).items()):
             if value is module.direct:

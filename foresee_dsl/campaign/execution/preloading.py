@@ -7,7 +7,7 @@ from contextlib import suppress
 from importlib import import_module
 
 from foresee_dsl.campaign import steps
-from foresee_dsl.kernels.compiling import load_all
+from foresee_dsl.kernels import machine_code
 
 MODULES = (
     *(f"{steps.__name__}.{found.name}" for found in pkgutil.iter_modules(steps.__path__)),
@@ -19,4 +19,4 @@ MODULES = (
 for _name in MODULES:
     with suppress(Exception):  # the task that needs it reports why it does not load
         import_module(_name)
-load_all()
+machine_code.stored()
