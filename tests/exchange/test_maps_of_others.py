@@ -10,12 +10,14 @@ from xml.etree.ElementTree import SubElement
 
 import pytest
 
+from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.maps import opendrive, osm, sumo
 from foresee_dsl.exchange.maps.osm import drives_on_the_left, read_osm
 from foresee_dsl.exchange.maps.osm_crossings import crossings_of
+from foresee_dsl.language.project.loading import load_test_cases
 from tests.support.crooked_nets import net, road
 from tests.support.crooked_nets import opendrive as xodr
 
@@ -124,3 +126,12 @@ def test_crossings_of_an_extract_are_found_at_their_junctions(tmp_path: Path) ->
     wanted = crossings_of(root, made)
     assert wanted is not None
     assert wanted.count(b'node="103"') >= 3
+
+
+def test_a_starter_that_cannot_be_placed_is_found_without_a_run(tmp_path: Path) -> None:
+    (tmp_path / "map.xodr").write_text(xodr(road()))
+    starter = opendrive.run(tmp_path / "map.xodr", out=tmp_path / "out").files[0]
+    assert placement_mistakes(load_test_cases([str(starter)])) == ()
+    (tmp_path / "out" / "map.xodr").write_text(xodr(road(length=10)))
+    (found,) = placement_mistakes(load_test_cases([str(starter)]))
+    assert found.code == "FS252" and found.span is not None

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.drivers.learned import settings as cfg
+from foresee_dsl.drivers.learned.creeping import Creeping, along_the_route
 from foresee_dsl.drivers.learned.decisions import Decision, Decisions
 from foresee_dsl.drivers.learned.free_way import Basis, free_way
 from foresee_dsl.drivers.learned.inputs import LearnedInputs
@@ -38,15 +39,19 @@ class FusionSafeState(Decisions):
         super().__init__(network, mission, vehicle)
         self._objects = Objects()
         self._basis: Basis | None = None
+        self._creeping = Creeping()
 
     def decide(self, observation: Observation, answer: Answer) -> Decision:
         """Drive as fast as the waypoints say, but no faster than is safe."""
         now_mps, waypoints = observation.ego.speed_mps, answer["waypoints"].astype(np.float64)
-        planned_mps = planned_speed(waypoints)
+        planned_mps, stop = planned_speed(waypoints), self._stop(answer)
+        creeps = self._creeping.begins_or_goes_on(observation.time_s, now_mps, held=stop is not None)
+        if creeps and planned_mps < cfg.CREEPS_MPS:
+            waypoints = along_the_route(self.mission, self.maker.place_s, observation.ego, FUSION_SAFE_TIMES_S)
+            planned_mps = cfg.CREEPS_MPS
         seen = list(road_users(answer["density"][None], cfg.LEAST_OCCUPIED))
         others = self._objects.update(seen, observation.ego, observation.time_s)
         way = free_way(waypoints, others, self.vehicle)
-        stop = self._stop(answer)
         free_m = way.free_m if stop is None else np.minimum(way.free_m, stop[1])
         bounds = Speeds(cfg.STEP_S, cfg.MOST_MPS, self.vehicle.acceleration_mps2, cfg.BRAKING_MPS2)
         safe_mps = fastest_safe_speed(now_mps, free_m, bounds)
