@@ -58,6 +58,12 @@ CUBE = Kind(np.dtype(np.float64), 3)
 HYPERCUBE = Kind(np.dtype(np.float64), 4)
 
 
+_CONTIGUOUS, _ALIGNED, _WRITEABLE = 0x1, 0x100, 0x400
+_FLAGS = {"C": _CONTIGUOUS | _ALIGNED | _WRITEABLE, "A": _ALIGNED | _WRITEABLE}
+"""Flags that an array of a layout has, as bits (numpy's C interface): to read them by name warns where an array is
+from `broadcast_arrays` (numpy 2.4)."""
+
+
 class _Function:
     """A function that numba can compile into others.
 
@@ -97,7 +103,7 @@ class Kernel(_Function):
         super().__init__(function)
         self.kinds = kinds
         places = enumerate(kinds)
-        self._arrays = [(k, one.dtype, one.dimensions, one.layout == "C") for k, one in places if one.dimensions]
+        self._arrays = [(k, one.dtype, one.dimensions, _FLAGS[one.layout]) for k, one in places if one.dimensions]
 
     @cached_property
     def entry(self) -> Callable[..., Any]:
@@ -124,10 +130,10 @@ class Kernel(_Function):
     def __call__(self, *arguments: object) -> Any:  # noqa: ANN401  whatever the function returns
         """Run its machine code; a `TypeError` where an array is of another type than it was compiled for."""
         if len(arguments) == len(self.kinds):  # its machine code tells of others
-            for place, dtype, dimensions, whole in self._arrays:
+            for place, dtype, dimensions, flags in self._arrays:
                 given: Any = arguments[place]
                 fits = isinstance(given, np.ndarray) and given.ndim == dimensions and given.dtype == dtype
-                if not fits or not (given.flags.carray if whole else given.flags.behaved):
+                if not fits or given.flags.num & flags != flags:
                     kind = self.kinds[place]
                     raise TypeError(f"argument {place} of {self.py_func.__name__} is not {kind}")
         return self.entry(*arguments)
