@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, TypedDict, assert_never
@@ -24,9 +25,11 @@ from foresee_dsl.campaign.results import sorted_outcomes
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 
@@ -45,15 +48,20 @@ class Assembly(NamedTuple):
     minimised: tuple[Minimised, ...]
 
 
-def assemble(stages: Stages, out: Path) -> Assembly:
-    """Collect the results of all steps that have one; `out` is the campaign's folder, where its texts will be."""
+def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
+    """Collect the results of all steps that have one.
+
+    Args:
+        stages: the steps. out: the campaign's folder, where its texts will be.
+        failures: leave out children that did not fail, whose results need not be read then.
+    """
     seeds: dict[Node, SeedOutcome] = {}
     clips: dict[Node, ClipOutcome] = {}
     children: dict[Node, dict[Node, ChildOutcome]] = {}
     traces: dict[str, tuple[str, str]] = {}
     minimised: dict[Node, Minimised] = {}
     references: dict[Node | None, tuple[ReferenceRun, ...]] = {}
-    for node, row in ((node, row) for node, row in stages.walk() if row is not None):
+    for node, row in _results(stages, failures=failures):
         record: Record = decode(row.record, node.step.record)
         case, trace = node.case, f"traces/{node.step.name}.npz"
         match record:
@@ -95,6 +103,15 @@ def assemble(stages: Stages, out: Path) -> Assembly:
     small = (_answered(one, references.get(node, ())) for node, one in minimised.items())
     by_name = tuple(sorted(small, key=lambda one: one.child.name))
     return Assembly(*sorted_outcomes(asked.values(), whole), traces, by_name)
+
+
+_FAILURES = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
+
+
+def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[Node, Row]]:
+    for node, row in stages.walk():
+        if row is not None and not (failures and isinstance(node.step, ChildStep) and row.verdict not in _FAILURES):
+            yield node, row
 
 
 class _Allocated(TypedDict, total=False):

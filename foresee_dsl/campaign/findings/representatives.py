@@ -14,5 +14,5 @@ def choose_representatives(stages: Stages) -> tuple[Node, ...]:
 
     With a shard, findings are those of the shard alone.
     """
-    findings = findings_of(assemble(stages, stages.out))
+    findings = findings_of(assemble(stages, stages.out, failures=True))
     return stages.choose({f.name for f in findings if isinstance(f.representative, ChildOutcome)})

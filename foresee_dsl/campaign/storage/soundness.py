@@ -25,15 +25,14 @@ _WRITE_AHEAD = b"\x02\x02"
 """These bytes in write-ahead mode."""
 
 
-def sum_of(values: Sequence[object]) -> str:
+def sum_of(values: Sequence[bytes | str | float]) -> str:
     """Return the checksum of a row's values, as they are stored."""
-    digest = hashlib.sha256()
+    parts: list[bytes] = []
     for value in values:
-        plain = float(value) if isinstance(value, bool | int | float) else value
-        data = plain if isinstance(plain, bytes) else repr(plain).encode()
-        digest.update(b"%d:" % len(data))
-        digest.update(data)
-    return digest.hexdigest()[:32]
+        # `True`, `1` and `1.0` are one value in a database
+        data = value if isinstance(value, bytes) else repr(value if isinstance(value, str) else float(value)).encode()
+        parts += (b"%d:" % len(data), data)
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:32]
 
 
 def is_sound(values: Sequence[Any], total: str) -> bool:

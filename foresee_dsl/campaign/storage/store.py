@@ -13,7 +13,7 @@ import fcntl
 import os
 import sqlite3
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -74,6 +74,8 @@ class Row:
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
+_BROKEN = COLUMNS.index("broken")
+_SELECT = f"SELECT {', '.join(COLUMNS)}"
 _INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}, sum) VALUES ({', '.join('?' * len(COLUMNS))}, ?)"  # noqa: S608 - names of our own fields
 
 
@@ -97,6 +99,9 @@ class Store:
         self.lost = 0
         """The number of results known to be lost with a damaged database."""
         self._sound: set[str] = set()
+        """Traces that were read and are whole."""
+        self._checked: set[str] = set()
+        """Keys of the rows that were read and are as they were written."""
         self._sum = "sum"
         self._lock: int | None = None
         self._database: sqlite3.Connection | None = None
@@ -120,8 +125,21 @@ class Store:
 
     def get(self, key: str) -> Row | None:
         """Return the row of a key, or None; None too where its trace is gone, or something of it was changed."""
-        row = next(self.rows("WHERE key = ?", (key,)), None)
+        with self._errors():
+            found = self._db.execute(f"{_SELECT}, {self._sum} FROM runs WHERE key = ?", (key,)).fetchone()
+        if found is None:
+            return None
+        row = self._row(found[:-1], found[-1], checked=key in self._checked)
         return row if row is not None and self._has_trace(row) else None
+
+    def _row(self, found: Sequence[Any], total: str, *, checked: bool = False) -> Row | None:
+        """Return a row of the values of its columns; None where they were changed on the disk."""
+        if not checked:
+            if not is_sound(found, total):
+                self.damaged[str(found[0])] = str(found[2])
+                return None
+            self._checked.add(found[0])
+        return Row(*(*found[:_BROKEN], bool(found[_BROKEN]), *found[_BROKEN + 1 :]))
 
     def _has_trace(self, row: Row) -> bool:
         """Return whether a row has its trace, or needs none; each trace is read once."""
@@ -135,8 +153,9 @@ class Store:
         return False
 
     def read_again(self) -> None:
-        """Let each trace be read and checked once more: it may have been changed meanwhile."""
+        """Let each row and trace be checked once more: it may have been changed meanwhile."""
         self._sound.clear()
+        self._checked.clear()
 
     def has(self, key: str) -> bool:
         """Return whether `get` would return a row, without reading its record."""
@@ -180,11 +199,9 @@ class Store:
                 f"SELECT {columns}, {self._sum} FROM runs {where} ORDER BY key",  # noqa: S608 - our own names
                 values,
             ):
-                if records and not is_sound(found, total):
-                    self.damaged[str(found[0])] = str(found[2])
-                else:
-                    row = dict(zip(COLUMNS, found, strict=True))
-                    yield Row(**{**row, "broken": bool(row["broken"])})
+                row = self._row(found, total, checked=not records)
+                if row is not None:
+                    yield row
 
     def mean_wall_s(self, driver: str) -> dict[str, float]:
         """Return the mean wall time of each kind of step, of runs with this driver and of steps without one."""
