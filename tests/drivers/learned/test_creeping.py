@@ -10,7 +10,7 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.learned import settings as cfg
-from foresee_dsl.drivers.learned.creeping import Creeping, along_the_route
+from foresee_dsl.drivers.learned.fusion_safe import Creeping, along_the_route
 from foresee_dsl.drivers.learned.weights import FOLDER_VARIABLE
 from foresee_dsl.drivers.protocol import EgoState, Mission
 from foresee_dsl.drivers.registry import load_driver
