@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.outputs import Occupied
-from foresee_dsl.drivers.learned.pilot import lengths
 from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage, VehicleLimits
-from foresee_dsl.kernels.boxes import overlaps_of
+from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.kernels.records import dtype_of
+from foresee_dsl.kernels.waypoints import Rules, bounds
+
+_TIMES_S: FloatArray = np.array(cfg.PREDICTED_S)
+_ENDS_S: FloatArray = cfg.STEP_S * np.arange(1, cfg.STEPS + 1, dtype=np.float64)
+_AHEAD = attrgetter("ahead_m")
 
 
 class FreeWay(NamedTuple):
@@ -42,87 +48,36 @@ class Basis(NamedTuple):
     stop: tuple[JunctionPassage, float] | None
 
 
-def free_way(waypoints: FloatArray, others: Sequence[Occupied], vehicle: VehicleLimits) -> FreeWay:
+def rules_of(vehicle: VehicleLimits) -> Records:
+    """Return the vehicle's footprint and the rules for it as the kernel takes them, [1]."""
+    rules = Rules(
+        length=vehicle.length_m,
+        width=vehicle.width_m,
+        margin=cfg.MARGIN_M,
+        side=cfg.SIDE_MARGIN_M,
+        small=cfg.SMALL_M,
+        small_margin=cfg.SMALL_MARGIN_M,
+        beside=cfg.BESIDE_M,
+        sample=cfg.SAMPLE_M,
+        step=cfg.STEP_S,
+        soon=cfg.SOON_S,
+        slow=cfg.SLOW_MPS,
+        slow_soon=cfg.SLOW_SOON_S,
+        standing=cfg.SPEED_ERROR_MPS,
+    )
+    return np.array([rules], dtype_of(Rules))
+
+
+def free_way(waypoints: FloatArray, others: Sequence[Occupied], rules: Records) -> FreeWay:
     """Return how far the way is free along waypoints ([N, 2] m ahead and to the left, the ego is at 0, 0)."""
-    ends_s: FloatArray = cfg.STEP_S * np.arange(1, cfg.STEPS + 1, dtype=np.float64)
-    nobody = FreeWay(np.full(cfg.STEPS, np.inf), None, math.inf)
-    ahead = sorted((one for one in others if one.ahead_m > 0.0), key=lambda one: one.ahead_m)[: cfg.MOST_OBJECTS]
-    along, poses = _places(waypoints)
-    if not ahead or not len(along):
-        return nobody
-    blocked = _blocked_from(along, poses, ahead, vehicle)
-    free = np.array([_bound(row, one, ends_s) for row, one in zip(blocked, ahead, strict=True)])
-    free = np.maximum(free - cfg.MARGIN_M, 0.0)
-    least = free.min(axis=0)
-    if not np.isfinite(least).any():
-        return nobody
-    step = int(np.isfinite(least).argmax())
-    first = int(free[:, step].argmin())
-    return FreeWay(least, ahead[first], float(free[first, step]))
-
-
-def _places(waypoints: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the ego's places along the waypoints, and how far along they are: [K] m, [K, 3] x, y, heading."""
-    path = np.concatenate([np.zeros((1, 2)), waypoints])
-    s = lengths(path)
-    if s[-1] < cfg.SAMPLE_M:
-        return np.empty(0), np.empty((0, 3))
-    along = np.arange(0.0, s[-1], cfg.SAMPLE_M)
-    x, y = (np.interp(along, s, path[:, k]) for k in (0, 1))
-    # The chord of a metre gives the heading: waypoints of a slow car lie close together, and jitter.
-    before, after = np.maximum(along - cfg.SAMPLE_M, 0.0), np.minimum(along + cfg.SAMPLE_M, s[-1])
-    dx, dy = (np.interp(after, s, path[:, k]) - np.interp(before, s, path[:, k]) for k in (0, 1))
-    heading = np.arctan2(dy, dx)
-    heading[0] = 0.0
-    return along, np.column_stack([x, y, heading])
-
-
-def _blocked_from(
-    along: FloatArray, poses: FloatArray, others: Sequence[Occupied], vehicle: VehicleLimits
-) -> FloatArray:
-    """Return how far along the ego first meets each of the others, at each of `PREDICTED_S`, [others, times] m."""
-    times = np.array(cfg.PREDICTED_S)
-    table = np.array([(o.ahead_m, o.left_m, o.heading_rad, o.length_m, o.width_m, _speed(o)) for o in others])
-    on = table[:, 5, None] * times  # [others, times] m
-    boxes = np.empty((len(others), len(times), 5))
-    boxes[..., 0] = table[:, 0, None] + on * np.cos(table[:, 2, None])
-    boxes[..., 1] = table[:, 1, None] + on * np.sin(table[:, 2, None])
-    small = table[:, 3] < cfg.SMALL_M
-    table[small, 3:5] += 2 * cfg.SMALL_MARGIN_M
-    boxes[..., 2:] = table[:, None, 2:5]
-    ego = np.empty((len(along), 5))
-    ego[:, :3], ego[:, 3:] = poses, (vehicle.length_m, vehicle.width_m + 2 * cfg.SIDE_MARGIN_M)
-    # Circles around the boxes first: hardly any other is near.
-    most = (np.hypot(ego[0, 3], ego[0, 4]) + np.hypot(table[:, 3], table[:, 4])) / 2
-    dx, dy = (boxes[..., k, None] - ego[:, k] for k in (0, 1))
-    meets = dx * dx + dy * dy <= (most * most)[:, None, None]
-    near = np.nonzero(meets)
-    meets[near] = overlaps_of(ego[near[2]], boxes[near[0], near[1]])
-    # What touches the wider footprint where the ego is now, but lies beside it, is passed and not approached.
-    across = (abs(table[:, 3] * np.sin(table[:, 2])) + abs(table[:, 4] * np.cos(table[:, 2]))) / 2
-    beside = meets[:, 0, 0] & (abs(table[:, 1]) - across >= vehicle.width_m / 2 - cfg.BESIDE_M)
-    meets[beside] = False
-    found: FloatArray = np.where(meets.any(axis=2), along[meets.argmax(axis=2)], np.inf)
-    return found
-
-
-def _bound(blocked_m: FloatArray, other: Occupied, ends_s: FloatArray) -> FloatArray:
-    """Return how far along the ego may have come at the end of each step because of one object, m.
-
-    A step's bound is the least of the times around its end, as InterFuser's: the object may be half a step late.
-    """
-    times = np.array(cfg.PREDICTED_S)
-    soon = blocked_m[times <= (cfg.SLOW_SOON_S if other.speed_mps < cfg.SLOW_MPS else cfg.SOON_S)]
-    if not np.isfinite(soon).any():
-        return np.full(len(ends_s), np.inf)
-    bound = np.empty(len(ends_s))
-    on_mps = max(_speed(other) * math.cos(other.heading_rad), 0.0)
-    for k, end_s in enumerate(ends_s.tolist()):
-        near = np.abs(times - end_s) <= cfg.STEP_S + 1e-9
-        # Beyond what is predicted it moves on along the way as fast as it moves ahead now.
-        bound[k] = blocked_m[near].min() if near.any() else blocked_m[-1] + on_mps * (end_s - times[-1])
-    return bound
-
-
-def _speed(other: Occupied) -> float:
-    return other.speed_mps if other.speed_mps >= cfg.SPEED_ERROR_MPS else 0.0
+    ahead = sorted((one for one in others if one.ahead_m > 0.0), key=_AHEAD)[: cfg.MOST_OBJECTS]
+    if ahead:
+        rows = [(o.ahead_m, o.left_m, o.heading_rad, o.length_m, o.width_m, o.speed_mps) for o in ahead]
+        free = bounds(waypoints, np.array(rows), _TIMES_S, _ENDS_S, rules)
+        least = free.min(axis=0)
+        bound = np.isfinite(least)
+        if bound.any():
+            step = int(bound.argmax())
+            first = int(free[:, step].argmin())
+            return FreeWay(least, ahead[first], float(free[first, step]))
+    return FreeWay(np.full(cfg.STEPS, np.inf), None, math.inf)

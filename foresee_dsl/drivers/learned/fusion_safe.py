@@ -13,10 +13,9 @@ import numpy as np
 
 from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.decisions import Decision, Decisions
-from foresee_dsl.drivers.learned.free_way import Basis, free_way
+from foresee_dsl.drivers.learned.free_way import Basis, free_way, rules_of
 from foresee_dsl.drivers.learned.inputs import LearnedInputs
 from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, SIGNALS, Occupied, road_users
-from foresee_dsl.drivers.learned.pilot import lengths
 from foresee_dsl.drivers.learned.session import Answer, Network
 from foresee_dsl.drivers.protocol import (
     EgoState,
@@ -36,7 +35,7 @@ class FusionSafeState(Decisions):
 
     def __init__(self, network: Network, mission: Mission, vehicle: VehicleLimits) -> None:
         super().__init__(network, mission, vehicle)
-        self._objects = Objects()
+        self._objects, self._rules = Objects(), rules_of(vehicle)
         self._basis: Basis | None = None
         self._creeping = Creeping()
 
@@ -50,7 +49,7 @@ class FusionSafeState(Decisions):
             planned_mps = cfg.CREEPS_MPS
         seen = list(road_users(answer["density"][None], cfg.LEAST_OCCUPIED))
         others = self._objects.update(seen, observation.ego, observation.time_s)
-        way = free_way(waypoints, others, self.vehicle)
+        way = free_way(waypoints, others, self._rules)
         free_m = way.free_m if stop is None else np.minimum(way.free_m, stop[1])
         bounds = Speeds(cfg.STEP_S, cfg.MOST_MPS, self.vehicle.acceleration_mps2, cfg.BRAKING_MPS2)
         safe_mps = fastest_safe_speed(now_mps, free_m, bounds)
@@ -70,8 +69,9 @@ class FusionSafeState(Decisions):
     def _stop(self, answer: Answer) -> tuple[JunctionPassage, float] | None:
         """Return the route's next stop line and how far the front is from it, m, where the network sees that it
         binds."""
-        shows = float(answer["signal"][list(_STOPS)].sum())
-        if min(float(answer["stop_line"][0]), shows) < cfg.STOP_PROBABILITY:
+        if answer["stop_line"].item(0) < cfg.STOP_PROBABILITY:
+            return None
+        if float(sum(answer["signal"][k] for k in _STOPS)) < cfg.STOP_PROBABILITY:
             return None
         front_s = self.maker.place_s + self.vehicle.length_m / 2
         for passage in self.mission.junctions:
@@ -84,8 +84,8 @@ class FusionSafeState(Decisions):
 def planned_speed(waypoints: FloatArray) -> float:
     """Return the speed in waypoints of `FUSION_SAFE_TIMES_S`, m/s."""
     first, last = cfg.PLANNED_BETWEEN
-    along = lengths(waypoints[first : last + 1])
-    return along.item(-1) / (FUSION_SAFE_TIMES_S[last] - FUSION_SAFE_TIMES_S[first])
+    steps = waypoints[first + 1 : last + 1] - waypoints[first:last]
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum()) / (FUSION_SAFE_TIMES_S[last] - FUSION_SAFE_TIMES_S[first])
 
 
 # ---- objects, remembered for a moment --------------------------------------------------------------------------------
@@ -110,18 +110,24 @@ class Objects:
 
     def update(self, seen: Sequence[Occupied], ego: EgoState, time_s: float) -> list[Occupied]:
         """Return the objects that are seen now, with plausible sizes, and those that were seen a moment ago."""
-        found = [
-            replace(one, length_m=max(one.length_m, cfg.LEAST_M), width_m=max(one.width_m, cfg.LEAST_M)) for one in seen
-        ]
+        found = [_with_a_size(one) for one in seen]
         kept: list[_Known] = []
+        remembered: list[Occupied] = []
         for known in self._known:
+            if time_s - known.time_s > cfg.OBJECT_KEPT_S:
+                continue
             again = _moved(known, ego, time_s)
-            seen_again = any(_apart_m(one, again) < cfg.SAME_OBJECT_M for one in found)
-            if not seen_again and time_s - known.time_s <= cfg.OBJECT_KEPT_S:
+            if not any(_apart_m(one, again) < cfg.SAME_OBJECT_M for one in found):
                 kept.append(known)
-        remembered = [_moved(known, ego, time_s) for known in kept]
+                remembered.append(again)
         self._known = kept + [_in_world(one, ego, time_s) for one in found if one.probability >= cfg.SURE]
         return found + remembered
+
+
+def _with_a_size(one: Occupied) -> Occupied:
+    if min(one.length_m, one.width_m) >= cfg.LEAST_M:
+        return one
+    return replace(one, length_m=max(one.length_m, cfg.LEAST_M), width_m=max(one.width_m, cfg.LEAST_M))
 
 
 def _in_world(one: Occupied, ego: EgoState, time_s: float) -> _Known:

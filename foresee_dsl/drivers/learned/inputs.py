@@ -199,6 +199,7 @@ class _Route:
         self._points: FloatArray = np.asarray(mission.centreline, dtype=np.float64)
         self._s: FloatArray = np.asarray(mission.s, dtype=np.float64)
         step = np.diff(self._points, axis=0)
+        self._x, self._y = self._points.T.copy()  # each in one piece, which `interp` would make of it each time
         self._step, self._length2 = step, np.maximum((step**2).sum(axis=1), 1e-12)
         self._along: FloatArray = step / np.sqrt(self._length2)[:, None]
         self.at_s, self._time_s = float(mission.start_s), 0.0
@@ -210,8 +211,8 @@ class _Route:
         c, sine = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
         numbers = [ego.speed_mps, limit]
         for distance in GOALS_M:
-            dx, dy = (float(np.interp(s + distance, self._s, self._points[:, k])) for k in (0, 1))
-            dx, dy = dx - ego.x, dy - ego.y
+            dx = float(np.interp(s + distance, self._s, self._x)) - ego.x
+            dy = float(np.interp(s + distance, self._s, self._y)) - ego.y
             numbers += [c * dx + sine * dy, c * dy - sine * dx]
         command = next(
             (j.turn for j in self._mission.junctions if j.stop_s - COMMAND_M <= s < j.exit_s),

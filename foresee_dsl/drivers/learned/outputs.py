@@ -73,18 +73,16 @@ def road_users(density: Outputs, least_probability: float = 0.5) -> Iterator[Occ
     """Yield the road users of a density map [1, 8, 24, 24]: squares that are at least so probably occupied, and more so
     than their eight neighbours."""
     occupied = density[0, 0]
-    most = occupied.copy()  # of each square and its neighbours
-    np.maximum(most[1:], occupied[:-1], out=most[1:])
-    np.maximum(most[:-1], occupied[1:], out=most[:-1])
-    beside = most.copy()
-    np.maximum(most[:, 1:], beside[:, :-1], out=most[:, 1:])
-    np.maximum(most[:, :-1], beside[:, 1:], out=most[:, :-1])
-    peak = (occupied >= least_probability) & (occupied == most)
-    for row, column in np.argwhere(peak).tolist():
-        _, ahead, left, length, width, c, s, speed = density[0, :, row, column].tolist()
+    columns = occupied.shape[1]
+    for square in np.flatnonzero(occupied >= least_probability).tolist():
+        row, column = divmod(square, columns)
+        around = occupied[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+        if occupied[row, column] < around.max():
+            continue
+        probability, ahead, left, length, width, c, s, speed = density[0, :, row, column].tolist()
         ahead_m, left_m = square_middle(row, column)
         yield Occupied(
-            probability=float(occupied[row, column]),
+            probability=probability,
             ahead_m=ahead_m + ahead,
             left_m=left_m + left,
             length_m=length,

@@ -13,6 +13,7 @@ import numpy as np
 
 from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.protocol import Control, EgoState, FloatArray, VehicleLimits
+from foresee_dsl.kernels.waypoints import aim
 
 
 def laid_down(waypoints: FloatArray, ego: EgoState) -> FloatArray:
@@ -21,12 +22,6 @@ def laid_down(waypoints: FloatArray, ego: EgoState) -> FloatArray:
     turn = np.array([[cos, sin], [-sin, cos]])
     path: FloatArray = np.concatenate([np.zeros((1, 2)), waypoints]) @ turn + (ego.x, ego.y)
     return path
-
-
-def lengths(path: FloatArray) -> FloatArray:
-    """Return the lengths along a polyline at its points, [N] m."""
-    steps = np.diff(path, axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
 
 
 class Pilot:
@@ -66,36 +61,14 @@ class Pilot:
 
     def _angle(self, path: FloatArray, ego: EgoState) -> float:
         """Return the angle of the front wheels, rad, with which the rear axle's circle meets the point ahead."""
-        car, along = self._vehicle, lengths(path)
-        if along[-1] < cfg.WAY_LEAST_M:
+        car, ahead_m = self._vehicle, max(cfg.AIM_LEAST_M, cfg.AIM_S * ego.speed_mps)
+        x, y, length_m = aim(path, ego.x, ego.y, ahead_m).tolist()
+        if length_m < cfg.WAY_LEAST_M:
             return ego.steer_rad
-        aim = point_at(path, along, _nearest(path, along, ego) + max(cfg.AIM_LEAST_M, cfg.AIM_S * ego.speed_mps))
         cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
-        dx, dy = aim[0] - ego.x, aim[1] - ego.y
+        dx, dy = x - ego.x, y - ego.y
         ahead, left = dx * cos + dy * sin + self._axle_m, dy * cos - dx * sin
         curvature = 2.0 * left / max(ahead * ahead + left * left, 1.0)
         grip = cfg.FRICTION_SHARE * car.friction * cfg.GRAVITY_MPS2 / max(ego.speed_mps, 1.0) ** 2
         angle = math.atan(car.wheelbase_m * max(-grip, min(grip, curvature)))
         return max(-car.steer_max_rad, min(car.steer_max_rad, angle))
-
-
-def point_at(path: FloatArray, along: FloatArray, s: float) -> tuple[float, float]:
-    """Return the point of a polyline at a length along it (m); beyond its end it goes on straight."""
-    if s <= along[-1]:
-        return float(np.interp(s, along, path[:, 0])), float(np.interp(s, along, path[:, 1]))
-    # The last metre gives the direction: single waypoints of a slow car lie close together, and jitter.
-    back = max(along[-1] - 1.0, 0.0)
-    x, y = float(np.interp(back, along, path[:, 0])), float(np.interp(back, along, path[:, 1]))
-    share = (s - back) / (along[-1] - back)
-    return x + share * float(path[-1, 0] - x), y + share * float(path[-1, 1] - y)
-
-
-def _nearest(path: FloatArray, along: FloatArray, ego: EgoState) -> float:
-    """Return the length along a polyline, m, at the foot of the ego's centre."""
-    starts, steps = path[:-1], np.diff(path, axis=0)
-    squared = (steps * steps).sum(axis=1)
-    away = np.array([ego.x, ego.y]) - starts
-    share = np.clip((away * steps).sum(axis=1) / np.maximum(squared, 1e-9), 0.0, 1.0)
-    off = away - share[:, None] * steps
-    best = int((off * off).sum(axis=1).argmin())
-    return float(along[best] + share[best] * math.sqrt(squared[best]))

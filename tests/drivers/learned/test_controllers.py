@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.drivers.learned import settings as cfg
-from foresee_dsl.drivers.learned.free_way import free_way
+from foresee_dsl.drivers.learned.free_way import free_way, rules_of
 from foresee_dsl.drivers.learned.fusion_safe import Objects, planned_speed
 from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, FUSION_TIMES_S, Occupied
 from foresee_dsl.drivers.learned.pilot import Pilot, laid_down
@@ -18,6 +18,7 @@ from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from tests.support.driving import SEDAN, STEP_S, line
 
 STRAIGHT = np.array([(8.0 * t, 0.0) for t in FUSION_SAFE_TIMES_S])
+RULES = rules_of(SEDAN)
 FRONT_M = SEDAN.length_m / 2
 
 
@@ -76,7 +77,7 @@ def standing(ahead_m: float, left_m: float = 0.0, heading: float = 0.0, speed: f
 
 
 def test_the_way_ends_before_what_stands_in_it() -> None:
-    way = free_way(STRAIGHT, [standing(20.0)], SEDAN)
+    way = free_way(STRAIGHT, [standing(20.0)], RULES)
     to_it = 20.0 - 2.0 - FRONT_M
     assert way.free_m == pytest.approx(to_it - cfg.MARGIN_M, abs=cfg.SAMPLE_M)
     assert (way.first, way.first_m) == (standing(20.0), way.free_m[0])
@@ -85,22 +86,22 @@ def test_the_way_ends_before_what_stands_in_it() -> None:
 def test_what_is_beside_the_way_or_behind_or_crosses_later_does_not_bind() -> None:
     crossing = standing(20.0, -30.0, math.pi / 2, 10.0)  # in the way after 3 s
     for other in (standing(20.0, 3.0), standing(-5.0), crossing):
-        way = free_way(STRAIGHT, [other], SEDAN)
+        way = free_way(STRAIGHT, [other], RULES)
         assert (way.first, np.isinf(way.free_m).all()) == (None, True)
 
 
 def test_what_the_ego_passes_does_not_hold_it_and_what_it_touches_does() -> None:
     beside = Occupied(0.9, 1.0, -1.6, 4.0, 1.0, 0.0, 0.0)  # 0.3 m into the wider footprint
-    assert free_way(STRAIGHT, [beside], SEDAN).first is None
+    assert free_way(STRAIGHT, [beside], RULES).first is None
     touched = Occupied(0.9, 4.0, -0.8, 4.0, 2.0, 0.0, 0.0)
-    assert free_way(STRAIGHT, [touched], SEDAN).free_m[0] == 0.0
+    assert free_way(STRAIGHT, [touched], RULES).free_m[0] == 0.0
 
 
 def test_a_leader_binds_less_from_step_to_step_and_one_that_crosses_soon_until_it_is_gone() -> None:
-    leader = free_way(STRAIGHT, [standing(14.0, speed=6.0)], SEDAN).free_m
+    leader = free_way(STRAIGHT, [standing(14.0, speed=6.0)], RULES).free_m
     assert np.diff(leader[:-1]).min() >= 0.0
     assert leader[-1] > leader[0] + 6.0
-    crossing = free_way(STRAIGHT, [standing(14.0, -5.0, math.pi / 2, 6.0)], SEDAN).free_m
+    crossing = free_way(STRAIGHT, [standing(14.0, -5.0, math.pi / 2, 6.0)], RULES).free_m
     assert np.isfinite(crossing[0])
     assert np.isinf(crossing[4:]).all()
 
