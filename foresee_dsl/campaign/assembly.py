@@ -22,14 +22,13 @@ from foresee_dsl.campaign.records import (
     decode,
 )
 from foresee_dsl.campaign.results import sorted_outcomes
-from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.stages import FAILED, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 
@@ -105,12 +104,9 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
     return Assembly(*sorted_outcomes(asked.values(), whole), traces, by_name)
 
 
-_FAILURES = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
-
-
 def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[Node, Row]]:
-    for node, row in stages.walk():
-        if row is not None and not (failures and isinstance(node.step, ChildStep) and row.verdict not in _FAILURES):
+    for node, row in stages.walk(failures=failures):
+        if row is not None and not (failures and isinstance(node.step, ChildStep) and row.verdict not in FAILED):
             yield node, row
 
 
@@ -138,7 +134,8 @@ def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimis
 def _with_references(
     children: dict[Node, ChildOutcome], references: dict[Node | None, tuple[ReferenceRun, ...]]
 ) -> tuple[ChildOutcome, ...]:
-    return tuple(replace(child, references=references.get(node, ())) for node, child in children.items())
+    found = ((child, references.get(node, ())) for node, child in children.items())
+    return tuple(child if runs == child.references else replace(child, references=runs) for child, runs in found)
 
 
 def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:

@@ -27,12 +27,13 @@ from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import RANKERS, load_ranker
 from foresee_dsl.plugins import PluginGroup
 
+_ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"))
+
 
 def key(step: type[Step[Any, Any]], **parts: str | float | None) -> str:
     """Return the key of a step of this class that depends on these parts, and on the code that its module imports."""
     everything = {"kind": step.kind, "tool": __version__, "code": step_code(step.__module__), **parts}
-    text = json.dumps(everything, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+    return hashlib.sha256(_ENCODER.encode(everything).encode()).hexdigest()[:DIGITS]
 
 
 @cache

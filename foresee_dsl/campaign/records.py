@@ -183,7 +183,7 @@ class ChildOutcome:
     @property
     def changes(self) -> list[str]:
         """What the mutant changes, as its file says it (parsing 1,200 mutants for the same words takes seconds)."""
-        lines = (line.strip() for line in self.text.splitlines())
+        lines = (line.strip() for line in self.text.splitlines() if "change " in line)
         return [line.removeprefix("change ") for line in lines if line.startswith("change ")]
 
     @property

@@ -19,6 +19,7 @@ from foresee_dsl.campaign.keys import driver_identity, key, operators_identity, 
 from foresee_dsl.campaign.node import AnyStep, Node
 from foresee_dsl.campaign.records import decode
 from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
+from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.inputs import CaseRef, Ref
 from foresee_dsl.campaign.steps.mutants import Asked, MutantsStep
@@ -27,7 +28,7 @@ from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Step, Work, run_
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 
 def _steps() -> tuple[type[AnyStep], ...]:
@@ -53,6 +54,13 @@ STEPS = _steps()
 """The classes of steps, each after the one that it follows from."""
 _NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in (step.kind for step in STEPS)}
 """The classes that follow from each kind of step."""
+FAILED = frozenset(verdict.value for verdict in FAILURES)
+"""The verdicts of failures, as rows have them."""
+
+
+def _next(node: Node, row: Row) -> Iterator[type[AnyStep]]:
+    """Yield the classes that may follow from a step with this result; it is not read, which takes longer."""
+    return (step for step in _NEXT[node.step.kind] if row.verdict in FAILED or not step.of_failures)
 
 
 class Stages:
@@ -83,6 +91,8 @@ class Stages:
         )
         self._after: dict[Node, tuple[Node, ...]] = {}
         """What follows from the steps looked at so far: a step is looked at before and after the run."""
+        self._passed: set[Node] = set()
+        """The children that were looked at and did not fail."""
         self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.step.key))
         self.last: tuple[Node, ...] = ()
         """The steps that `choose` gave."""
@@ -107,7 +117,7 @@ class Stages:
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from one with this result."""
         if node not in self._after:
-            found = [step for step in _NEXT[node.step.kind] if not step.after_all]
+            found = [step for step in _next(node, row) if not step.after_all]
             result = decode(row.record, node.step.record) if found else None
             self._after[node] = tuple(
                 Node(step, node.case, node)
@@ -115,6 +125,8 @@ class Stages:
                 if kind.wanted(result, self.settings)
                 for step in kind.following(node.step, result, self._campaign)
             )
+            if isinstance(node.step, ChildStep) and row.verdict not in FAILED:
+                self._passed.add(node)
         return self._after[node]
 
     def choose(self, names: Container[str]) -> tuple[Node, ...]:
@@ -139,7 +151,7 @@ class Stages:
         return bool(self._chosen_after(node, row))
 
     def _chosen_after(self, node: Node, row: Row) -> tuple[type[AnyStep], ...]:
-        after_all = [step for step in _NEXT[node.step.kind] if step.after_all]
+        after_all = [step for step in _next(node, row) if step.after_all]
         result = decode(row.record, node.step.record) if after_all else None
         return tuple(step for step in after_all if step.wanted(result, self.settings))
 
@@ -149,15 +161,17 @@ class Stages:
             raise TypeError(f"{clip.step.name} is no clip")
         return Node(step.again(asked, clip.step, self._campaign), clip.case, clip)
 
-    def walk(self, roots: Sequence[Node] | None = None) -> Iterator[tuple[Node, Row | None]]:
+    def walk(self, roots: Sequence[Node] | None = None, *, failures: bool = False) -> Iterator[tuple[Node, Row | None]]:
         """Yield every step that is known of, what it follows from before it, with its result if there is one.
 
-        `roots`: only what follows from these.
+        `roots`: only what follows from these. `failures`: without the children that are known not to have failed.
         """
         later = (node for rounds in self.rounds for node in rounds.nodes)
         ahead = list(reversed((*self.seeds, *later, *self.last) if roots is None else roots))
         while ahead:
             node = ahead.pop()
+            if failures and node in self._passed:
+                continue
             row = self.row(node)
             yield node, row
             if row is not None:

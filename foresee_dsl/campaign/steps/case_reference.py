@@ -14,7 +14,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.settings import CampaignSettings
+    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,6 @@ class CaseReferenceStep(Reference, Step[SeedStep, SeedOutcome]):
         for driver, identity in campaign.references if result is not None else ():
             key = campaign.key(cls, seed=above.key, driver=identity)
             yield cls(key, f"{above.name}_{driver}", above.seed, driver)
-
-    @staticmethod
-    def wanted(result: SeedOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
-        """Only failures are driven again."""
-        return result.verdict.is_failure
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:
         """Run the test case."""

@@ -26,7 +26,7 @@ from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import tell
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.settings import CampaignSettings
+    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +39,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
     record = Minimised
     reads = "seed"
     after_all = True
+    of_failures = True
     runs = RUNS + 3
     share = 0.05
     turn = 3
@@ -55,11 +56,6 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
             key = minimising_key(cls, campaign.key, child=above.key, risk=above.draft.risk, run_seed=s.seed,
                                  limit_m=s.fidelity_limit_m)  # fmt: skip
             yield cls(key, above.name, above.seed, above.draft, above.mutant, result.text)
-
-    @staticmethod
-    def wanted(result: ChildOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
-        """Only failures are findings."""
-        return result.verdict.is_failure
 
     def folder(self, case: TestCase) -> str:  # noqa: ARG002
         """Return a folder of its own."""

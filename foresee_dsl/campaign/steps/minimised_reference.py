@@ -18,7 +18,7 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.settings import CampaignSettings
+    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +47,6 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
             key = campaign.key(cls, minimised=above.key, driver=identity)
             texts = result.clip_text, result.child.text
             yield cls(key, f"{above.name}_{driver}", above.seed, above.draft, *texts, driver)
-
-    @staticmethod
-    def wanted(result: Minimised, settings: CampaignSettings) -> bool:  # noqa: ARG004
-        """One whose minimising broke has no run to compare with."""
-        return result.child.verdict.is_failure
 
     def folder(self, case: TestCase) -> str:  # noqa: ARG002
         """Return that of the minimised child."""

@@ -17,7 +17,7 @@ from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.settings import CampaignSettings
+    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,6 @@ class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
         for driver, identity in campaign.references if result is not None else ():
             key = campaign.key(cls, child=above.key, clip=above.draft.pin, driver=identity)
             yield cls(key, f"{above.name}_{driver}", above.seed, above.draft, above.mutant, driver)
-
-    @staticmethod
-    def wanted(result: ChildOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
-        """Only failures are driven again."""
-        return result.verdict.is_failure
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:  # noqa: ARG002
         """Run the child, then the clip; compare the child's two runs."""

@@ -24,6 +24,7 @@ class Reference:
     """The driver, how many such steps follow from one failure, and what is recorded where the run breaks."""
 
     record: ClassVar[type[Record]] = ReferenceRun
+    of_failures: ClassVar[bool] = True
     driver: str
 
     @staticmethod

@@ -89,6 +89,7 @@ class Step(ABC, Generic[Above, Result]):
         same_task: whether it is known without the result of the step above; it then runs in the same process, right
             after it.
         after_all: whether the steps that it follows from are chosen when all of them are known (`Stages.chosen`).
+        of_failures: whether it follows from failures alone.
         runs: how many runs it makes at most, for its deadline.
         share: how many of those that may follow do so, for the time that is left (ours: the bundled scenarios).
         turn: lower ones are run first.
@@ -103,6 +104,7 @@ class Step(ABC, Generic[Above, Result]):
     reads: ClassVar[str] = ""
     same_task: ClassVar[bool] = False
     after_all: ClassVar[bool] = False
+    of_failures: ClassVar[bool] = False
     runs: ClassVar[int] = 1
     share: ClassVar[float] = 1.0
     turn: ClassVar[int]

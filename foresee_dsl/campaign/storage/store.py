@@ -125,12 +125,30 @@ class Store:
 
     def get(self, key: str) -> Row | None:
         """Return the row of a key, or None; None too where its trace is gone, or something of it was changed."""
-        with self._errors():
-            found = self._db.execute(f"{_SELECT}, {self._sum} FROM runs WHERE key = ?", (key,)).fetchone()
+        found = self._found(key)
         if found is None:
             return None
         row = self._row(found[:-1], found[-1], checked=key in self._checked)
         return row if row is not None and self._has_trace(row) else None
+
+    def _found(self, key: str) -> tuple[Any, ...] | None:
+        """Return the columns of a key's row and its checksum, or None where there is none."""
+        database = self._db
+        asked = f"{_SELECT}, {self._sum} FROM runs WHERE key = ?"
+        found: tuple[Any, ...] | None
+        try:
+            # SQLite's module makes texts in half the time of a function of ours, but raises where one was changed.
+            database.text_factory = str
+            try:
+                found = database.execute(asked, (key,)).fetchone()
+            except sqlite3.OperationalError:
+                database.text_factory = _text
+                found = database.execute(asked, (key,)).fetchone()
+            finally:
+                database.text_factory = _text
+        except (*UNREADABLE, OSError) as err:  # at each of a campaign's results: `_errors` costs as much as the query
+            raise StoreError(_explained(self.folder, err)) from err
+        return found
 
     def _row(self, found: Sequence[Any], total: str, *, checked: bool = False) -> Row | None:
         """Return a row of the values of its columns; None where they were changed on the disk."""
