@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -231,11 +231,11 @@ class Trace:
     def _header(self, *, meta: bool) -> dict[str, Any]:
         header: dict[str, Any] = {
             "format": FORMAT,
-            "actors": [asdict(a) for a in self.actors],
+            "actors": [vars(a) for a in self.actors],  # flat, as JSON needs it; `asdict` copies each point of a path
             "lane_ids": self.lane_ids,
             "signals": self.signals,
             "signal_stages": self.signal_stages,
-            "events": [asdict(e) for e in self.events],
+            "events": [vars(e) for e in self.events],
         }
         if meta:
             header["meta"] = self.meta

@@ -279,11 +279,12 @@ class PathActor(Actor):
 
     def red_light(self) -> float | None:
         """Return the length along its path at which it waits for a signal, if it does, m."""
+        along = self.along if self.stops else 0.0  # once: it is read from a record
         for enters, _, tls, link in self.stops:
             stop = enters - KERB_M
             # One that waits there may have been written down a rounding further on.
-            if self.along <= stop + ROUNDING_M and self._world.signals.colour(tls, link) in ("red", "amber"):
-                return max(stop, self.along)
+            if along <= stop + ROUNDING_M and self._world.signals.colour(tls, link) in ("red", "amber"):
+                return max(stop, along)
         return None
 
 
