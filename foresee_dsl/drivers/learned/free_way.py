@@ -48,15 +48,20 @@ class Basis(NamedTuple):
     stop: tuple[JunctionPassage, float] | None
 
 
-def rules_of(vehicle: VehicleLimits) -> Records:
-    """Return the vehicle's footprint and the rules for it as the kernel takes them, [1]."""
+def rules_of(
+    vehicle: VehicleLimits, side_m: float = cfg.SIDE_MARGIN_M, small_margin_m: float = cfg.SMALL_MARGIN_M
+) -> Records:
+    """Return the vehicle's footprint and the rules for it as the kernel takes them, [1].
+
+    `side_m`: air on either side of it. `small_margin_m`: by which small objects are larger, on each side.
+    """
     rules = Rules(
         length=vehicle.length_m,
         width=vehicle.width_m,
         margin=cfg.MARGIN_M,
-        side=cfg.SIDE_MARGIN_M,
+        side=side_m,
         small=cfg.SMALL_M,
-        small_margin=cfg.SMALL_MARGIN_M,
+        small_margin=small_margin_m,
         beside=cfg.BESIDE_M,
         sample=cfg.SAMPLE_M,
         step=cfg.STEP_S,

@@ -13,7 +13,7 @@ import numpy as np
 
 from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.decisions import Decision, Decisions
-from foresee_dsl.drivers.learned.free_way import Basis, free_way, rules_of
+from foresee_dsl.drivers.learned.free_way import Basis, FreeWay, free_way, rules_of
 from foresee_dsl.drivers.learned.inputs import LearnedInputs
 from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, SIGNALS, Occupied, road_users
 from foresee_dsl.drivers.learned.session import Answer, Network
@@ -35,7 +35,9 @@ class FusionSafeState(Decisions):
 
     def __init__(self, network: Network, mission: Mission, vehicle: VehicleLimits) -> None:
         super().__init__(network, mission, vehicle)
-        self._objects, self._rules = Objects(), rules_of(vehicle)
+        self._objects = Objects()
+        self._rules, self._close = rules_of(vehicle), rules_of(vehicle, cfg.CLOSE_SIDE_M, cfg.CLOSE_SMALL_MARGIN_M)
+        self._bounds = Speeds(cfg.STEP_S, cfg.MOST_MPS, vehicle.acceleration_mps2, cfg.BRAKING_MPS2)
         self._basis: Basis | None = None
         self._creeping = Creeping()
 
@@ -49,10 +51,7 @@ class FusionSafeState(Decisions):
             planned_mps = cfg.CREEPS_MPS
         seen = list(road_users(answer["density"][None], cfg.LEAST_OCCUPIED))
         others = self._objects.update(seen, observation.ego, observation.time_s)
-        way = free_way(waypoints, others, self._rules)
-        free_m = way.free_m if stop is None else np.minimum(way.free_m, stop[1])
-        bounds = Speeds(cfg.STEP_S, cfg.MOST_MPS, self.vehicle.acceleration_mps2, cfg.BRAKING_MPS2)
-        safe_mps = fastest_safe_speed(now_mps, free_m, bounds)
+        safe_mps, way = self._safe(waypoints, others, now_mps, math.inf if stop is None else stop[1])
         self._basis = Basis(planned_mps, safe_mps, way, stop)
         if safe_mps is None:
             return Decision(waypoints, 0.0, cfg.STEP_S, hardest=True)
@@ -65,6 +64,26 @@ class FusionSafeState(Decisions):
         from foresee_dsl.drivers.learned.reasons import reasons_of_basis
 
         return () if self._basis is None else reasons_of_basis(observation, self._basis, self.vehicle)
+
+    def _safe(
+        self, waypoints: FloatArray, others: Sequence[Occupied], now_mps: float, room_m: float
+    ) -> tuple[float | None, FreeWay]:
+        """Return the fastest safe speed, and the free way that it comes from: with the usual air beside the ego, or
+        where that is faster at creeping speed, with less beside what stands.
+
+        `room_m`: to the stop line that binds.
+        """
+        way = free_way(waypoints, others, self._rules)
+        safe_mps = fastest_safe_speed(now_mps, np.minimum(way.free_m, room_m), self._bounds)
+        if way.first is None or (safe_mps or 0.0) >= cfg.CREEPS_MPS:
+            return safe_mps, way
+        beside = free_way(waypoints, [one for one in others if one.speed_mps < cfg.SPEED_ERROR_MPS], self._close)
+        moving = free_way(waypoints, [one for one in others if one.speed_mps >= cfg.SPEED_ERROR_MPS], self._rules)
+        free_m = np.minimum(np.minimum(beside.free_m, moving.free_m), room_m)
+        slow_mps = fastest_safe_speed(now_mps, free_m, self._bounds._replace(most_mps=cfg.CREEPS_MPS))
+        if slow_mps is None or (safe_mps is not None and slow_mps <= safe_mps):
+            return safe_mps, way
+        return slow_mps, min(beside, moving, key=lambda one: one.first_m)
 
     def _stop(self, answer: Answer) -> tuple[JunctionPassage, float] | None:
         """Return the route's next stop line and how far the front is from it, m, where the network sees that it

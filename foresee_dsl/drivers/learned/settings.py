@@ -75,7 +75,8 @@ SLOW_SOON_S = 2.0
 """Ours: people who walk or run keep on walking, so they bind two seconds ahead."""
 SMALL_M = 2.5
 SMALL_MARGIN_M = 0.4
-"""People and bicycles are drawn larger, as InterFuser doubles what is shorter than 1.5 m: by a step on each side."""
+"""Small objects are drawn larger, as InterFuser doubles what is shorter than 1.5 m: people and bicycles by a step on
+each side."""
 SPEED_ERROR_MPS = 0.5
 """Ours: others slower than this count as standing; the network's speeds are that far off."""
 CREEPS_AFTER_S = 8.0
@@ -89,6 +90,10 @@ MARGIN_M = 2.0
 SIDE_MARGIN_M = 0.2
 """Ours: air on either side of the ego; InterFuser has 0.2 m more than half a car's width, and tolerates an overlap of
 4 %."""
+CLOSE_SIDE_M = 0.1
+CLOSE_SMALL_MARGIN_M = 0.1
+"""Ours: the same two beside what stands, at no more than `CREEPS_MPS`. A barrier 0.5 m beside the ego's way touched it
+with the margins of other speeds, and it stood there for good; with these it passes at walking pace."""
 BESIDE_M = 0.4
 """Ours: an object beside the ego may seem to overlap it by this much, as sizes and places in the density map are that
 far off. Without it the ego once stood for good beside a barrier."""

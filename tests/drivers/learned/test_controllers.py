@@ -10,12 +10,20 @@ import pytest
 
 from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.free_way import free_way, rules_of
-from foresee_dsl.drivers.learned.fusion_safe import Objects, planned_speed
-from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, FUSION_TIMES_S, Occupied
+from foresee_dsl.drivers.learned.fusion_safe import (
+    Creeping,
+    FusionSafeState,
+    Objects,
+    along_the_route,
+    planned_speed,
+)
+from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, FUSION_TIMES_S, Occupied, square_middle
 from foresee_dsl.drivers.learned.pilot import Pilot, laid_down
-from foresee_dsl.drivers.protocol import EgoState, FloatArray
+from foresee_dsl.drivers.learned.session import Network
+from foresee_dsl.drivers.protocol import EgoState, FloatArray, Mission, Observation
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
-from tests.support.driving import SEDAN, STEP_S, line
+from tests.support.driving import SEDAN, STEP_S, line, mission
+from tests.support.small_networks import fusion_safe
 
 STRAIGHT = np.array([(8.0 * t, 0.0) for t in FUSION_SAFE_TIMES_S])
 RULES = rules_of(SEDAN)
@@ -97,6 +105,34 @@ def test_what_the_ego_passes_does_not_hold_it_and_what_it_touches_does() -> None
     assert free_way(STRAIGHT, [touched], RULES).free_m[0] == 0.0
 
 
+def test_what_stands_close_to_the_way_leaves_room_for_less_air_but_not_for_none() -> None:
+    close = rules_of(SEDAN, cfg.CLOSE_SIDE_M, cfg.CLOSE_SMALL_MARGIN_M)
+    for air, usual, slowly in ((0.7, True, True), (0.4, False, True), (0.1, False, False)):
+        barrier = Occupied(0.9, 8.0, -SEDAN.width_m / 2 - air - 0.25, 1.0, 0.5, 0.0, 0.0)
+        assert (free_way(STRAIGHT, [barrier], RULES).first is None) is usual
+        assert (free_way(STRAIGHT, [barrier], close).first is None) is slowly
+
+
+def test_it_passes_slowly_what_stands_close_to_its_way_and_brakes_for_it_when_it_is_fast() -> None:
+    state = FusionSafeState(Network(fusion_safe()), mission(line((200, math.inf))), SEDAN)
+    density = np.zeros((8, 24, 24), np.float32)
+    ahead_m, left_m = square_middle(17, 12)
+    barrier = (0.9, 4.0 - ahead_m, -SEDAN.width_m / 2 - 0.65 - left_m, 1.0, 0.5, 1.0, 0.0, 0.0)
+    density[:, 17, 12] = barrier
+    answer = {
+        "waypoints": STRAIGHT.astype(np.float32),
+        "density": density,
+        "stop_line": np.zeros(1, np.float32),
+        "signal": np.zeros(4, np.float32),
+    }
+    slow, fast = (
+        state.decide(Observation(0.0, EgoState(0.0, 0.0, 0.0, speed, 0.0, 0.0, 0.0), (), {}), answer)
+        for speed in (2.0, 8.0)
+    )
+    assert (slow.target_mps, slow.hardest) == (cfg.CREEPS_MPS, False)
+    assert fast.hardest
+
+
 def test_a_leader_binds_less_from_step_to_step_and_one_that_crosses_soon_until_it_is_gone() -> None:
     leader = free_way(STRAIGHT, [standing(14.0, speed=6.0)], RULES).free_m
     assert np.diff(leader[:-1]).min() >= 0.0
@@ -125,3 +161,34 @@ def test_an_object_that_is_lost_for_a_moment_is_remembered_where_it_has_come() -
 def test_the_speed_of_waypoints() -> None:
     assert planned_speed(STRAIGHT) == pytest.approx(8.0)
     assert planned_speed(STRAIGHT * 0.0) == 0.0
+
+
+def test_who_stands_long_enough_creeps_for_a_moment_and_then_waits_again() -> None:
+    creeping = Creeping()
+    times = [0.1 * k for k in range(300)]
+    told = [creeping.begins_or_goes_on(time, 0.0, held=False) for time in times]
+    (begin, _), (end, _), (again, _) = [
+        (t, on) for t, on, before in zip(times[1:], told[1:], told, strict=False) if on != before
+    ][:3]
+    assert begin == pytest.approx(cfg.CREEPS_AFTER_S)
+    assert end == pytest.approx(cfg.CREEPS_AFTER_S + cfg.CREEPS_FOR_S, abs=0.11)
+    assert again == pytest.approx(end + cfg.CREEPS_AFTER_S, abs=0.11)
+
+
+def test_neither_who_moves_nor_whom_a_stop_line_holds_creeps() -> None:
+    creeping = Creeping()
+    assert not any(creeping.begins_or_goes_on(0.1 * k, 0.0 if k % 70 else 1.0, held=False) for k in range(300))
+    assert not any(creeping.begins_or_goes_on(30.0 + 0.1 * k, 0.0, held=True) for k in range(300))
+    assert not creeping.begins_or_goes_on(60.0, 0.0, held=False)
+    assert creeping.begins_or_goes_on(60.0 + cfg.CREEPS_AFTER_S, 0.0, held=False)
+    assert not creeping.begins_or_goes_on(60.1 + cfg.CREEPS_AFTER_S, 1.0, held=True)  # the light turned red
+    assert not creeping.begins_or_goes_on(60.2 + cfg.CREEPS_AFTER_S, 1.0, held=False)
+
+
+def test_it_creeps_along_the_route() -> None:
+    centreline = np.column_stack([np.full(51, 3.0), np.arange(51.0)])
+    ones = np.ones(51)
+    mission = Mission(centreline, np.arange(51.0), 10.0 * ones, ones, ones, 0.0, 50.0)
+    ego = EgoState(3.5, 10.0, math.pi / 2, 0.0, 0.0, 0.0, 0.0)
+    waypoints = along_the_route(mission, 10.0, ego, (0.5, 1.0))
+    assert waypoints == pytest.approx(np.array([(0.5 * cfg.CREEPS_MPS, 0.5), (cfg.CREEPS_MPS, 0.5)]))
