@@ -34,7 +34,6 @@ MOVES_MPS = 0.3
 """A slower actor crosses nothing within that time: 0.6 m. Ours."""
 _EVERY_S = 0.1
 """A crossing is looked for at these times; at 20 m/s, each 2 m."""
-_LOOKS = range(1, round(CROSSING_S / _EVERY_S) + 1)
 
 
 class Target(NamedTuple):
@@ -42,22 +41,6 @@ class Target(NamedTuple):
 
     room_m: float
     speed_mps: float
-
-
-class _Place(NamedTuple):
-    """Where the vehicle will be if it keeps its motion.
-
-    Attributes:
-        k: after so many times `_EVERY_S`. way_m: how far from here. x, y, heading: there. cos, sin: of the heading.
-    """
-
-    k: int
-    way_m: float
-    x: float
-    y: float
-    heading: float
-    cos: float
-    sin: float
 
 
 class TargetSelection:
@@ -82,7 +65,6 @@ class TargetSelection:
         """
         arc = tan(state.steer) / self._limits.wheelbase_m
         c, si = cos(state.heading), sin(state.heading)
-        places: list[_Place] = []  # made once one is near enough: they are the same for all
         for other in others:
             dx, dy = other.x - state.x, other.y - state.y
             if not hypot(dx, dy) <= SIGHT_M:  # NaN is not there
@@ -92,9 +74,8 @@ class TargetSelection:
             if along > 0:
                 found = self._on_arc(state, arc, other, along, left, strays=strays)
                 found = found or (None if strays else self._in_lane(s, other, along))
-            if found is None and yields and self._may_cross(state, other):
-                places = places or list(self._places(state, arc, s, strays=strays))
-                found = self._crossing(other, places)
+            if found is None and yields:
+                found = self._crossing(state, arc, s, other, strays=strays)
             if found is not None:
                 yield found
 
@@ -123,18 +104,19 @@ class TargetSelection:
         room = there - s - self._limits.length_m / 2 - half_extent(other, facing)
         return Target(room, other.speed * cos(other.heading - facing))
 
-    def _may_cross(self, state: BicycleState, other: Mover) -> bool:
-        """Whether an actor moves, and is near enough to come into the way in time."""
-        far = (abs(state.speed) + abs(other.speed)) * CROSSING_S + self._limits.length_m + other.length
-        return other.speed >= MOVES_MPS and hypot(other.x - state.x, other.y - state.y) <= far
-
-    def _crossing(self, other: Mover, places: Sequence[_Place]) -> Target | None:
+    def _crossing(self, state: BicycleState, arc: float, s: float, other: Mover, *, strays: bool) -> Target | None:
         """An actor that will be in front of the vehicle if both keep their motion, as a wall at that place."""
+        far = (abs(state.speed) + abs(other.speed)) * CROSSING_S + self._limits.length_m + other.length
+        if other.speed < MOVES_MPS or hypot(other.x - state.x, other.y - state.y) > far:
+            return None
         ex, ey = other.velocity
         half_m = self._limits.length_m / 2
-        most_m = half_m + (other.length + other.width) / 2  # a shadow is no longer than both together
-        for k, way, x, y, heading, c, si in places:
+        most_m = half_m + (other.length + other.width) / 2  # no shadow is longer, and most are far beyond
+        for k in range(1, round(CROSSING_S / _EVERY_S) + 1):
+            way = state.speed * k * _EVERY_S
+            x, y, heading = self._on_its_way(state, arc, s, way, strays=strays)
             dx, dy = other.x + ex * k * _EVERY_S - x, other.y + ey * k * _EVERY_S - y
+            c, si = cos(heading), sin(heading)
             along = dx * c + dy * si
             if abs(along) > most_m or abs(along) > half_m + half_extent(other, heading):
                 continue
@@ -144,13 +126,6 @@ class TargetSelection:
             # An actor that hits the vehicle's side is not avoided by braking.
             return Target(way, 0.0) if along > 0 and CROSSES_RAD <= across <= pi - CROSSES_RAD else None
         return None
-
-    def _places(self, state: BicycleState, arc: float, s: float, *, strays: bool) -> Iterator[_Place]:
-        """Yield where it will be."""
-        for k in _LOOKS:
-            way = state.speed * k * _EVERY_S
-            x, y, heading = self._on_its_way(state, arc, s, way, strays=strays)
-            yield _Place(k, way, x, y, heading, cos(heading), sin(heading))
 
     def _on_its_way(
         self, state: BicycleState, arc: float, s: float, way_m: float, *, strays: bool
