@@ -24,7 +24,7 @@ from foresee_dsl.errors import SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.moved_bodies import MATCH_M, MovedBodies, degrees, edge_and_index
 from foresee_dsl.simulate.signals import Signals
-from foresee_dsl.simulate.sumo_start import EmptyState, options
+from foresee_dsl.simulate.sumo_start import EmptyState, options, prepare_libsumo
 from foresee_dsl.simulate.trace import STEP_S
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class World:
             if not file.is_file():  # asked first: SUMO 1.28 can end the whole process when a file fails to load
                 raise SimulationError(f"{file} is gone; compile the test case again")
         self._sumo = _import_libsumo()
-        self._errors: tuple[type[Exception], ...] = (self._sumo.TraCIException, self._sumo.libsumo.FatalTraCIError)
+        self._errors: tuple[type[Exception], ...] = (self._sumo.TraCIException, self._sumo.FatalTraCIError)
         self.signals = Signals(self._sumo, bundle)
         self.key = bundle.key
         self._vehicles: dict[str, _Known] = {}
@@ -109,7 +109,7 @@ class World:
         self._usual: dict[str, tuple[float, float]] = {}  # headway and gap of those that were told another one
         self.bodies = MovedBodies(self._sumo, self._errors, self._route)
         try:
-            self._sumo.start(["sumo", *options(bundle)])
+            self._sumo.simulation.start(["sumo", *options(bundle)])
             self._empty = EmptyState(self._sumo)
         except self._errors as err:
             raise SimulationError(f"SUMO cannot load {bundle.net_file.name}: {err}") from err
@@ -137,7 +137,7 @@ class World:
 
     def close(self) -> None:
         """End SUMO and remove the kept state."""
-        self._sumo.close()
+        self._sumo.simulation.close()
         self._empty.close()
 
     # --- a run -----------------------------------------------------------------------------------------------------
@@ -388,11 +388,13 @@ class World:
 
 
 def _import_libsumo() -> ModuleType:
+    prepare_libsumo()
     try:
-        import libsumo
+        import libsumo._libsumo  # first, or the next would ask the package for it
+        import libsumo.libsumo as functions
     except ImportError as err:
         raise SimulationError(f"libsumo cannot be loaded: {err}; `foresee doctor` says what to install") from err
-    module: ModuleType = libsumo
+    module: ModuleType = functions
     return module
 
 
