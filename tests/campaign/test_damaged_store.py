@@ -52,11 +52,12 @@ def test_a_flipped_byte_of_a_trace_is_found_and_the_trace_is_written_again(tmp_p
         assert store.get(KEYS[0]) is not None and not store.damaged
 
 
-@pytest.mark.parametrize("column", ["record", "verdict", "wall_s"])
+@pytest.mark.parametrize("column", ["record", "verdict", "wall_s", "reason"])
 def test_a_changed_row_counts_as_not_there(tmp_path: Path, column: str) -> None:
-    new = {"record": b"y" * 300, "verdict": "pass", "wall_s": 9.0}[column]
+    new = {"record": b"y" * 300, "verdict": "pass", "wall_s": 9.0, "reason": b"no text: \xff"}[column]
+    value = "CAST(? AS TEXT)" if column == "reason" else "?"
     with closing(sqlite3.connect(filled(tmp_path) / "runs.sqlite")) as database, database:
-        database.execute(f"UPDATE runs SET {column} = ? WHERE key = ?", (new, KEYS[5]))
+        database.execute(f"UPDATE runs SET {column} = {value} WHERE key = ?", (new, KEYS[5]))
     with Store(tmp_path) as store:
         assert store.get(KEYS[5]) is None and store.get(KEYS[6]) is not None
         assert store.damaged == {KEYS[5]: "run_5"}
