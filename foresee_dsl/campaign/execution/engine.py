@@ -6,10 +6,12 @@ anything follows from it: whenever this process ends, the same command continues
 
 from __future__ import annotations
 
+import gc
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -55,6 +57,22 @@ class Listener:
         """A later round of children begins, where they are allocated in rounds."""
 
 
+@contextmanager
+def _no_search_for_cycles() -> Iterator[None]:
+    """Let Python not look for cycles of objects meanwhile.
+
+    Results are in none, and while they are put together all that are there are looked through again and again: 4 to 9 %
+    of the time for 35,611 of them.
+    """
+    searched = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if searched:
+            gc.enable()
+
+
 def run_campaign(
     cases: Sequence[TestCase],
     settings: CampaignSettings,
@@ -84,10 +102,13 @@ def run_campaign(
     folder = CampaignFolder(out)
     with folder.working() as work:
         ran = run_missing(stages, work=work, store=store, listeners=listeners, options=options)
-        found = assemble(stages, out)
-        wall_s = time.monotonic() - started
-        result = CampaignResult(settings, found.seeds, found.clips, wall_s, ran.stopped, ran.broken, found.minimised)
-        folder.publish(result, found.traces, store.blobs)
+        with _no_search_for_cycles():
+            found = assemble(stages, out)
+            wall_s = time.monotonic() - started
+            result = CampaignResult(
+                settings, found.seeds, found.clips, wall_s, ran.stopped, ran.broken, found.minimised
+            )
+            folder.publish(result, found.traces, store.blobs)
     return result
 
 
@@ -161,7 +182,9 @@ class _Run:
                 self._run_through(roots)
                 # What is a finding is known once all children are.
                 if minimise and not self._stopped:
-                    self._run_through(choose_representatives(self._stages))
+                    with _no_search_for_cycles():
+                        chosen = choose_representatives(self._stages)
+                    self._run_through(chosen)
                 roots = self._changed_meanwhile()
                 if self._stopped or not roots:
                     break
@@ -178,7 +201,8 @@ class _Run:
 
     def _run_through(self, nodes: Iterable[Node]) -> None:
         """Run what is missing of steps and of what follows from them."""
-        self._visit(nodes)
+        with _no_search_for_cycles():
+            self._visit(nodes)
         self._begin_rounds()
         if self._executor is not None:
             for update in self._executor.updates(self._stop):
