@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +15,33 @@ from foresee_dsl.derive.avoidable import NAMES
 from foresee_dsl.language.project.loading import load_test_cases
 from tests.support.small_campaign import SETTINGS, TEXT
 
+LONELY = """foresee 1
+
+# The ego drives behind a car that is far ahead.
+scenario lonely {
+  network straight {
+    junction west at (0 m, 0 m)
+    junction east at (400 m, 0 m)
+    road in from west to east { lanes 1; speed 50 km/h }
+  }
+
+  ego: car.sedan {
+    route [in]
+    start at 25 m along in
+    start speed 36 km/h
+    goal 330 m along in
+  }
+  vehicle other: car.compact {
+    route [in]
+    start at 150 m along in
+    start speed 50 km/h
+    speed 50 km/h
+  }
+
+  expect never collision(ego)
+  end after 15 s
+}
+"""
 SEARCH = replace(SETTINGS, ranker="careful", preset="avoidable", children=4, against=("pdm",))
 
 
@@ -40,3 +68,18 @@ def test_the_benchmark_counts_it(found: CampaignResult) -> None:
     assert counts[0].failures == found.total.failed >= counts[0].avoided > 0
     assert counts[0].findings == len(found.findings) >= counts[0].avoidable_findings > 0
     assert counts[0].simulated_s == pytest.approx(found.total.simulated_s)
+
+
+def test_clips_are_cut_only_where_something_good_may_be_found(found: CampaignResult, tmp_path: Path) -> None:
+    """On an empty road, with one car far ahead, there is nobody to behave otherwise; other presets cut clips there."""
+    assert found.clips
+    (tmp_path / "lonely.foresee").write_text(LONELY, encoding="utf-8")
+    cases = load_test_cases([tmp_path / "lonely.foresee"])
+    cut = {}
+    for preset in ("avoidable", "focused"):
+        with Store(tmp_path / "store") as store:
+            settings = replace(SETTINGS, ranker="random", preset=preset, children=1)
+            result = run_campaign(cases, settings, out=tmp_path / preset, store=store)
+        assert not result.broken
+        cut[preset] = len(result.clips)
+    assert cut == {"avoidable": 0, "focused": 2}

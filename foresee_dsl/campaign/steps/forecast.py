@@ -13,6 +13,9 @@ from foresee_dsl.campaign.steps.clip_text import risk_hash
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clipping.clip import clip as make_clip
+from foresee_dsl.derive.presets import preset
+from foresee_dsl.forecast.careful.recorded import Recorded
+from foresee_dsl.forecast.careful.scoring import Promise
 from foresee_dsl.forecast.registry import ranker_within
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip
@@ -47,8 +50,10 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
     def following(cls, above: SeedStep, result: SeedOutcome | None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
         """Yield the one forecast of a run."""
         s = campaign.settings
+        searched = s.preset if preset(s.preset).search is not None else None
         key = campaign.key(cls, seed=above.key, ranker=campaign.ranker, before_s=s.before_s, after_s=s.after_s,
-                           handover_s=s.handover_s, count=s.risky_points, random_seed=above.seed)  # fmt: skip
+                           handover_s=s.handover_s, count=s.risky_points, random_seed=above.seed,
+                           searched=searched)  # fmt: skip
         yield cls(key, above.name, above.seed, above.key)
 
     @staticmethod
@@ -63,11 +68,15 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         s = work.settings
         ranker = ranker_within(s.ranker, lambda: compile_test_case(case))
         points = ranker.rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
+        search = preset(s.preset).search
+        promise = Promise(Recorded.of(trace), search, self.seed) if search is not None else None
         # Points of one moment (about two actors, say) have clips of one meaning: only the first of them is made.
         drafts: dict[str, Draft] = {}
         for point in points:
             if len(drafts) == s.risky_points:
                 break
+            if promise is not None and not promise.of(point.frame, before_s=s.before_s, after_s=s.after_s):
+                continue  # the preset would find nothing to do there
             file = work.folder / f"{self.name}_p{point.rank}.foresee"
             window = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
             draft = _draft(clip_around(case, trace, point, file, **window), point.rank)

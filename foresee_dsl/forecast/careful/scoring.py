@@ -52,6 +52,9 @@ width and a little. None of 30 that braked ahead of `pdm` there, and did not hit
 SHARES = (0.1, 0.3, 0.3, 0.2, 0.1)
 """How much `BLIND` and each of `DRIVES` counts. Ours: what hits a prompt driver fails in the simulation; of what hits
 only one that is late or does not react, one in twenty does."""
+PROMISING = 0.1
+"""A moment whose best candidate has a smaller score promises nothing. Ours, on the even half: in 260
+clips whose best was below 0.12, 1 of 268 children failed, in the other 161 clips 62 of 373."""
 
 _STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))
 
@@ -164,6 +167,23 @@ def search(
     candidates = [c for actor in actors if _near(run, actor, first, last, s.reach_m) for c in behaviours.of(actor)]
     candidates = [c for c in candidates if c.kind is not Kind.SWERVES or not _ego_stands(run, c)]
     return sorted((s for s in scored(run, candidates) if s.score > 0), key=lambda s: -s.score)
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """Whether anything good may be found around the moments of a run, whoever of its actors behaves otherwise."""
+
+    run: Recorded
+    settings: CarefulSettings
+    seed: int = 0
+
+    def of(self, frame: int, *, before_s: float, after_s: float) -> bool:
+        """Whether the best candidate of the window around a frame is `PROMISING`."""
+        first = max(0, frame - round(before_s / STEP_S))
+        last = min(self.run.trace.frames - 1, frame + round(after_s / STEP_S))
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, frame]))
+        best = search(self.run, range(1, len(self.run.sizes)), first, last, frame, rng, self.settings)[:1]
+        return any(one.score >= PROMISING for one in best)
 
 
 def _near(run: Recorded, actor: int, first: int, last: int, reach_m: float) -> bool:
