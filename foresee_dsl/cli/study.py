@@ -282,7 +282,8 @@ def _print_took(screen: Console, folder: StudyFolder, asked: dict[str, Took]) ->
     from foresee_dsl.report.terminal.tables import duration
 
     for name, took in asked.items():
-        screen.print(f"{name}: {duration(took.wall_s)} with {took.jobs} workers (in {folder.at})", markup=False)
+        spent = "in parts" if took.wall_s is None else duration(took.wall_s)
+        screen.print(f"{name}: {spent} with {took.jobs} workers (in {folder.at})", markup=False)
 
 
 # ---- what the options mean -------------------------------------------------------------------------------------------

@@ -21,9 +21,13 @@ _KINDS = {"study campaign": Measured, "study fuzzing": Fuzzed}
 
 @dataclass(frozen=True)
 class Took:
-    """What a question cost when it was last asked: wall time, and the number of workers."""
+    """What a question cost when it was last asked.
 
-    wall_s: float
+    Attributes:
+        wall_s: None where its campaigns were run one by one, and joined. jobs: the number of workers.
+    """
+
+    wall_s: float | None
     jobs: int
 
 

@@ -141,5 +141,5 @@ def _took(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
         yield (
             name, str(len(there)), f"{runs:,}", f"{sum(m.simulated_s for m in there) / 3600:.1f} h",
             f"{sum(m.wall_s for m in there) / 60:.0f} min",
-            f"{took.wall_s / 60:.0f} min on {took.jobs} workers",
+            "in parts" if took.wall_s is None else f"{took.wall_s / 60:.0f} min on {took.jobs} workers",
         )  # fmt: skip
