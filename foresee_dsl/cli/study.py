@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -249,7 +250,8 @@ def _report(
 def _print_tables(screen: Console, tables: Sequence[Table]) -> None:
     from foresee_dsl.report.terminal.tables import plain_table
 
-    for table in tables:
+    wide = screen.width if screen.is_terminal else sys.maxsize
+    for table in (part for whole in tables for part in whole.parts(wide)):
         rows = [(row.label, *table.texts(row)) for row in table.rows]
         screen.print(f"\n{table.title}", style="bold", markup=False)
         screen.print(plain_table((table.first, *table.stacked), rows, gap=1))

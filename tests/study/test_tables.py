@@ -211,6 +211,22 @@ def test_a_table_is_shown_alike_in_all_forms() -> None:
     assert r"\textsc{p|d\_m}" in latex and r"$\Sigma$ & - & 7 & 5 \%" in latex
 
 
+def test_a_table_wider_than_the_page_is_divided_between_groups_of_columns() -> None:
+    columns = (Column("alone"), *(Column(title, (group,)) for group in ("one", "two", "three") for title in "abc"))
+    row = Row("first", tuple(range(100, 110)))
+    table = Table("t", "Title", columns, (Row("part", kind=RowKind.HEADING), row), "n", ("Note.",))
+    assert table.parts(80) == (table,)
+    assert [part.title for part in table.parts(30)] == ["Title", "Title, continued"]
+    parts = table.parts(24)
+    assert [part.title for part in parts] == ["Title", "Title: two", "Title: three"]
+    assert [[column.whole_title for column in part.columns] for part in parts] == [
+        ["alone", "one, a", "one, b", "one, c"], ["a", "b", "c"], ["a", "b", "c"],
+    ]  # fmt: skip
+    assert [part.rows[1].values for part in parts] == [(100, 101, 102, 103), (104, 105, 106), (107, 108, 109)]
+    assert [part.notes for part in parts] == [(), (), ("Note.",)]
+    assert len(table.parts(1)) == 4 and table.as_csv().count("first") == 1
+
+
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.one_of(st.none(), st.integers(-9, 9), st.floats(-1e6, 1e6)), min_size=1, max_size=4))
 def test_csv_has_what_markdown_has(values: list[float | None]) -> None:

@@ -6,13 +6,15 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import groupby
 
 from foresee_dsl.files import templates
 from foresee_dsl.study.results import total
 
+PAGE_WIDTH = 120
+"""Characters that a page shows beside each other. Ours: what a code host's page shows without a scroll bar."""
 Value = str | int | float | None
 
 
@@ -146,8 +148,52 @@ class Table:
         """The rows as they are shown."""
         return tuple(ShownRow(row.label, row.kind, self.texts(row)) for row in self.rows)
 
+    def parts(self, width: int, *, gap: int = 1, whole_titles: bool = False) -> tuple[Table, ...]:
+        """Return the table as several where it is wider than so many characters: groups of columns are kept together,
+        and a part with one group alone has it in its title. The notes are below the last part.
+
+        Args:
+            gap: characters between columns. whole_titles: whether each heading is one line, groups and all.
+        """
+        labels = max(map(len, (self.first, *(row.label for row in self.rows))))
+        parts: list[list[int]] = [[]]
+        left = width - labels
+        for _, found in groupby(range(len(self.columns)), key=lambda k: self.columns[k].groups[:1] or k):
+            group = list(found)
+            needed = sum(gap + self._width(k, whole_titles=whole_titles) for k in group)
+            if parts[-1] and needed > left:
+                parts.append([])
+                left = width - labels
+            parts[-1] += group
+            left -= needed
+        if len(parts) == 1:
+            return (self,)
+        return tuple(self._part(part, first=part is parts[0], last=part is parts[-1]) for part in parts)
+
+    def _width(self, k: int, *, whole_titles: bool) -> int:
+        column = self.columns[k]
+        heads = (column.whole_title,) if whole_titles else column.title.splitlines()
+        return max(map(len, (*heads, *(self.texts(row)[k] for row in self.rows))), default=0)
+
+    def _part(self, chosen: Sequence[int], *, first: bool, last: bool) -> Table:
+        columns = [self.columns[k] for k in chosen]
+        title = self.title if first else f"{self.title}, continued"
+        common = {column.groups[:1] for column in columns}
+        if len(common) == 1 and columns[0].groups:
+            title = f"{self.title}: {columns[0].groups[0]}"
+            columns = [replace(column, groups=column.groups[1:]) for column in columns]
+        rows = tuple(
+            row if row.kind is RowKind.HEADING else replace(row, values=tuple(row.values[k] for k in chosen))
+            for row in self.rows
+        )
+        return replace(self, title=title, columns=tuple(columns), rows=rows, notes=self.notes if last else ())
+
     def as_markdown(self) -> str:
-        """Return the table as Markdown, with its title and notes."""
+        """Return the table as Markdown, with its title and notes: several where it is wider than a page."""
+        return "\n".join(part.one_markdown() for part in self.parts(PAGE_WIDTH, gap=3, whole_titles=True))
+
+    def one_markdown(self) -> str:
+        """Return it as one Markdown table, however wide."""
         heads = (self.first, *(column.whole_title for column in self.columns))
         lines = [f"**{self.title}**", "", _barred(heads), _barred(("---", *("---:",) * len(self.columns)))]
         for row in self.rows:
