@@ -23,6 +23,7 @@ from foresee_dsl.study.folder import StudyFolder
 from foresee_dsl.study.fuzzed import Fuzzed, FuzzedSeed
 from foresee_dsl.study.halves import Half, half_of, of_half, sample
 from foresee_dsl.study.measured import Child, Counted, Measured, MeasuredCase, MeasuredClip
+from foresee_dsl.study.paper import children_of_drivefuzz
 from foresee_dsl.study.questions import HEAVY_WEATHER, QUESTIONS, wanted_by
 from foresee_dsl.study.results import Results
 from foresee_dsl.study.settings import SECOND_ITERATION, StudySettings, Wanted
@@ -92,10 +93,16 @@ def test_a_test_case_that_drivefuzz_brings_to_fail_is_not_asked_again() -> None:
     assert one.fuzzed == {"case0", "case7"} and one.forecast == {"case1", "case2"}
     assert one.left == {"case3", "case4", "case5", "case6"}
     fuzzings = (fuzzed({"case0", "case7"}, 1), fuzzed({"case3"}, 2, NAMES[3:7]))
-    table = complementarity(Results((first, second), "paper", fuzzings=fuzzings))[0]
+    results = Results((first, second), "paper", fuzzings=fuzzings)
+    table, costs = complementarity(results)
     total = rows_of(table)[-1]
     assert [total[f"Iteration {k}, {who}, +#F"] for k in (1, 2) for who in ("DriveFuzz", "foresee")] == list("2211")
     assert total["Iteration 2, Σ, #F"] == "6" and total["foresee, of DriveFuzz's, %"] == "100"
+    failing = [sum(c.verdict.is_failure for c in m.only(names).children_run) for m, names in (
+        (first, NAMES[1:7]), (second, NAMES[4:7]))]  # fmt: skip
+    assert [row["foresee, failing children"] for row in rows_of(costs)] == [str(count) for count in failing]
+    theirs = children_of_drivefuzz(results, first.driver)
+    assert theirs is not None and theirs.value == pytest.approx(100 * sum(failing) / 3)
 
 
 def test_the_second_iteration_gets_what_neither_brought_to_fail(scenarios: Path) -> None:

@@ -20,6 +20,16 @@ class Iteration:
     forecast: Measured
     found: Split
 
+    @property
+    def asked(self) -> Measured:
+        """Return the forecast on the test cases that it is asked about: those that DriveFuzz did not make fail."""
+        return self.forecast.only(self.found.left | self.found.forecast)
+
+    @property
+    def failing_children(self) -> int:
+        """Return how many children of those fail."""
+        return sum(child.verdict.is_failure for child in self.asked.children_run)
+
 
 def iterations(results: Results, driver: str) -> tuple[tuple[Iteration, Iteration], ...]:
     """Return both iterations of each repetition that has them."""
@@ -95,11 +105,12 @@ def _with_shares(line: tuple[float | None, ...]) -> tuple[Value, ...]:
 
 def _costs(results: Results) -> Table:
     """What each cost: runs and simulated hours, and failing test cases an hour."""
-    columns = tuple(
+    columns: tuple[Column, ...] = tuple(
         Column(title, (who,), digits)
         for who in ("DriveFuzz", "foresee")
         for title, digits in (("runs", 0), ("simulated hours", 2), ("failing test cases", 2), ("an hour", 1))
     )
+    columns += (Column("failing children", ("foresee",)),)
     rows: list[Row] = []
     for driver in results.drivers:
         lines = []
@@ -114,7 +125,7 @@ def _costs(results: Results) -> Table:
 
 
 def _cost(found: list[Iteration]) -> Iterator[Value]:
-    asked = [one.forecast.only(one.found.left | one.found.forecast) for one in found]
+    asked = [one.asked for one in found]
     sides = (
         ([sum(s.runs for s in one.fuzzing.seeds) for one in found],
          [sum(s.simulated_s for s in one.fuzzing.seeds) for one in found], [len(one.found.fuzzed) for one in found]),
@@ -127,3 +138,4 @@ def _cost(found: list[Iteration]) -> Iterator[Value]:
         yield hours / len(found)
         yield mean(failing)
         yield sum(failing) / hours if hours else None
+    yield mean(one.failing_children for one in found)
