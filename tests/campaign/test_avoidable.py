@@ -68,6 +68,7 @@ def test_the_benchmark_counts_it(found: CampaignResult) -> None:
     assert counts[0].failures == found.total.failed >= counts[0].avoided > 0
     assert counts[0].findings == len(found.findings) >= counts[0].avoidable_findings > 0
     assert counts[0].simulated_s == pytest.approx(found.total.simulated_s)
+    assert 0 < counts[0].derived_s < counts[0].simulated_s
 
 
 def test_clips_are_cut_only_where_something_good_may_be_found(found: CampaignResult, tmp_path: Path) -> None:
