@@ -16,12 +16,17 @@ NEAR = 1.25
 def beside(results: Results, question: str) -> Table:
     """Return the paper's figures of a question beside ours."""
     drivers = (*results.drivers, *((TOGETHER,) if len(results.drivers) > 1 else ()))
-    columns = [Column(title, (driver,)) for driver in drivers for title in ("paper", "ours", "95 %")]
+    figures = [figure for figure in FIGURES if figure.question == question]
+    ours = {driver: [figure.ours(results, driver) for figure in figures] for driver in drivers}
+    asked = [driver for driver in drivers if any(ours[driver])]
+    if asked[1:] == [TOGETHER]:
+        asked.pop()  # one driver alone
+    columns = [Column(title, (driver,)) for driver in asked for title in ("paper", "ours", "95 %")]
     rows: list[Row] = []
-    for figure in (f for f in FIGURES if f.question == question):
+    for k, figure in enumerate(figures):
         values: list[Value] = []
-        for driver in drivers:
-            found = figure.ours(results, driver)
+        for driver in asked:
+            found = ours[driver][k]
             values += [figure.of(driver)[1], found.value if found else None, _ends(found)]
         if any(value is not None for value in values[1::3]):
             rows.append(Row(f"{figure.what}{_behind(figure)} ({figure.section})", tuple(values)))

@@ -223,7 +223,7 @@ def test_a_table_wider_than_the_page_is_divided_between_groups_of_columns() -> N
     row = Row("first", tuple(range(100, 110)))
     table = Table("t", "Title", columns, (Row("part", kind=RowKind.HEADING), row), "n", ("Note.",))
     assert table.parts(80) == (table,)
-    assert [part.title for part in table.parts(30)] == ["Title", "Title, continued"]
+    assert [part.title for part in table.parts(31)] == ["Title", "Title, continued"]
     parts = table.parts(24)
     assert [part.title for part in parts] == ["Title", "Title: two", "Title: three"]
     assert [[column.whole_title for column in part.columns] for part in parts] == [
@@ -231,6 +231,9 @@ def test_a_table_wider_than_the_page_is_divided_between_groups_of_columns() -> N
     ]  # fmt: skip
     assert [part.rows[1].values for part in parts] == [(100, 101, 102, 103), (104, 105, 106), (107, 108, 109)]
     assert [part.notes for part in parts] == [(), (), ("Note.",)]
+    unknown = Row("first", (100, 101, 102, 103, *(None,) * 6))
+    two = replace(table, rows=(*table.rows, Row("other", kind=RowKind.HEADING), unknown)).parts(24)
+    assert [len(part.rows) for part in two] == [4, 2, 2]
     assert len(table.parts(1)) == 4 and table.as_csv().count("first") == 1
 
 

@@ -136,6 +136,15 @@ class Table:
             lines.append((*inner, column.title))
         return tuple("\n".join(line) for line in lines)
 
+    @property
+    def named_once(self) -> tuple[str, ...]:
+        """Return the headings of each column as one line, a group's before the first of its columns alone."""
+        lines = []
+        for before, column in zip((None, *self.columns), self.columns, strict=False):
+            new = () if before is not None and before.groups == column.groups else column.groups
+            lines.append(": ".join(part for part in (", ".join(filter(None, new)), column.title) if part))
+        return tuple(lines)
+
     shown = "name title columns=headings rows=shown_rows notes"
 
     @property
@@ -148,19 +157,19 @@ class Table:
         """The rows as they are shown."""
         return tuple(ShownRow(row.label, row.kind, self.texts(row)) for row in self.rows)
 
-    def parts(self, width: int, *, gap: int = 1, whole_titles: bool = False) -> tuple[Table, ...]:
+    def parts(self, width: int, *, gap: int = 1, wraps: bool = False) -> tuple[Table, ...]:
         """Return the table as several where it is wider than so many characters: groups of columns are kept together,
         and a part with one group alone has it in its title. The notes are below the last part.
 
         Args:
-            gap: characters between columns. whole_titles: whether each heading is one line, groups and all.
+            gap: characters between columns. wraps: whether headings are wrapped between words, as a page does it.
         """
         labels = max(map(len, (self.first, *(row.label for row in self.rows))))
         parts: list[list[int]] = [[]]
         left = width - labels
         for _, found in groupby(range(len(self.columns)), key=lambda k: self.columns[k].groups[:1] or k):
             group = list(found)
-            needed = sum(gap + self._width(k, whole_titles=whole_titles) for k in group)
+            needed = sum(gap + self._width(k, wraps=wraps) for k in group)
             if parts[-1] and needed > left:
                 parts.append([])
                 left = width - labels
@@ -170,9 +179,8 @@ class Table:
             return (self,)
         return tuple(self._part(part, first=part is parts[0], last=part is parts[-1]) for part in parts)
 
-    def _width(self, k: int, *, whole_titles: bool) -> int:
-        column = self.columns[k]
-        heads = (column.whole_title,) if whole_titles else column.title.splitlines()
+    def _width(self, k: int, *, wraps: bool) -> int:
+        heads = self.named_once[k].split() if wraps else self.stacked[k].splitlines()
         return max(map(len, (*heads, *(self.texts(row)[k] for row in self.rows))), default=0)
 
     def _part(self, chosen: Sequence[int], *, first: bool, last: bool) -> Table:
@@ -186,15 +194,16 @@ class Table:
             row if row.kind is RowKind.HEADING else replace(row, values=tuple(row.values[k] for k in chosen))
             for row in self.rows
         )
+        rows = tuple(row for section in _sections(rows) if any(_known(row) for row in section) for row in section)
         return replace(self, title=title, columns=tuple(columns), rows=rows, notes=self.notes if last else ())
 
     def as_markdown(self) -> str:
         """Return the table as Markdown, with its title and notes: several where it is wider than a page."""
-        return "\n".join(part.one_markdown() for part in self.parts(PAGE_WIDTH, gap=3, whole_titles=True))
+        return "\n".join(part.one_markdown() for part in self.parts(PAGE_WIDTH, gap=3, wraps=True))
 
     def one_markdown(self) -> str:
         """Return it as one Markdown table, however wide."""
-        heads = (self.first, *(column.whole_title for column in self.columns))
+        heads = (self.first, *self.named_once)
         lines = [f"**{self.title}**", "", _barred(heads), _barred(("---", *("---:",) * len(self.columns)))]
         for row in self.rows:
             bold = row.kind is not RowKind.ROW
@@ -231,6 +240,20 @@ class Table:
                     found.append((at, at + width - 1))
                 at += width
             yield tuple(found)
+
+
+def _sections(rows: Sequence[Row]) -> list[list[Row]]:
+    """Divide rows before each heading."""
+    found: list[list[Row]] = []
+    for row in rows:
+        if not found or row.kind is RowKind.HEADING:
+            found.append([])
+        found[-1].append(row)
+    return found
+
+
+def _known(row: Row) -> bool:
+    return any(value is not None for value in row.values)
 
 
 def _barred(cells: Sequence[str]) -> str:
