@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from foresee_dsl.study.paper import FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_child, a_child_of_paper
+from foresee_dsl.study.paper import FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_child_of_paper, children_colliding
 from foresee_dsl.study.results import TOGETHER, Results
 from foresee_dsl.study.tables.table import Column, Row, Table, Value
 
@@ -102,10 +102,11 @@ def _why(results: Results, figure: PaperFigure, driver: str) -> str:
     if figure.question != "rq2" or figure.unit is not Unit.MORE:
         return ""
     other = figure.what.rpartition(" ")[2]
-    rates = [(a_child(results, driver, name), a_child_of_paper(driver, name)) for name in ("foresee", other)]
-    if any(ours is None or paper is None for ours, paper in rates):
+    shares = children_colliding(results, driver, other)
+    own_paper, theirs_paper = (a_child_of_paper(driver, name) for name in ("foresee", other))
+    if shares is None or own_paper is None or theirs_paper is None:
         return ""
-    (own, own_paper), (theirs, theirs_paper) = [(float(a or 0), float(b or 0)) for a, b in rates]
+    own, theirs = shares
     said = (
         f" A child collides in {100 * own:.1f} % of foresee's runs (paper: {100 * own_paper:.1f} %) and in "
         f"{100 * theirs:.1f} % of {other}'s (paper: {100 * theirs_paper:.1f} %)"

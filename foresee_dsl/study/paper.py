@@ -84,6 +84,13 @@ def _campaigns(results: Results, driver: str, ranker: str, clip_s: float, points
     )
 
 
+def _in_common(results: Results, driver: str, ranker: str, clip_s: float) -> tuple[tuple[Measured, ...], ...]:
+    """Return foresee's campaigns and another ranker's, of the drivers and repetitions that both have."""
+    sides = [_campaigns(results, driver, name, clip_s) for name in ("foresee", ranker)]
+    common = {(m.driver, m.repetition) for m in sides[0]} & {(m.driver, m.repetition) for m in sides[1]}
+    return tuple(tuple(m for m in side if (m.driver, m.repetition) in common) for side in sides)
+
+
 def _by_case(found: Iterable[Measured], value: Callable[[MeasuredCase], float]) -> dict[str, float]:
     """Return a value of each test case, summed over campaigns."""
     sums: dict[str, float] = {}
@@ -117,9 +124,7 @@ def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
     repetitions."""
 
     def ours(results: Results, driver: str) -> Ours | None:
-        everything = _campaigns(results, driver, EXHAUSTIVE, clip_s)
-        same = {(m.driver, m.repetition) for m in everything}
-        own = tuple(m for m in _campaigns(results, driver, "foresee", clip_s) if (m.driver, m.repetition) in same)
+        own, everything = _in_common(results, driver, EXHAUSTIVE, clip_s)
         return _scaled(_ratio(_by_case(own, _collisions), _by_case(everything, _collisions)), 100)
 
     return ours
@@ -129,24 +134,22 @@ def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
     """Return a function that computes how many more collisions foresee has than a ranker, %."""
 
     def ours(results: Results, driver: str) -> Ours | None:
-        sides = [_campaigns(results, driver, name, CHOSEN_S) for name in ("foresee", ranker)]
-        common = {(m.driver, m.repetition) for m in sides[0]} & {(m.driver, m.repetition) for m in sides[1]}
-        own, theirs = ([m for m in side if (m.driver, m.repetition) in common] for side in sides)
+        own, theirs = _in_common(results, driver, ranker, CHOSEN_S)
         return _scaled(_ratio(_by_case(own, _collisions), _by_case(theirs, _collisions)), 100, less=100)
 
     return ours
 
 
 def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
-    """Return a function that computes how many more collisions an hour foresee finds than the exhaustive search, %."""
+    """Return a function that computes how many more collisions an hour foresee finds than the exhaustive search, %, of
+    the drivers that were searched."""
 
     def ours(results: Results, driver: str) -> Ours | None:
         rates = []
-        for ranker in ("foresee", EXHAUSTIVE):
-            found = _campaigns(results, driver, ranker, clip_s)
+        for found in _in_common(results, driver, EXHAUSTIVE, clip_s):
             hours = sum(m.simulated_s for m in found) / 3600
             rates.append(sum(map(_collisions, found)) / hours if hours else 0.0)
-        return Ours(100 * (rates[0] / rates[1] - 1)) if rates[1] and rates[0] else None
+        return Ours(100 * (rates[0] / rates[1] - 1)) if all(rates) else None
 
     return ours
 
@@ -262,8 +265,13 @@ def a_child_of_paper(driver: str, ranker: str) -> float | None:
     return A_CHILD.get((driver if driver in STANDS_FOR else TOGETHER, ranker))
 
 
-def a_child(results: Results, driver: str, ranker: str) -> float | None:
-    """Return our collisions a child, with clips of the chosen length."""
-    found = _campaigns(results, driver, ranker, CHOSEN_S)
-    children = sum(len(m.children_run) for m in found)
-    return sum(map(_collisions, found)) / children if children else None
+def children_colliding(results: Results, driver: str, ranker: str) -> tuple[float, float] | None:
+    """Return the shares of foresee's and of another ranker's children that collide, with clips of the chosen length, of
+    the drivers and repetitions that both have; None where one of them has no child."""
+    shares = []
+    for found in _in_common(results, driver, ranker, CHOSEN_S):
+        children = sum(len(m.children_run) for m in found)
+        if not children:
+            return None
+        shares.append(sum(map(_collisions, found)) / children)
+    return shares[0], shares[1]

@@ -23,9 +23,9 @@ from foresee_dsl.study.folder import StudyFolder
 from foresee_dsl.study.fuzzed import Fuzzed, FuzzedSeed
 from foresee_dsl.study.halves import Half, half_of, of_half, sample
 from foresee_dsl.study.measured import Child, Counted, Measured, MeasuredCase, MeasuredClip
-from foresee_dsl.study.paper import children_of_drivefuzz
+from foresee_dsl.study.paper import children_colliding, children_of_drivefuzz, more_an_hour, of_exhaustive
 from foresee_dsl.study.questions import HEAVY_WEATHER, QUESTIONS, wanted_by
-from foresee_dsl.study.results import Results
+from foresee_dsl.study.results import TOGETHER, Results
 from foresee_dsl.study.settings import SECOND_ITERATION, StudySettings, Wanted
 from foresee_dsl.study.tables.complementarity import complementarity
 from foresee_dsl.study.tables.generality import generality
@@ -85,6 +85,20 @@ def test_sentences_say_direction_and_whose_rate_makes_the_difference() -> None:
     assert "Ours is smaller; the direction is the opposite" in sentence
     own = Results((made("foresee", 8, driver="fusion_safe"), made("random", 2, driver="fusion_safe")), "paper")
     assert rows_of(beside(own, "rq2"))[0]["fusion_safe, paper"] == "186.69"
+
+
+def test_foresee_is_compared_in_the_drivers_and_repetitions_that_both_have() -> None:
+    searched = [
+        replace(made(ranker, hits), before_s=3, after_s=3) for ranker, hits in (("foresee", 2), ("exhaustive", 4))
+    ]
+    others = [replace(made("foresee", 8, driver="idm", repetition=k, seed=k), before_s=3, after_s=3) for k in range(3)]
+    results = Results((*searched, *others, replace(searched[0], repetition=1, seed=1)), "paper")
+    share, rate = of_exhaustive(6)(results, TOGETHER), more_an_hour(6)(results, TOGETHER)
+    assert share is not None and share.value == pytest.approx(50)
+    hours = [measured.simulated_s for measured in searched]
+    assert rate is not None and rate.value == pytest.approx(100 * ((2 / hours[0]) / (4 / hours[1]) - 1))
+    results = Results((made("foresee", 2), made("selforacle", 4), made("foresee", 8, driver="idm")), "paper")
+    assert children_colliding(results, TOGETHER, "selforacle") == (2 / 32, 4 / 32)
 
 
 def test_a_test_case_that_drivefuzz_brings_to_fail_is_not_asked_again() -> None:
