@@ -142,11 +142,14 @@ def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
 
 def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
     """Return a function that computes how many more collisions an hour foresee finds than the exhaustive search, %, of
-    the drivers that were searched."""
+    the drivers that were searched, and in all repetitions, as a rate needs no equal number of them."""
 
     def ours(results: Results, driver: str) -> Ours | None:
+        everything = _campaigns(results, driver, EXHAUSTIVE, clip_s)
+        searched = {m.driver for m in everything}
+        own = tuple(m for m in _campaigns(results, driver, "foresee", clip_s) if m.driver in searched)
         rates = []
-        for found in _in_common(results, driver, EXHAUSTIVE, clip_s):
+        for found in (own, everything):
             hours = sum(m.simulated_s for m in found) / 3600
             rates.append(sum(map(_collisions, found)) / hours if hours else 0.0)
         return Ours(100 * (rates[0] / rates[1] - 1)) if all(rates) else None

@@ -95,8 +95,8 @@ def test_foresee_is_compared_in_the_drivers_and_repetitions_that_both_have() -> 
     results = Results((*searched, *others, replace(searched[0], repetition=1, seed=1)), "paper")
     share, rate = of_exhaustive(6)(results, TOGETHER), more_an_hour(6)(results, TOGETHER)
     assert share is not None and share.value == pytest.approx(50)
-    hours = [measured.simulated_s for measured in searched]
-    assert rate is not None and rate.value == pytest.approx(100 * ((2 / hours[0]) / (4 / hours[1]) - 1))
+    own, everything = (measured.simulated_s for measured in searched)
+    assert rate is not None and rate.value == pytest.approx(100 * ((2 / own) / (4 / everything) - 1))
     results = Results((made("foresee", 2), made("selforacle", 4), made("foresee", 8, driver="idm")), "paper")
     assert children_colliding(results, TOGETHER, "selforacle") == (2 / 32, 4 / 32)
 
