@@ -71,6 +71,25 @@ def test_the_time_left_does_not_jump() -> None:
     assert all(abs(b - a) < 0.03 * whole_s for a, b in pairwise(wholes)), "from one moment to the next"
 
 
+def test_a_campaign_with_thousands_of_failures_is_not_said_to_make_each_of_them_smaller() -> None:
+    """Like `make study`: 2,000 failures are some 80 findings; a line every ten seconds, not two a second."""
+    clock = Clock()
+    left = TimeLeft(CampaignSettings(), clock)
+    began, told = clock.now, []
+    left.planned("child", 36_000)
+    runs = [("child", 0.06)] * 36_000 + [("minimise", 1.5)] * 82
+    whole_s = sum(wall_s for _, wall_s in runs) / 2
+    for number, (kind, wall_s) in enumerate(runs):
+        if kind == "minimise" and runs[number - 1][0] == "child":
+            left.planned("minimise", 82)
+        clock.now += wall_s / 2  # two workers
+        failed = kind == "child" and number % 18 == 0
+        left.done(replace(row(kind, "F2" if failed else "pass"), wall_s=wall_s), new=True)
+        if number % 300 == 0 and (seconds := left.left_s) is not None:
+            told.append(clock.now - began + seconds)
+    assert max(told) < 1.3 * whole_s and min(told) > 0.75 * whole_s
+
+
 def test_what_is_not_usable_or_broken_is_said_at_once() -> None:
     said: list[str] = []
     shown = PlainProgress(said.append, Clock())

@@ -34,6 +34,9 @@ _WEIGHT = 12
 """So many runs count as much as what is usual. Ours: the first few say little, fifty say nearly all."""
 _FAILING = 0.1
 """The share of children that fail, until it is seen: a step's `share` is meant for it. Ours, as above."""
+_ALIKE_FROM, _ALIKE_POWER = 64, 0.36
+"""From so many failures on their findings grow with this power of them, as most tell a story that is known. Ours: the
+bundled library with `pdm`, 64 failures with 24 findings to be made smaller, 1,985 with 82."""
 _SHOWN_FROM = 0.02
 _SMOOTH = 0.1
 _EVERY_S = 0.5
@@ -100,7 +103,8 @@ class TimeLeft:
                     expected = float(self._known[kind])
                 else:  # it comes when all runs above are done, for those that failed
                     failing = (self._failed[above] + _FAILING * _WEIGHT) / (seen + _WEIGHT)
-                    expected *= failing * self._usual[kind] / _FAILING
+                    alike = max(1.0, expected * failing / _ALIKE_FROM) ** (_ALIKE_POWER - 1)
+                    expected *= failing * self._usual[kind] / _FAILING * alike
             else:
                 expected = float(self._known[kind])
             each_s = (self._wall_s[kind] + step.usual_s * _WEIGHT) / (self._here[kind] + _WEIGHT)
@@ -118,8 +122,8 @@ class TimeLeft:
         took_s = now_s - self._began_s
         if not self._whole_s:
             self._whole_s = took_s / share
-        elif now_s - self._looked_s >= _EVERY_S:
-            self._whole_s += _SMOOTH * (took_s / share - self._whole_s)
+        elif (looks := (now_s - self._looked_s) / _EVERY_S) >= 1:
+            self._whole_s += (1 - (1 - _SMOOTH) ** looks) * (took_s / share - self._whole_s)
             self._looked_s = now_s
         # Near the end what is left counts, not the average over the whole.
         left_s = max(took_s * (1 - share) / share if share > _NEARLY else 0.0, self._whole_s - took_s, 0.0)
