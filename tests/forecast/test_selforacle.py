@@ -166,8 +166,8 @@ def test_keys_name_the_weights_that_watch_the_driver(monkeypatch, tmp_path):
     (tmp_path / "selforacle_pdm.json").write_text('{"threshold": 1.0}')
     monkeypatch.setenv("FORESEE_WEIGHTS", str(tmp_path))
     assert ranker_identity("selforacle", "pdm") != usual
-    with pytest.raises(ForeseeError, match="no weights that watch the driver 'frenetix'"):
-        ranker_identity("selforacle", "frenetix")
+    with pytest.raises(ForeseeError, match="no weights that watch the driver 'idm'"):
+        ranker_identity("selforacle", "idm")
 
 
 def test_a_recorded_run_is_ranked_with_its_test_case_as_it_was(ridden, scenarios, tmp_path):
