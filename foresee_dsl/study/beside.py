@@ -92,6 +92,8 @@ def _judged(found: Ours, paper: float, unit: Unit) -> str:
     same = (found.value - neutral) * (paper - neutral) > 0
     certain = found.interval is not None and not found.interval.low <= neutral <= found.interval.high
     direction = "the direction is the same" if same else "the direction is the opposite"
+    if found.value == neutral:
+        return f"{judged}; here there is no difference."
     if found.interval is None or math.isnan(found.interval.low):
         return f"{judged}; {direction}."
     return f"{judged}; {direction}, and {'it is more than chance' if certain else 'it may be chance'} by its interval."

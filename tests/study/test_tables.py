@@ -83,6 +83,9 @@ def test_sentences_say_direction_and_whose_rate_makes_the_difference() -> None:
     worse = Results((made("foresee", 1), made("random", 6)), "paper")
     (sentence,) = (line for line in in_words(worse, "rq2") if "random" in line)
     assert "Ours is smaller; the direction is the opposite" in sentence
+    equal = Results((made("foresee", 2), made("random", 2)), "paper")
+    (sentence,) = (line for line in in_words(equal, "rq2") if "random" in line)
+    assert "here there is no difference." in sentence and "direction" not in sentence
     own = Results((made("foresee", 8, driver="fusion_safe"), made("random", 2, driver="fusion_safe")), "paper")
     assert rows_of(beside(own, "rq2"))[0]["fusion_safe, paper"] == "186.69"
 
