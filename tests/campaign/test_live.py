@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -88,6 +89,21 @@ def test_a_campaign_with_thousands_of_failures_is_not_said_to_make_each_of_them_
         if number % 300 == 0 and (seconds := left.left_s) is not None:
             told.append(clock.now - began + seconds)
     assert max(told) < 1.3 * whole_s and min(told) > 0.75 * whole_s
+
+
+def test_a_line_every_ten_seconds_follows_as_fast_as_two_a_second() -> None:
+    """The work doubles halfway: the second line after that has nearly all of it."""
+    clock = Clock()
+    left = TimeLeft(CampaignSettings(), clock)
+    left.planned("child", 200)
+    for number in range(120):
+        if number == 100:
+            left.planned("child", 200)
+        clock.now += 1.0
+        left.done(replace(row("child"), wall_s=1.0), new=True)
+        if number % 10 == 9:
+            seconds = left.left_s
+    assert seconds is not None and seconds == pytest.approx(400 - 120, rel=0.1)
 
 
 def test_what_is_not_usable_or_broken_is_said_at_once() -> None:
