@@ -12,6 +12,7 @@ from typing import Any
 
 from foresee_dsl.campaign.assembly import trace_of
 from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.storage.lock import only_writer
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.documents import plain
 
@@ -35,19 +36,18 @@ class CampaignFolder:
         """Make the folder where files gather, and remove it at the end; also what killed campaigns left.
 
         Raises:
+            ForeseeError: another process writes into the campaign's folder.
             OSError: the folder cannot be made or written to.
         """
-        self.out.mkdir(parents=True, exist_ok=True)
-        for left in self.out.glob(".work-*"):
-            if not _runs(left.name.rpartition("-")[2]):
+        with only_writer(self.out, "--out"):
+            for left in self.out.glob(".work-*"):
                 shutil.rmtree(left, ignore_errors=True)
-        shutil.rmtree(self.work, ignore_errors=True)
-        for part in _PARTS:
-            (self.work / part).mkdir(parents=True)
-        try:
-            yield self.work
-        finally:
-            shutil.rmtree(self.work, ignore_errors=True)
+            for part in _PARTS:
+                (self.work / part).mkdir(parents=True)
+            try:
+                yield self.work
+            finally:
+                shutil.rmtree(self.work, ignore_errors=True)
 
     def publish(self, result: CampaignResult, traces: Mapping[str, tuple[str, str]], blobs: Blobs) -> None:
         """Write what failed, as it was found and made smaller, the traces, and `campaign.json`; put all in place.
@@ -133,14 +133,3 @@ def _listed(items: list[str], depth: int) -> str:
     """Return a JSON list with an item a line."""
     inner, outer = " " * (depth + 2), " " * depth
     return "[" + ",".join(f"\n{inner}{item}" for item in items) + f"\n{outer}]" if items else "[]"
-
-
-def _runs(pid: str) -> bool:
-    """Return whether there is a process of this number; true also of what is no number or may not be asked."""
-    try:
-        os.kill(int(pid), 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, ValueError):
-        pass
-    return True

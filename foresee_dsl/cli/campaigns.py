@@ -100,6 +100,7 @@ def campaign(
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.profiling.stored import Stored
     from foresee_dsl.campaign.settings import Limits
+    from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.errors import InputError
@@ -124,6 +125,7 @@ def campaign(
         raise InputError(mistakes)  # before there is a store
     if profiler is not None:
         profiler.ready()
+    ctx.with_resource(only_writer(flags.out, "--out"))  # until the pages are written
     with ExitStack() as stack:
         store = stack.enter_context(Store(flags.store_folder))
         listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json, settings=request.settings[0])
@@ -154,9 +156,7 @@ def campaign(
         screen.print(f"{'' if stop() else ended}The same command continues from there.")
         if stop():
             raise typer.Exit(stop.exit_code)
-    if any(result.broken for _, result in results):
-        raise typer.Exit(FAILED)
-    if not exit_zero and any(result.failed for _, result in results):
+    if any(result.broken or (result.failed and not exit_zero) for _, result in results):
         raise typer.Exit(FAILED)
 
 

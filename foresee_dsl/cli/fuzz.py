@@ -65,6 +65,7 @@ def fuzz(
 
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.settings import Limits
+    from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.drivers.registry import find_driver
@@ -92,6 +93,7 @@ def fuzz(
         raise InputError(mistakes)
     settings = FuzzSettings(driver, cycles, mutations, seed, together)
     with ExitStack() as stack:
+        stack.enter_context(only_writer(out, "--out"))
         kept = stack.enter_context(Store(store or out / "store"))
         listeners = [] if quiet else [stack.enter_context(FuzzProgress(console(error=True)))]
         stack.enter_context(stop.listening())

@@ -194,6 +194,7 @@ def _run(
     *, quiet: bool,
 ) -> StudyRun:  # fmt: skip
     """Run the questions, saying what is left out and what each took; a signal ends the command with its exit code."""
+    from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.cli.campaigns import StopSignal
     from foresee_dsl.compile import placement_mistakes
@@ -211,15 +212,16 @@ def _run(
 
     for note in notes:
         say(note)
-    folder.noted(settings, {}, notes)  # a study that is killed can be reported as far as it came
     with ExitStack() as stack:
+        stack.enter_context(only_writer(folder.at, "--out"))
+        folder.noted(settings, {}, notes)  # a study that is killed can be reported as far as it came
         opened = stack.enter_context(Store(store))
         listeners, _ = progress(stack, screen, quiet=quiet, log=None)
         stack.enter_context(stop.listening())
         ran = run_study(names, settings, cases, folder, store=opened, listeners=listeners,
                         options=replace(options, stop=stop), say=(lambda _: None) if quiet else say)  # fmt: skip
         damage = notes_on(opened)
-    folder.noted(settings, ran.asked, notes)
+        folder.noted(settings, ran.asked, notes)
     for line in (*ran.broken, *damage):
         say(line)
     _print_took(screen, folder, ran.asked)

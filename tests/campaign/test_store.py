@@ -62,7 +62,7 @@ def test_a_damaged_trace_is_none(tmp_path: Path) -> None:
 def test_two_at_once_are_refused_and_told_who_has_it(tmp_path: Path) -> None:
     with Store(tmp_path) as store:
         store.add(row("k"))
-        with pytest.raises(StoreError, match=rf"process {os.getpid()}\) is writing.*--store"):
+        with pytest.raises(StoreError, match=rf"process {os.getpid()} .*since .*\) is writing.*--store"):
             Store(tmp_path)
         with Store(tmp_path, write=False) as reader:  # reading is for any number
             assert reader.has("k")

@@ -9,7 +9,6 @@ checksum, and a trace's file is named by its checksum.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import sqlite3
 import time
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
+from foresee_dsl.campaign.storage.lock import Lock, LockedError
 from foresee_dsl.campaign.storage.soundness import UNREADABLE, has_sums, is_sound, is_whole, rescue, sound_rows, sum_of
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.errors import ForeseeError
@@ -103,11 +103,11 @@ class Store:
         self._checked: set[str] = set()
         """Keys of the rows that were read and are as they were written."""
         self._sum = "sum"
-        self._lock: int | None = None
+        self._lock: Lock | None = None
         self._database: sqlite3.Connection | None = None
         if write:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(folder / "lock")
+            self._lock = _locked(folder)
         elif not (folder / "runs.sqlite").is_file():
             raise StoreError(f"there is no store in {folder}: `foresee campaign` makes one")
         try:
@@ -245,7 +245,7 @@ class Store:
                 self._database.close()
             self._database = None
         if self._lock is not None:
-            os.close(self._lock)  # the lock goes with it
+            self._lock.release()
             self._lock = None
 
     @property
@@ -341,22 +341,15 @@ def _explained(folder: Path, err: Exception) -> str:
     return f"the store {folder} cannot be written ({cause}): {rest} once there is room"
 
 
-def _locked(file: Path) -> int:
-    """Take the lock of a store and return its file's descriptor; the kernel lets go of it when this process ends."""
-    descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+def _locked(folder: Path) -> Lock:
+    """Take the lock of a store."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        owner = os.read(descriptor, 100).decode(errors="replace").strip()
-        os.close(descriptor)
-        raise StoreError(
-            f"another campaign (process {owner or 'unknown'}) is writing to the store {file.parent}: wait for it, "
-            "or use another folder with --store (and join the two afterwards with `foresee store merge`)"
-        ) from None
-    except OSError as err:
-        os.close(descriptor)
-        raise StoreError(f"the store {file.parent} cannot be locked ({err.strerror}): is it on a network drive "
-                         "without locks? Name another folder with --store") from err  # fmt: skip
-    os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
-    return descriptor
+        return Lock(folder / "lock")
+    except LockedError as err:
+        if err.holder:
+            raise StoreError(
+                f"another campaign ({err.holder}) is writing to the store {folder}: wait for it, or use another folder "
+                "with --store (and join the two afterwards with `foresee store merge`)"
+            ) from None
+        raise StoreError(f"the store {folder} cannot be locked ({err.cause}): is it on a network drive without locks? "
+                         "Name another folder with --store") from err  # fmt: skip

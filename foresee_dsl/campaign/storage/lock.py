@@ -1,0 +1,128 @@
+"""One writer at a time: a lock on a folder, which the system releases when its holder ends, in whatever way."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import getpass
+import os
+import socket
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from foresee_dsl.errors import ForeseeError
+
+_LONGEST = 300
+"""Bytes that are read of a lock's file. Ours: a process's number, a user, a host and a time take 60."""
+_NAME = ".lock"
+
+
+class LockedError(ForeseeError):
+    """A folder cannot be locked.
+
+    Attributes:
+        holder: the process that has the lock, in words; "" where the file system has no locks.
+        cause: what the system says.
+    """
+
+    def __init__(self, file: Path, holder: str, cause: str) -> None:
+        super().__init__(f"{file} cannot be locked: {holder or cause}")
+        self.holder, self.cause = holder, cause
+
+
+class Lock:
+    """A lock on a file, held by this process.
+
+    `flock` is used, not the file's existence: a holder that was killed leaves a file, but no lock. On NFS, Linux makes
+    a byte-range lock of it, which the server keeps for all hosts. The file is never deleted: a process that waits for a
+    deleted file would lock another one than the next.
+    """
+
+    def __init__(self, file: Path) -> None:
+        """Take the lock.
+
+        Raises:
+            LockedError: another process has it, or the file system has no locks.
+            OSError: the file cannot be made.
+        """
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.read(descriptor, _LONGEST).decode(errors="replace").strip()
+            os.close(descriptor)
+            raise LockedError(file, holder or "a process that is just starting", "") from None
+        except OSError as err:
+            os.close(descriptor)
+            raise LockedError(file, "", err.strerror or str(err)) from err
+        self._descriptor: int | None = descriptor
+        with contextlib.suppress(OSError):  # a full disk: the lock holds all the same
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, f"{_this_process()}\n".encode(), 0)
+
+    def release(self) -> None:
+        """Let go of the lock; may be called again."""
+        if self._descriptor is None:
+            return
+        with contextlib.suppress(OSError):
+            os.ftruncate(self._descriptor, 0)
+            fcntl.flock(self._descriptor, fcntl.LOCK_UN)  # a fork has the descriptor too, and would keep the lock
+        os.close(self._descriptor)
+        self._descriptor = None
+
+
+class _Held(NamedTuple):
+    """The folders that this process writes to, with how many times each was asked for."""
+
+    locks: dict[Path, Lock]
+    times: Counter[Path]
+
+
+_HELD = _Held({}, Counter())
+
+
+@contextlib.contextmanager
+def only_writer(folder: Path, option: str) -> Iterator[None]:
+    """Let no other process write results into a folder meanwhile; within this process it may be asked for again.
+
+    Args:
+        folder: is made where it is missing. option: names another folder.
+
+    Raises:
+        ForeseeError: another process writes to it (the message says which, and since when), or it cannot be locked.
+        OSError: the folder cannot be made or written to.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    whole = folder.resolve()
+    if not _HELD.times[whole]:
+        try:
+            _HELD.locks[whole] = Lock(whole / _NAME)
+        except LockedError as err:
+            if err.holder:
+                raise ForeseeError(
+                    f"another campaign ({err.holder}) writes its results into {folder}: wait for it, or name another "
+                    f"folder with {option}"
+                ) from None
+            raise ForeseeError(
+                f"the folder {folder} cannot be locked ({err.cause}): is it on a network drive without locks? Name "
+                f"another folder with {option}"
+            ) from err
+    _HELD.times[whole] += 1
+    try:
+        yield
+    finally:
+        _HELD.times[whole] -= 1
+        if not _HELD.times[whole]:
+            _HELD.locks.pop(whole).release()
+
+
+def _this_process() -> str:
+    """Return who holds the lock: `process 4711 of anna on build-3, since 2026-03-01 14:05:09`."""
+    try:
+        user = f" of {getpass.getuser()}"
+    except (OSError, KeyError, ImportError):  # a container's user without a name
+        user = ""
+    return f"process {os.getpid()}{user} on {socket.gethostname()}, since {time.strftime('%Y-%m-%d %H:%M:%S')}"
