@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.study.halves import Half
+from foresee_dsl.study.settings import EXHAUSTIVE
 
 
 class Counted(StrEnum):
@@ -102,6 +103,7 @@ class Measured:
         group: the test cases: `bundled`, or the name of a town. driver, ranker, preset, before_s, after_s,
             risky_points, children: as in its settings. repetition: from 0; seed: the campaign's.
         tool: the version that ran it.
+        against: the reference drivers that drove each of its failures; None in files written before this was recorded.
     """
 
     group: str
@@ -116,6 +118,18 @@ class Measured:
     seed: int
     tool: str
     cases: tuple[MeasuredCase, ...]
+    against: tuple[str, ...] | None = None
+
+    @property
+    def driven_by_references(self) -> bool:
+        """Whether reference drivers drove its failures, so that "another driver avoids it" can be counted.
+
+        Where the file does not record this, only an exhaustive search may have gone without them; it did where no
+        failure at all is avoided by another driver.
+        """
+        if self.against is not None:
+            return bool(self.against)
+        return self.ranker != EXHAUSTIVE or any("d" in child.avoided_by for child in self.children_run)
 
     @property
     def clip_s(self) -> float:

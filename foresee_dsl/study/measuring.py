@@ -49,6 +49,7 @@ def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
         seed=settings.seed,
         tool=__version__,
         cases=tuple(sorted(cases, key=lambda case: case.name)),
+        against=settings.against,
     )
 
 

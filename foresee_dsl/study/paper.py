@@ -120,12 +120,23 @@ def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results,
 
 
 def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
-    """Return a function that computes foresee's share of the exhaustive search's collisions, %, in the same
-    repetitions."""
+    """Return a function that computes foresee's share of the exhaustive search's collisions, %.
+
+    It is the mean of all of foresee's repetitions over the mean of the search's, of the drivers that were searched. The
+    search usually has one repetition. Foresee's share in that one alone would depend on which one it is.
+    """
 
     def ours(results: Results, driver: str) -> Ours | None:
-        own, everything = _in_common(results, driver, EXHAUSTIVE, clip_s)
-        return _scaled(_ratio(_by_case(own, _collisions), _by_case(everything, _collisions)), 100)
+        own: dict[str, float] = {}
+        everything: dict[str, float] = {}
+        for name in _drivers(results, driver):
+            found, searched = (_campaigns(results, name, ranker, clip_s) for ranker in ("foresee", EXHAUSTIVE))
+            if not found or not searched:
+                continue
+            for sums, campaigns in ((own, found), (everything, searched)):
+                for case, number in _by_case(campaigns, _collisions).items():
+                    sums[case] = sums.get(case, 0.0) + number / len(campaigns)
+        return _scaled(_ratio(own, everything), 100)
 
     return ours
 

@@ -54,11 +54,12 @@ def campaigns(
 def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[Wanted]:
     """Yield the searches of every second of the test cases.
 
-    Their failures, many and much alike, are not driven by reference drivers, which would take most of the time.
+    Their failures, many and much alike, are driven only by reference drivers that the study names: this takes most of
+    the time.
     """
     searches = campaigns(settings, (EXHAUSTIVE,), clips_s, drivers=settings.searched,
                          repetitions=settings.exhaustive_repetitions)  # fmt: skip
-    return (replace(wanted, risky_points=EVERY_POINT, against=()) for wanted in searches)
+    return (replace(wanted, risky_points=EVERY_POINT, against=settings.against or ()) for wanted in searches)
 
 
 def _effectiveness(settings: StudySettings) -> Iterator[Wanted]:

@@ -111,6 +111,21 @@ class Results:
                 yield Pair(name, repetition, one[name].count(what), other[name].count(what))
 
 
+def paired(first: Sequence[Measured], second: Sequence[Measured]) -> tuple[list[Measured], list[Measured]]:
+    """Return the campaigns of two rankers that are compared with each other, of one driver.
+
+    Those of equal repetition go together. The exhaustive search draws no risky points, so where it has one repetition
+    it goes with each of the other's: with the first alone, the comparison would depend on that one's luck.
+    """
+    pairs = [
+        (a, b)
+        for a in first
+        for b in second
+        if a.repetition == b.repetition or (b.ranker == EXHAUSTIVE and len(second) == 1)
+    ]
+    return [a for a, _ in pairs], [b for _, b in pairs]
+
+
 def _of_half(measured: Measured, half: Half) -> Measured:
     """Return the part of a campaign in a half; those of other towns are all in both, as no setting was chosen there."""
     if half is Half.ALL or measured.group != BUNDLED:
@@ -122,6 +137,16 @@ def mean(values: Iterable[float]) -> float | None:
     """Return the mean; None of no values."""
     found = list(values)
     return sum(found) / len(found) if found else None
+
+
+def mean_count(campaigns: Sequence[Measured], what: Counted) -> float | None:
+    """Return the mean number of collisions, findings or avoidable findings of a campaign's repetitions.
+
+    None where there are none, and of avoidable findings where no reference driver drove the failures.
+    """
+    if what is Counted.AVOIDABLE and not all(m.driven_by_references for m in campaigns):
+        return None
+    return mean(m.count(what) for m in campaigns)
 
 
 def total(values: Iterable[float | None]) -> float | None:

@@ -28,6 +28,8 @@ from foresee_dsl.study.questions import HEAVY_WEATHER, QUESTIONS, wanted_by
 from foresee_dsl.study.results import TOGETHER, Results
 from foresee_dsl.study.settings import SECOND_ITERATION, StudySettings, Wanted
 from foresee_dsl.study.tables.complementarity import complementarity
+from foresee_dsl.study.tables.effectiveness import effectiveness
+from foresee_dsl.study.tables.efficiency import efficiency
 from foresee_dsl.study.tables.generality import generality
 from foresee_dsl.study.tables.rankers import comparison
 from foresee_dsl.study.tables.table import Column, Row, RowKind, Table
@@ -102,6 +104,45 @@ def test_foresee_is_compared_in_the_drivers_and_repetitions_that_both_have() -> 
     assert rate is not None and rate.value == pytest.approx(100 * ((2 / own) / (4 / everything) - 1))
     results = Results((made("foresee", 2), made("selforacle", 4), made("foresee", 8, driver="idm")), "paper")
     assert children_colliding(results, TOGETHER, "selforacle") == (2 / 32, 4 / 32)
+
+
+def test_shares_and_areas_of_an_exhaustive_search_take_all_repetitions_not_the_first() -> None:
+    own = [made("foresee", hits, seed=k, repetition=k) for k, hits in enumerate((6, 2, 1))]
+    everything = made("exhaustive", 8)
+    results = Results((*own, everything), "paper")
+    share = of_exhaustive(10)(results, "pdm")
+    assert share is not None and share.value == pytest.approx(100 * 3 / 8)
+    rates = effectiveness(results)[-2]
+    row = next(r for r in rows_of(rates) if r["ranking"] == "foresee, n_rp 4")
+    assert float(row["collisions, of exhaustive, %"]) == pytest.approx(share.value)
+    areas = efficiency(results)[2]
+    assert areas.name == "rq3_areas"
+    row = next(r for r in rows_of(areas) if r["row"] == "against exhaustive")
+    expected, _ = compared_areas(own, [everything] * 3)
+    assert float(row["ratio"]) == pytest.approx(expected.ratio, abs=0.01)
+    assert float(row["collisions, first, at 100 %"]) == pytest.approx(3)
+
+
+def test_curves_are_read_off_the_repetitions_that_are_compared() -> None:
+    own = [made("foresee", hits, seed=k, repetition=k) for k, hits in enumerate((6, 2))]
+    row = next(r for r in rows_of(efficiency(Results((*own, made("random", 1, repetition=1, seed=1)), "paper"))[2])
+               if r["row"] == "against random")  # fmt: skip
+    assert float(row["collisions, first, at 100 %"]) == 2 and float(row["collisions, second, at 100 %"]) == 1
+
+
+def test_avoidable_findings_of_an_exhaustive_search_count_where_reference_drivers_drove_its_failures() -> None:
+    def avoidable(everything: Measured) -> str:
+        table = effectiveness(Results((made("foresee", 4), everything), "paper"))[-2]
+        return next(r for r in rows_of(table) if r["ranking"] == "exhaustive")["avoidable findings, number"]
+
+    driven = made("exhaustive", 4)  # its failures are avoided by another driver
+    assert avoidable(driven) == "1"
+    by_braking = HIT._replace(avoided_by="b")
+    clips = (MeasuredClip(0, Verdict.PASS, 10.0, 0.2, (by_braking, MISS)),)
+    alone = replace(driven, cases=tuple(replace(case, clips=clips) for case in driven.cases))
+    assert avoidable(alone) == ""
+    assert avoidable(replace(alone, against=("idm",))) == "1"
+    assert avoidable(replace(driven, against=())) == ""
 
 
 def test_a_test_case_that_drivefuzz_brings_to_fail_is_not_asked_again() -> None:
@@ -191,7 +232,10 @@ def test_questions_share_campaigns_and_only_the_first_driver_is_searched_exhaust
     assert len(every) == len({one.name for one in every})
     alone = sum(len(wanted_by([name], settings)) for name in QUESTIONS)
     assert len(every) < alone
-    assert {one.driver for one in every if one.ranker == "exhaustive"} == {"pdm"}
+    searched = [one for one in every if one.ranker == "exhaustive"]
+    assert {one.driver for one in searched} == {"pdm"} and {one.against for one in searched} == {()}
+    named = wanted_by(QUESTIONS, replace(settings, against=("idm",)))
+    assert {one.against for one in named if one.ranker == "exhaustive"} == {("idm",)}
     second = wanted_by(["rq2", "rq3"], replace(settings, exhaustive_repetitions=0))
     assert len(second) == len(wanted_by(["rq2"], settings)) + 3  # foresee with clips of 6 s
 

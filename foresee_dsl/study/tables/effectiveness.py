@@ -7,7 +7,7 @@ from itertools import product
 
 from foresee_dsl.study.measured import Counted, Measured
 from foresee_dsl.study.questions import CLIPS_S, POINTS
-from foresee_dsl.study.results import Results, mean, total
+from foresee_dsl.study.results import Results, mean, mean_count, total
 from foresee_dsl.study.settings import EXHAUSTIVE
 from foresee_dsl.study.statistics import compare
 from foresee_dsl.study.tables.comparing import Compared, comparison_table
@@ -111,8 +111,8 @@ def _rates(results: Results) -> Table:
         if lines:
             rows += [Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING), *lines]
     note = (
-        "The share is of the mean over the exhaustive search's repetitions, whose failures no reference driver drives: "
-        "of avoidable findings there is no share."
+        "Numbers are means of the repetitions, and the share is that of two means. Of avoidable findings there is a "
+        "share only where reference drivers drove the exhaustive search's failures, too."
     )
     return Table("rq1_rates", "RQ1: what a risky point gives, and the share of the exhaustive search", columns,
                  tuple(rows), "ranking", (note,))  # fmt: skip
@@ -121,11 +121,8 @@ def _rates(results: Results) -> Table:
 def _shares(found: tuple[Measured, ...], everything: tuple[Measured, ...]) -> Iterator[Value]:
     points = mean(m.clips for m in found)
     for what in Counted:
-        if what is Counted.AVOIDABLE and found is everything:
-            yield from (None, None, None)
-            continue
-        number = mean(m.count(what) for m in found)
-        most = mean(m.count(what) for m in everything) if what is not Counted.AVOIDABLE else None
+        number = mean_count(found, what)
+        most = mean_count(everything, what)
         yield number
         yield number / points if points and number is not None else None
         yield 100 * number / most if most and number is not None else None

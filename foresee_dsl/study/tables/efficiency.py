@@ -7,7 +7,7 @@ from itertools import product
 from foresee_dsl.study.curves import Clock, compared_areas, curve
 from foresee_dsl.study.measured import Counted, Measured
 from foresee_dsl.study.questions import CHOSEN_S, CLIPS_S
-from foresee_dsl.study.results import Results, mean
+from foresee_dsl.study.results import Results, mean, mean_count, paired
 from foresee_dsl.study.settings import EXHAUSTIVE
 from foresee_dsl.study.tables.rankers import shown_rankers
 from foresee_dsl.study.tables.table import Column, Row, RowKind, Table
@@ -43,8 +43,6 @@ def _an_hour(results: Results, clock: Clock) -> Table:
             if not found:
                 continue
             rates = [_rate(found, what, clock) for what in Counted]
-            if ranker == EXHAUSTIVE:
-                rates[-1] = None  # no reference driver drives its failures
             more = 100 * (rates[0] / slowest - 1) if slowest and rates[0] is not None and ranker != EXHAUSTIVE else None
             hours = mean(clock.of(m) / 3600 for m in found)
             lines.append(Row(ranker, (mean(m.count(Counted.COLLISIONS) for m in found), hours, *rates, more)))
@@ -56,8 +54,9 @@ def _an_hour(results: Results, clock: Clock) -> Table:
 
 
 def _rate(found: tuple[Measured, ...], what: Counted, clock: Clock) -> float | None:
-    hours = sum(map(clock.of, found)) / 3600
-    return sum(m.count(what) for m in found) / hours if hours else None
+    hours = mean(clock.of(m) / 3600 for m in found)
+    number = mean_count(found, what)
+    return number / hours if hours and number is not None else None
 
 
 def _areas(results: Results, clock: Clock) -> Table:
@@ -75,8 +74,11 @@ def _areas(results: Results, clock: Clock) -> Table:
             theirs = results.of_campaign(driver, other)
             if other == "foresee" or not own or not theirs:
                 continue
-            found, later = compared_areas(own, theirs, clock)
-            curves = [[curve(m, clock) for m in side] for side in (own, theirs)]
+            sides = paired(own, theirs)
+            if not sides[0]:
+                continue
+            found, later = compared_areas(*sides, clock)
+            curves = [[curve(m, clock) for m in side] for side in sides]
             read = [mean(one.at(share * found.end_s) for one in side) for side in curves for share in SHARES]
             lines.append(
                 Row(f"against {other}", (
@@ -88,7 +90,8 @@ def _areas(results: Results, clock: Clock) -> Table:
     notes = (
         "Area under the curve of cumulative collisions, in collisions times seconds, up to the earlier of the two "
         "ends; with the interval of the ratio by bootstrap over test cases. To the later end the curve that ended "
-        "first stays flat.",
+        "first stays flat. Both sides are means of the repetitions that both have; a search without repetitions is "
+        "compared with each of the other's.",
     )
     return Table(_name("rq3_areas", clock), f"RQ3: areas under the curves, {clock.value} time", columns, tuple(rows),
                  notes=notes)  # fmt: skip
