@@ -1,13 +1,20 @@
-"""Where the package's own files, templates and cache are, and files that are written whole or not at all."""
+"""Where the package's own files, templates and cache are, files that are written whole or not at all, and files of
+others, which are opened in one place."""
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+import stat
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
+
+from foresee_dsl.limits import most, raised_by
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -77,3 +84,85 @@ def write_whole(file: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
         if file.exists():
             temporary.chmod(file.stat().st_mode & 0o777)
+
+
+class NotOrdinaryError(OSError):
+    """A path leads to a pipe, a device or a socket: reading it may never end."""
+
+
+def open_outside(file: Path, limit: str = "file") -> BinaryIO:
+    """Open a file that may come from another person, for reading bytes; all such files are opened here.
+
+    A pipe or a device may have no end or wait for ever, so only ordinary files are opened. A file of the system, such
+    as `/proc/kmsg`, may wait as well; it claims a size of 0, and no byte is read of a file that does.
+
+    Raises:
+        NotOrdinaryError: it is a pipe, a device or a socket, or a link to one.
+        OSError: it cannot be read, is a folder, or is larger than `limit` (a name of `limits.LIMITS`, in MB) allows;
+            `strerror` has the reason.
+    """
+    _check_ordinary(file.stat(), file, limit)  # opening a device may already do something
+    wanted = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    opened = os.fdopen(os.open(file, wanted), "rb")
+    try:
+        size = _check_ordinary(os.fstat(opened.fileno()), file, limit)  # what was opened, were it another one
+    except OSError:
+        opened.close()
+        raise
+    if size > 0:
+        return opened
+    opened.close()
+    return io.BytesIO()
+
+
+def read_outside(file: Path, limit: str = "file") -> bytes:
+    """Return the bytes of a file that may come from another person.
+
+    Raises:
+        OSError: as `open_outside`.
+    """
+    with open_outside(file, limit) as opened:
+        return opened.read(round(most(limit) * 1e6))
+
+
+def read_outside_text(file: Path, limit: str = "file") -> str:
+    """Return the text (UTF-8) of a file that may come from another person, its newlines as `\\n`.
+
+    Raises:
+        OSError: as `open_outside`. UnicodeDecodeError: it is not UTF-8.
+    """
+    with io.TextIOWrapper(open_outside(file, limit), encoding="utf-8") as opened:
+        return opened.read(round(most(limit) * 1e6))
+
+
+def unpacked_within(limit: str, packed: bytes) -> bytes:
+    """Return what zlib has packed; 4 MB may hold 4 GB of one byte.
+
+    Args:
+        limit: the name of the limit of what comes out, in MB.
+
+    Raises:
+        ValueError: it is cut off, or larger than the limit.
+        zlib.error: it is damaged.
+    """
+    allowed = round(most(limit) * 1e6)
+    unpacker = zlib.decompressobj()
+    data = unpacker.decompress(packed, allowed + 1)
+    if len(data) > allowed:
+        raise ValueError(f"it has more than {most(limit):g} MB when it is unpacked; {raised_by(limit)}")
+    if not unpacker.eof:
+        raise ValueError("it is cut off")
+    return data
+
+
+def _check_ordinary(facts: os.stat_result, file: Path, limit: str) -> int:
+    """Return the size of an ordinary file, in bytes."""
+    if stat.S_ISDIR(facts.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
+    if not stat.S_ISREG(facts.st_mode):
+        raise NotOrdinaryError(errno.EINVAL, "it is not an ordinary file", str(file))
+    size_mb = facts.st_size / 1e6
+    if size_mb > most(limit):
+        allowed = f"it has {size_mb:,.{0 if size_mb >= 10 else 1}f} MB, more than the {most(limit):g} MB that are read"
+        raise OSError(errno.EFBIG, f"{allowed}; {raised_by(limit, size_mb)}", str(file))
+    return facts.st_size

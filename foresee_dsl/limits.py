@@ -40,8 +40,17 @@ LIMITS = MappingProxyType(
             Limit("netconvert-memory", 450, "MB", "memory of netconvert, and as much again for each 5 MB of the map"),
             # A CARLA town takes 0.2 to 3 s on a slow core; what takes a minute hangs.
             Limit("netconvert-time", 60, "s", "wall time of one start of netconvert"),
+            # An OpenStreetMap extract of a town's centre has 5 to 30 MB, the largest town of CARLA that we know 4 MB, a
+            # net of a city some 50 MB; the tree of such a file takes ten times its size in memory.
+            Limit("file", 100, "MB", "size of a map, a network or another file that is read, unpacked too"),
+            # A child takes 1 kB of campaign.json: the largest campaign of ours, of 20,000 children, has 25 MB.
+            Limit("results", 1000, "MB", "size of the JSON of a campaign, a study or a fuzzing"),
+            # The largest record of our campaigns, the children that a clip of 40 actors could have, has 0.3 MB.
+            Limit("record", 20, "MB", "unpacked size of one result in a store"),
             # A minute with 40 actors has 3 MB of arrays; an hour with 20 actors 100 MB.
             Limit("trace", 400, "MB", "unpacked size of a trace"),
+            # Two texts of 2 MB with the same 280,000 lines in another order took 26 s and 170 MB.
+            Limit("difference", 1, "MB", "size of a text that git-diff compares line by line"),
             # The largest bundled scenario has 100 cases; a case takes 2 kB.
             Limit("cases", 20_000, "cases", "drawn cases of all files of one command"),
             # The bundled town has 60; 2,000 take a second to read and 60 MB. Larger ones are maps, which are imported.

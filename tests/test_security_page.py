@@ -29,9 +29,9 @@ def test_xml_has_at_most_so_many_bytes_elements_and_levels(tmp_path: Path, monke
     assert "more than 100 elements in each other" in refused("<net>" + "<a>" * depth + "</a>" * depth + "</net>")
     monkeypatch.setattr(safe_xml, "MOST_ELEMENTS", 1000)
     assert "1,000" in refused("<net>" + "<a/>" * 1001 + "</net>")
-    monkeypatch.setattr(safe_xml, "MOST_BYTES", 100_000)
+    monkeypatch.setenv("FORESEE_LIMITS", "file=0.1")
     long = "<net>" + " " * 150_000 + "</net>"
-    assert "more than the 0 MB that are read" in refused(long)
+    assert "more than the 0.1 MB that are read" in refused(long)
     assert "when it is unpacked" in refused(long, "x.net.xml.gz")
 
 

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from foresee_dsl.derive.anticipating import Anticipation
 from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
 from foresee_dsl.derive.preventability import Preventability, Preventable
+from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict
 from foresee_dsl.story import Story
@@ -308,9 +309,9 @@ def decode(data: bytes, kind: type[Any]) -> Record:
     """Return a stored record.
 
     Raises:
-        ValueError: another version of the record's class wrote it.
+        ValueError: another version of the record's class wrote it, or it is larger than the limit `record` allows.
     """
-    record: Record = _adapter(kind.__name__).validate_json(zlib.decompress(data))
+    record: Record = _adapter(kind.__name__).validate_json(unpacked_within("record", data))
     return record
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from foresee_dsl.errors import DriverError
+from foresee_dsl.files import read_outside_text
 
 VARIABLE = "FORESEE_CONFIG"
 """The environment variable that names another configuration file."""
@@ -58,7 +59,7 @@ def _granted() -> tuple[Path, ...]:
 
     file = configuration()
     try:
-        found = tomllib.loads(file.read_text(encoding="utf-8")).get(KEY, [])
+        found = tomllib.loads(read_outside_text(file)).get(KEY, [])
     except FileNotFoundError:
         return ()
     except (OSError, ValueError) as err:

@@ -11,7 +11,7 @@ from pathlib import Path
 from foresee_dsl.editor.symbols import Occurrence, occurrences
 from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import data_folder
+from foresee_dsl.files import data_folder, read_outside_text
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.parser import MAX_BYTES
@@ -189,6 +189,6 @@ def _on_disk(path: Path, stamp: tuple[int, int] | None) -> str | None:
     if stamp is None or stamp[1] > MAX_BYTES:
         return None
     try:
-        return path.read_text(encoding="utf-8")
+        return read_outside_text(path)
     except (OSError, UnicodeDecodeError):
         return None

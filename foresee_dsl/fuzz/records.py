@@ -10,6 +10,7 @@ from functools import cache
 from pydantic import TypeAdapter
 
 from foresee_dsl.documents import plain
+from foresee_dsl.files import unpacked_within
 from foresee_dsl.fuzz.quality import Quality
 from foresee_dsl.fuzz.settings import FuzzSettings
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -261,7 +262,7 @@ def encode(outcome: Outcome) -> bytes:
 
 def decode(data: bytes) -> Outcome:
     """Return a stored outcome; a `ValueError` where another version wrote it."""
-    return _adapter().validate_json(zlib.decompress(data))
+    return _adapter().validate_json(unpacked_within("record", data))
 
 
 @cache

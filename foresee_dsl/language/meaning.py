@@ -9,6 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import TypeVar
 
+from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
@@ -187,7 +188,7 @@ def _network(network: m.Network | Path) -> _Json:
 
 @lru_cache(maxsize=64)
 def _file_digest(path: str, modified_ns: int, size: int) -> str:  # noqa: ARG001  (they key the cache)
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return hashlib.sha256(read_outside(Path(path))).hexdigest()
 
 
 def _model(model: m.VehicleModel) -> _Json:

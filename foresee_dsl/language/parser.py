@@ -14,6 +14,7 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from foresee_dsl import disk_cache
 from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.files import NotOrdinaryError, open_outside
 from foresee_dsl.language.model import Catalogue, Definition, Extension, Network
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
@@ -163,9 +164,7 @@ def read_text(path: Path, name: str) -> str:
         InputError: the file is missing, is a folder, too large, or no UTF-8 text.
     """
     try:
-        if path.exists() and not path.is_file() and not path.is_dir():
-            raise InputError((Diagnostic("FS001", "this is not an ordinary file", "name a text file", name),))
-        with path.open("rb") as file:
+        with open_outside(path) as file:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise InputError((_unreadable(path, name, error),)) from None
@@ -260,6 +259,8 @@ def _unreadable(path: Path, name: str, error: Exception) -> Diagnostic:
         return Diagnostic("FS001", "this is a folder", "name a file in it", name)
     if isinstance(error, PermissionError):
         return Diagnostic("FS001", "this file may not be read", "check its permissions", name)
+    if isinstance(error, NotOrdinaryError):
+        return Diagnostic("FS001", "this is not an ordinary file", "name a text file", name)
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return Diagnostic("FS001", f"this file cannot be read: {reason.lower()}", "", name)
 

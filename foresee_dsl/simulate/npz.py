@@ -17,6 +17,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from foresee_dsl.files import open_outside
 from foresee_dsl.limits import most, raised_by
 
 _MOST_MEMBERS = 100
@@ -33,12 +34,16 @@ def read_arrays(path: Path | BinaryIO) -> dict[str, NDArray[Any]]:
         OSError: it cannot be read.
     """
     try:
-        with zipfile.ZipFile(path) as packed:
+        with _opened(path) as file, zipfile.ZipFile(file) as packed:
             members = packed.infolist()
             _check(members)
             return {member.filename.removesuffix(".npy"): _array(packed, member) for member in members}
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OverflowError) as err:
         raise ValueError(str(err)) from err
+
+
+def _opened(file: Path | BinaryIO) -> BinaryIO:
+    return open_outside(file, "trace") if isinstance(file, Path) else file
 
 
 def _check(members: list[zipfile.ZipInfo]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import write_whole
+from foresee_dsl.files import read_outside, write_whole
 from foresee_dsl.study.fuzzed import Fuzzed
 from foresee_dsl.study.halves import Half
 from foresee_dsl.study.measured import Measured
@@ -117,7 +117,7 @@ class StudyFolder:
         if not file.is_file():
             raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` makes one")
         try:
-            data: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+            data: dict[str, Any] = json.loads(read_outside(file, "results"))
             given = data["settings"]
             lists = {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
             settings = StudySettings(**{**given, **lists, "half": Half(given["half"])})
@@ -151,7 +151,7 @@ def _load(file: Path, document: str) -> Any:  # noqa: ANN401 - Measured or Fuzze
         ForeseeError: it is none, or another version's.
     """
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = json.loads(read_outside(file, "results"))
         if (data.pop("schema", None), data.pop("document", None)) != (SCHEMA, document):
             raise ValueError("another kind of file")
         return _adapter(document).validate_python(data, strict=False)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import read_outside
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import absolute, is_file, kind_of
 
@@ -126,7 +127,7 @@ def _files_of(finding: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _read(campaign: Path) -> dict[str, Any]:
     try:
-        data = json.loads((campaign / JSON).read_text(encoding="utf-8"))
+        data = json.loads(read_outside(campaign / JSON, "results"))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as err:

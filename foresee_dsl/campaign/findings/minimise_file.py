@@ -20,7 +20,7 @@ from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import cache_folder, write_whole
+from foresee_dsl.files import cache_folder, read_outside_text, write_whole
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
@@ -100,9 +100,9 @@ class Texts:
         """
         case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
         parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
-        clip_text = (wanted.file.parent / mutant.parent).read_text(encoding="utf-8")
+        clip_text = read_outside_text(wanted.file.parent / mutant.parent)
         own = case.mutant is not None and mutant.changes == case.mutant.changes
-        text = wanted.file.read_text(encoding="utf-8") if own else print_model(mutant)
+        text = read_outside_text(wanted.file) if own else print_model(mutant)
         return cls(mutant.name, text, clip.name, clip_text, parent)
 
     def write(self, folder: Path) -> tuple[Path, Path]:

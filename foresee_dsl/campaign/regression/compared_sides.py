@@ -17,6 +17,7 @@ from foresee_dsl.documents import plain
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_driver
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import read_outside
 from foresee_dsl.language.project.addresses import is_folder, parse_address
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -33,7 +34,7 @@ def side_of_campaign(folder: Path) -> Side:
     """
     file = folder / "campaign.json" if folder.is_dir() else folder
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = json.loads(read_outside(file, "results"))
         runs = tuple(_runs_in(data))
         label = f"{folder} ({data['driver']})"
     except FileNotFoundError:

@@ -12,7 +12,7 @@ from foresee_dsl.campaign.regression.edits import sentence_in
 from foresee_dsl.campaign.regression.expectations import in_words, recorded_in
 from foresee_dsl.campaign.regression.layout import BEGIN, END, INDEX
 from foresee_dsl.campaign.regression.suite import stated_in
-from foresee_dsl.files import templates, write_whole
+from foresee_dsl.files import read_outside, templates, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
@@ -48,7 +48,7 @@ def write_index(folder: Path, tests: Iterable[Path]) -> bool:
     made = templates("regression").overlay()
     made.filters = {**made.filters, "cell": _cell, "code": _code}
     part = f"{BEGIN}\n{made.get_template('README.md.j2').render(tests=rows).strip()}\n{END}\n"
-    old = file.read_bytes().decode("utf-8") if file.is_file() else ""
+    old = read_outside(file).decode("utf-8") if file.is_file() else ""
     before, begin, rest = old.partition(BEGIN)
     _, end, after = rest.partition(END)
     if begin and end:

@@ -13,7 +13,7 @@ from foresee_dsl.campaign.regression.sources import Source
 from foresee_dsl.campaign.regression.suite import stated_in
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import ForeseeError, InputError
-from foresee_dsl.files import replacing
+from foresee_dsl.files import read_outside, replacing
 from foresee_dsl.language.diff.plain import plain_text
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project import addresses as a
@@ -168,7 +168,7 @@ class _Writer:
             if source.is_relative_to(inside):
                 self._names[source] = source.relative_to(inside).as_posix()
             else:
-                content = source.read_bytes()
+                content = read_outside(source)
                 if source.name.endswith(a.SUFFIX):
                     content = self._here(source, content.decode("utf-8"), "").encode()
                 self._names[source] = self._free(source.name, content)
@@ -181,7 +181,7 @@ class _Writer:
         while True:
             called = name if number == 1 else f"{stem}_{number}{dot}{suffix}"
             file = self._folder / PARENTS / called
-            there = self._new.get(file) if file in self._new else file.read_bytes() if file.is_file() else None
+            there = self._new.get(file) if file in self._new else read_outside(file) if file.is_file() else None
             if there is None:
                 self._new[file] = content
                 self.parents.append(file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from foresee_dsl.files import read_outside
 from foresee_dsl.language.project import addresses as a
 
 INDEX = "README.md"
@@ -16,7 +17,7 @@ PARENTS = "parents"
 def is_suite(folder: Path) -> bool:
     """Return whether a folder's `README.md` has the marks of an index."""
     file = folder / INDEX
-    return a.is_file(file) and BEGIN.encode() in file.read_bytes()
+    return a.is_file(file) and BEGIN.encode() in read_outside(file)
 
 
 def suite_folder(file: Path) -> Path | None:

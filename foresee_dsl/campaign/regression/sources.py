@@ -9,6 +9,7 @@ from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.findings.asked import Asked, asked
 from foresee_dsl.campaign.regression.edits import as_text
 from foresee_dsl.campaign.regression.expectations import ending_of, name_to_record, recorded_in
+from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
@@ -62,7 +63,7 @@ def _child(found: Asked, *, full: bool) -> Source:
     file = small or found.file
     case = load_test_case(file)
     origin = case.mutant.origin if case.mutant is not None else None
-    text = file.read_bytes().decode("utf-8")
+    text = read_outside(file).decode("utf-8")
     return Source(file.stem, a.absolute(file), text, case, small is not None, found.sentence, recorded_in(origin))
 
 

@@ -11,6 +11,7 @@ from foresee_dsl.campaign.regression.expectations import DRIVER
 from foresee_dsl.campaign.regression.layout import role_of
 from foresee_dsl.drivers.registry import driver_names, name_in, recorded_address
 from foresee_dsl.errors import InputError
+from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.parser import load
@@ -75,7 +76,7 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
 
 def _tests_of(file: Path) -> Iterator[SuiteTest]:
     kind, role = a.kind_of(file), role_of(file)
-    is_test = role == "test" or kind == "mutant" or _STATES.search(file.read_bytes()) is not None
+    is_test = role == "test" or kind == "mutant" or _STATES.search(read_outside(file)) is not None
     if role == "parent" or kind not in ("mutant", "clip", "scenario") or not is_test:
         return
     try:

@@ -28,7 +28,7 @@ from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver
 from foresee_dsl.errors import InputError
-from foresee_dsl.files import write_whole
+from foresee_dsl.files import read_outside, write_whole
 from foresee_dsl.language.codes.names import STALE_PIN
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
@@ -274,7 +274,7 @@ def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
     for one in rechecks:
         new = one.ending.expected_of(one.name, one.case) if one.ending and one.status.can_be_recorded else None
         if new is not None:
-            text = one.path.read_bytes().decode("utf-8")
+            text = read_outside(one.path).decode("utf-8")
             write_whole(one.path, with_expected(text, new))
             written[one.path] = None
     for suite in dict.fromkeys(folder for file in written if (folder := suite_folder(file)) is not None):

@@ -13,7 +13,6 @@ from typing import Any
 from foresee_dsl import __version__
 from foresee_dsl.campaign.stages import STEPS
 from foresee_dsl.campaign.storage.store import Store, StoreError
-from foresee_dsl.campaign.storage.traces import name_of
 
 TABLE = (
     "key", "kind", "name", "driver", "tool", "verdict", "reason", "broken", "simulated_s", "wall_s", "trace", "made_s"
@@ -85,7 +84,7 @@ def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
     files, size, there = 0, 0, set()
     for name, file in list(store.blobs.files()):
         status = file.stat()
-        if name in needed and not (damaged and name_of(file.read_bytes()) != name):
+        if name in needed and not (damaged and store.blobs.get(name) is None):
             there.add(name)
         elif name or time.time() - status.st_mtime > _STALE_S:
             file.unlink(missing_ok=True)

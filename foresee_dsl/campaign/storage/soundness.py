@@ -13,10 +13,15 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from foresee_dsl.files import unpacked_within
+from foresee_dsl.limits import most
+
 UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)
 """What reading a damaged database raises; the second where the name of a table is damaged, which the message holds."""
 _SIDES = ("", "-wal", "-shm")
 """The files of a database in SQLite's write-ahead mode."""
+_MOST_PACKED = 1032
+"""One byte unpacks to no more bytes than this (zlib's Technical Details: "Maximum Compression Factor")."""
 _DAMAGE = ("malformed", "not a database", "unsupported file format")
 """Parts of SQLite's messages about a file that was changed."""
 _MODES = slice(18, 20)
@@ -36,16 +41,19 @@ def sum_of(values: Sequence[bytes | str | float]) -> str:
 
 
 def is_sound(values: Sequence[Any], total: str) -> bool:
-    """Return whether a row is as it was written; of one without a checksum only its record (the last value) is checked.
+    """Return whether a row is as it was written, and its record no larger than the limit `record` allows; of one
+    without a checksum only its record (the last value) is checked.
 
     The record has a checksum of its own, since it is compressed.
     """
-    if total:
-        return total == sum_of(values)
+    if total and total != sum_of(values):
+        return False
     record = next((value for value in values if isinstance(value, bytes)), b"")
+    if total and len(record) * _MOST_PACKED < most("record") * 1e6:
+        return True
     try:
-        zlib.decompress(record)
-    except zlib.error:
+        unpacked_within("record", record)
+    except (zlib.error, ValueError):
         return False
     return True
 

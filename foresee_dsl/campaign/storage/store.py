@@ -22,6 +22,7 @@ from foresee_dsl.campaign.storage.lock import Lock, LockedError
 from foresee_dsl.campaign.storage.soundness import UNREADABLE, has_sums, is_sound, is_whole, rescue, sound_rows, sum_of
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.limits import most
 
 SCHEMA = 1
 """`user_version` of the database: raised when a table changes."""
@@ -263,10 +264,12 @@ class Store:
             self._rescue(file)
         database = sqlite3.connect(address, uri=True, timeout=_BUSY_MS / 1000)
         database.text_factory = _text
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, round(most("file") * 1e6))
         try:
             (schema,) = database.execute("PRAGMA user_version").fetchone()
             (mark,) = database.execute("PRAGMA application_id").fetchone()
             (tables,) = database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            _check_has_only_data(database, self.folder)
             if (tables or not write) and mark != _MARK:
                 _check_schema(schema, self.folder)
             if write:
@@ -309,6 +312,14 @@ def _is_ours(file: Path) -> bool:
             return bool(database.execute("SELECT 1 FROM sqlite_master WHERE name = 'runs'").fetchone())
     except UNREADABLE:
         return False
+
+
+def _check_has_only_data(database: sqlite3.Connection, folder: Path) -> None:
+    """Refuse a database that computes its rows: a view may give rows without end."""
+    kinds = [kind for (kind,) in database.execute("SELECT type FROM sqlite_master")]
+    if not set(kinds) <= {"table", "index"}:
+        odd = next(kind for kind in kinds if kind not in ("table", "index"))
+        raise StoreError(f"the store {folder} has a {odd} in its database, which none of ours has: it is not read")
 
 
 def _text(data: bytes) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import sys
 from enum import StrEnum
@@ -72,13 +71,19 @@ def textconv(
 
     [dim]git config diff.foresee.textconv "foresee textconv"[/dim]
     """
+    import shutil
+
+    from foresee_dsl.files import open_outside
     from foresee_dsl.language.diff.plain import plain_text
     from foresee_dsl.language.parser import load
 
-    content = file.read_bytes()
-    with contextlib.suppress(InputError):  # half-written, or conflict markers: git shows the text as it stands
+    try:
         content = plain_text(load(file).model, people=people).encode()
-    sys.stdout.buffer.write(content)
+    except InputError:  # half-written, or conflict markers: git shows the text as it stands
+        with open_outside(file) as opened:
+            shutil.copyfileobj(opened, sys.stdout.buffer)
+    else:
+        sys.stdout.buffer.write(content)
     sys.stdout.buffer.flush()
 
 
@@ -117,8 +122,16 @@ def _git_diff(path: str, old: Path, new: Path) -> str:
 def _text_diff(path: str, old: Path, new: Path) -> str:
     import difflib
 
-    texts = (file.read_text(encoding="utf-8", errors="replace") if file.is_file() else "" for file in (old, new))
-    before, after = (text.splitlines() for text in texts)
+    from foresee_dsl.files import read_outside
+
+    sides = []
+    for file in (old, new):
+        try:
+            text = read_outside(file, "difference").decode("utf-8", "replace") if file.is_file() else ""
+        except OSError as err:
+            return f"foresee diff {path}\n* not compared: {err.strerror or err}\n"
+        sides.append(text.splitlines())
+    before, after = sides
     names = (f"a/{path}" if old.is_file() else "/dev/null", f"b/{path}" if new.is_file() else "/dev/null")
     lines = [f"foresee diff {path}", *difflib.unified_diff(before, after, *names, lineterm="")]
     return "\n".join(lines) + "\n"

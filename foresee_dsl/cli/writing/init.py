@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from foresee_dsl.cli.options.common import DriverOption
+from foresee_dsl.files import read_outside_text
 
 _FILES = (
     ("networks/crossroads.foresee", "networks/crossroads.foresee"),
@@ -141,7 +142,7 @@ def _network(sketch: str, out: Path | None, scenario: Path | None) -> None:
     else:
         shown = sketch
         try:
-            text = Path(sketch).read_text(encoding="utf-8")
+            text = read_outside_text(Path(sketch))
         except (OSError, UnicodeDecodeError) as err:
             raise ForeseeError(f"the sketch {sketch} cannot be read: {err}") from err
         file = out or Path(sketch).with_suffix(".foresee")

@@ -16,11 +16,12 @@ from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import cached_net
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
 from foresee_dsl.compile.nets.netconvert import NetconvertDiedError, run_netconvert, sumo_home, without_header
-from foresee_dsl.compile.nets.safe_xml import check_size, parse_net
+from foresee_dsl.compile.nets.safe_xml import parse_net, unreadable
 from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
+from foresee_dsl.files import read_outside
 from foresee_dsl.language.units import UNITS
 
 _EDITION = "13"
@@ -63,10 +64,9 @@ def foreign_net(path: Path) -> Path:
     (see `repair_geometry`).
     """
     try:
-        check_size(path)
-        data = path.read_bytes()
+        data = read_outside(path)
     except OSError as err:
-        raise CompileError(f"the network {path} cannot be read: {err.strerror or err}") from err
+        raise unreadable(path, err) from err
     if path.name.endswith(".net.xml"):
         return cached_net(("net.xml", _NET_EDITION, data), lambda out: _copy_net(path, data, out))
     if path.name.endswith(".xodr"):

@@ -12,7 +12,6 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from foresee_dsl.compile.nets.safe_xml import MOST_BYTES
 from foresee_dsl.errors import CompileError
 from foresee_dsl.limits import most, raised_by
 
@@ -85,8 +84,8 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
             f"or a map that is too large, may cause; {raised_by('netconvert-memory', 4 * most('netconvert-memory'))}"
         )
     if code == -signal.SIGXFSZ:
-        raise NetconvertLimitError(f"netconvert makes a network of more than {MOST_BYTES / 1e6:.0f} MB of it: cut out "
-                                   "the part that is needed")  # fmt: skip
+        raise NetconvertLimitError(f"netconvert makes a network of more than {most('file'):g} MB of it: cut out the "
+                                   f"part that is needed; {raised_by('file')}")  # fmt: skip
     if code < 0:
         said = _complaint(complaint, 0)
         raise NetconvertDiedError(f"netconvert {tool_version()} died ({signal.Signals(-code).name}"
@@ -132,7 +131,11 @@ def _limit(pid: int, memory_mb: float) -> None:
         return
     import resource
 
-    wanted = {resource.RLIMIT_DATA: round(memory_mb * 1e6), resource.RLIMIT_FSIZE: MOST_BYTES, resource.RLIMIT_CORE: 0}
+    wanted = {
+        resource.RLIMIT_DATA: round(memory_mb * 1e6),
+        resource.RLIMIT_FSIZE: round(most("file") * 1e6),
+        resource.RLIMIT_CORE: 0,
+    }
     for what, most_bytes in wanted.items():
         with suppress(ProcessLookupError):  # it has ended
             _, hard = resource.prlimit(pid, what)

@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import errno
+import re
 from io import RawIOBase
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, cast
 
 from foresee_dsl.errors import CompileError, ForeseeError
+from foresee_dsl.files import open_outside
+from foresee_dsl.limits import most, raised_by
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
-MOST_BYTES = 100_000_000
-"""Larger files are refused before they are read. Ours: an OpenStreetMap extract of a town's centre has 5 to 30 MB, the
-largest town of CARLA that we know 4 MB, a net of a city some 50 MB; the tree of a file takes ten times its size."""
 MOST_ELEMENTS = 2_000_000
 """Ours: an element takes some 300 bytes in memory, so about 600 MB; an extract of 100 MB has some 1.5 million."""
+MOST_ATTRIBUTES = 10_000_000
+"""Ours: an attribute takes some 85 bytes in memory, so about 850 MB; an extract of 100 MB has some 6 million."""
+LONGEST_BYTES = 4_000_000
+"""The most bytes of one element's attributes, one text or one comment. Ours: the longest tag of the nets that we know
+has 30 kB. Expat 2.5 reads such a piece from its beginning for each block of the file that arrives: 50 MB took 90 s."""
 _GZIP = b"\x1f\x8b"
+_BLOCK_BYTES = 1 << 16
+"""Ours: half of the time that blocks of 16 kB take where a piece is long, and no difference elsewhere."""
 DEEPEST = 100
 """How deep elements may nest. Ours: OpenSCENARIO nests about 25 deep, OpenDRIVE 10, OpenStreetMap 3."""
+_FILE_IN_PROJECTION = re.compile(
+    r"(?:\binit|grids|\bfile|\bcatalog)\s*=[^\s+]*[/\\]|PARAMETERFILE\[[^\]]*[/\\]", re.IGNORECASE
+)
+"""A path in a text that describes a projection: PROJ opens the file. Names without a folder are PROJ's own data."""
 
 
 def parse_net(path: Path) -> Element:
@@ -32,7 +44,6 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
 
     An `error` where it cannot be read, is too large or too deep, is no XML, declares entities, or has another root.
     """
-    check_size(path, error)
     import zlib
     from xml.etree.ElementTree import ParseError
 
@@ -41,7 +52,7 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
     try:
         root = _parsed(path, error)
     except OSError as err:
-        raise error(f"{path} cannot be read: {err.strerror or err}") from err
+        raise unreadable(path, err, error) from err
     except DefusedXmlException as err:
         raise error(f"{path} declares entities, which are not read: write them out") from err
     except (ParseError, ValueError, LookupError, EOFError, zlib.error) as err:  # LookupError: an unknown encoding
@@ -58,26 +69,18 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
     return root
 
 
-def check_size(path: Path, error: type[ForeseeError] = CompileError) -> None:
-    """Make sure that a file may be read into memory: it is there, a file, and no larger than `MOST_BYTES`."""
-    try:
-        size = path.stat().st_size
-    except OSError as err:
-        raise error(f"{path} cannot be read: {err.strerror or err}") from err
-    if not path.is_file():
-        raise error(f"{path} cannot be read: it is no file")
-    if size > MOST_BYTES:
-        raise error(
-            f"{path} has {size / 1e6:.0f} MB, more than the {MOST_BYTES / 1e6:.0f} MB that are read: "
-            "cut out the part that is needed"
-        )
+def unreadable(path: Path, err: OSError, error: type[ForeseeError] = CompileError) -> ForeseeError:
+    """Return the error for a file that cannot be opened, or is too large."""
+    advice = ", or cut out the part that is needed" if err.errno == errno.EFBIG else ""
+    return error(f"{path} cannot be read: {err.strerror or err}{advice}")
 
 
 def open_packed(path: Path, error: type[ForeseeError] = CompileError) -> BinaryIO:
-    """Open a file; one that gzip has packed is unpacked while it is read, up to `MOST_BYTES`."""
-    with path.open("rb") as file:
-        packed = file.read(2) == _GZIP
-    return cast(BinaryIO, _Unpacked(path, error)) if packed else path.open("rb")
+    """Open a file; one that gzip has packed is unpacked while it is read, up to the limit `file`."""
+    file = open_outside(path)
+    packed = file.read(len(_GZIP)) == _GZIP
+    file.seek(0)
+    return cast(BinaryIO, _Unpacked(path, file, error)) if packed else file
 
 
 def unpacked(path: Path, error: type[ForeseeError] = CompileError) -> bytes:
@@ -89,23 +92,43 @@ def unpacked(path: Path, error: type[ForeseeError] = CompileError) -> bytes:
 class _Unpacked(RawIOBase):
     """A packed file that is larger than it seems is refused."""
 
-    def __init__(self, path: Path, error: type[ForeseeError]) -> None:
+    def __init__(self, path: Path, packed: BinaryIO, error: type[ForeseeError]) -> None:
         from gzip import GzipFile  # a check of files reads none that is packed
 
-        self._file = GzipFile(path)
+        self._packed, self._file = packed, GzipFile(fileobj=packed)
         self._path, self._error, self._read = path, error, 0
 
     def close(self) -> None:
         self._file.close()
+        self._packed.close()
         super().close()
 
     def read(self, size: int | None = -1) -> bytes:
-        most = MOST_BYTES - self._read + 1
-        data = self._file.read(most if size is None or size < 0 else min(size, most))
+        rest = round(most("file") * 1e6) - self._read + 1
+        data = self._file.read(rest if size is None or size < 0 else min(size, rest))
         self._read += len(data)
-        if self._read > MOST_BYTES:
-            raise self._error(f"{self._path} has more than {MOST_BYTES / 1e6:.0f} MB when it is unpacked: cut out the "
-                              "part that is needed")  # fmt: skip
+        if len(data) == rest:
+            raise self._error(
+                f"{self._path} has more than {most('file'):g} MB when it is unpacked: cut out the part that is needed; "
+                f"{raised_by('file')}"
+            )
+        return data
+
+
+class _Pieces:
+    """A file that is handed to the parser block by block, as long as its pieces end: tags, texts and comments."""
+
+    def __init__(self, path: Path, file: BinaryIO, error: type[ForeseeError]) -> None:
+        self._path, self._file, self._error = path, file, error
+        self.pending = 0
+        """Bytes since the last tag that the parser has understood."""
+
+    def read(self, _: int = 0, /) -> bytes:
+        """Return the next block, of our size."""
+        if self.pending > LONGEST_BYTES:
+            raise self._error(f"{self._path} has a tag, a text or a comment of more than {LONGEST_BYTES / 1e6:.0f} MB")
+        data = self._file.read(_BLOCK_BYTES)
+        self.pending += len(data)
         return data
 
 
@@ -113,19 +136,37 @@ def _parsed(path: Path, error: type[ForeseeError]) -> Element:
     """Parse a file, watching its depth and its size in memory while it grows."""
     from defusedxml.ElementTree import iterparse
 
-    depth = count = 0
+    depth = count = attributes = 0
     root: Element | None = None
     with open_packed(path, error) as file:
-        for event, element in iterparse(file, events=("start", "end")):
+        pieces = _Pieces(path, file, error)
+        for event, element in iterparse(pieces, events=("start", "end")):
+            pieces.pending = 0
             if event == "end":
                 depth -= 1
+                _check_opens_none(element, path, error)
                 continue
             root = element if root is None else root
-            depth, count = depth + 1, count + 1
+            depth, count, attributes = depth + 1, count + 1, attributes + len(element.attrib)
             if depth > DEEPEST:
                 raise error(f"{path} nests more than {DEEPEST} elements in each other")
             if count > MOST_ELEMENTS:
                 raise error(f"{path} has more than {MOST_ELEMENTS:,} elements: cut out the part that is needed")
+            if attributes > MOST_ATTRIBUTES:
+                raise error(f"{path} has more than {MOST_ATTRIBUTES:,} attributes: cut out the part that is needed")
     if root is None:
         raise ValueError("it is empty")
     return root
+
+
+def _check_opens_none(element: Element, path: Path, error: type[ForeseeError]) -> None:
+    """Refuse what makes SUMO 1.28 open other files while it reads this one: inclusions, and grids of projections."""
+    tag = element.tag
+    if tag.endswith("include"):
+        named = element.get("file") or element.get("href") or ""
+        raise error(f"{path} includes another file ({named!r}), which is not opened: write what it holds in its place")
+    if tag.endswith(("geoReference", "location")):
+        found = _FILE_IN_PROJECTION.search(element.get("projParameter") or element.text or "")
+        if found:
+            raise error(f"{path} has a projection that reads a file of this machine ({found[0]!r}), which is not "
+                        "opened: leave that out, or name the file without its folder")  # fmt: skip

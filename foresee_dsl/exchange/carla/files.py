@@ -18,10 +18,11 @@ from typing import Any
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.compile.nets.safe_xml import check_size, parse_xml
+from foresee_dsl.compile.nets.safe_xml import parse_xml, unreadable
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.exchange.naming import sentence
 from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.files import read_outside
 
 _LISTS = ("waypoints", "positions")
 """Elements that hold a route's places in newer files."""
@@ -266,12 +267,13 @@ def _transform(values: dict[str, Any]) -> Pose:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    check_size(path)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_outside(path))
     except json.JSONDecodeError as err:
         raise ExchangeError(f"{path} is not a CARLA trigger file: it is no JSON from line {err.lineno} on") from err
-    except (OSError, ValueError, RecursionError) as err:
+    except OSError as err:
+        raise unreadable(path, err, ExchangeError) from err
+    except (ValueError, RecursionError) as err:
         raise ExchangeError(f"{path} is not a CARLA trigger file: {err}") from err
     if not isinstance(data, dict):
         raise ExchangeError(f"{path} is not a CARLA trigger file: it holds no object")

@@ -17,6 +17,7 @@ from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.maps.sumo import with_starter
 from foresee_dsl.exchange.naming import file_name, name_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
+from foresee_dsl.files import read_outside
 from foresee_dsl.language.model import Network
 
 _LIGHTS = ("1000001", "1000002", "1000009", "1000010", "1000011")
@@ -129,7 +130,7 @@ def opendrive_of(network: Network | Path, net_file: Path) -> bytes:
     is."""
     if isinstance(network, Path) and network.name.endswith(".xodr"):
         try:
-            return network.read_bytes()
+            return read_outside(network)
         except OSError as err:
             raise ExchangeError(f"{network} cannot be read: {err.strerror or err}") from err
     with tempfile.TemporaryDirectory(prefix="foresee-xodr-") as name:

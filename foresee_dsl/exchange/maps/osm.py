@@ -11,12 +11,13 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import NetconvertDiedError, run_netconvert, sumo_home, without_header
-from foresee_dsl.compile.nets.safe_xml import MOST_ELEMENTS, check_size, parse_xml
+from foresee_dsl.compile.nets.safe_xml import MOST_ELEMENTS, parse_xml, unreadable
 from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.maps.osm_crossings import crossings_of
 from foresee_dsl.exchange.maps.sumo import NET, counts, with_starter
 from foresee_dsl.exchange.naming import name_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
+from foresee_dsl.files import open_outside
 
 _TYPEMAPS = ("osmNetconvert.typ.xml", "osmNetconvertUrbanDe.typ.xml", "osmNetconvertPedestrians.typ.xml")
 """SUMO's own tables of what a `highway=...` is: lanes, limits, who may go there; then town limits and sidewalks."""
@@ -198,7 +199,10 @@ def read_osm(file: Path) -> Element:
     """Return the root of an extract: `.osm`, the same packed by gzip, or `.osm.pbf`."""
     if not file.name.endswith(".pbf"):
         return parse_xml(file, "osm", "an OpenStreetMap file", ExchangeError)
-    check_size(file, ExchangeError)
+    try:
+        open_outside(file).close()
+    except OSError as err:
+        raise unreadable(file, err, ExchangeError) from err
     try:
         osmium: Any = import_module("osmium")
     except ImportError as err:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.errors import InputError
+from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff.compare import diff_models
@@ -133,7 +134,7 @@ def _catalogue(models: Mapping[str, m.VehicleModel], named: Iterable[str]) -> m.
 def _diff_networks(a: _Network, b: _Network) -> tuple[Difference, ...]:
     if isinstance(a, m.Network) and isinstance(b, m.Network):
         return _under("network", diff_models(a, b))
-    if a == b or (isinstance(a, Path) and isinstance(b, Path) and a.read_bytes() == b.read_bytes()):
+    if a == b or (isinstance(a, Path) and isinstance(b, Path) and read_outside(a) == read_outside(b)):
         return ()
     was, now = (network.name if network is not None else None for network in (a, b))
     note = "other content" if was == now else ""

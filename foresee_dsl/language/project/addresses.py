@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path, PurePath
 
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.files import open_outside
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.values import NAME_PATTERN
@@ -48,7 +49,7 @@ def shown(path: str | PurePath) -> str:
 def kind_of(path: Path) -> str:
     """Return what a file holds by its first keyword, such as `scenario` or `campaign`; "" when unclear."""
     try:
-        with path.open("rb") as file:
+        with open_outside(path) as file:
             text = file.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
     except OSError:  # reading the file later reports the reason
         return ""

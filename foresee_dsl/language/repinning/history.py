@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.errors import InputError
+from foresee_dsl.files import read_outside
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.document import TestCase
@@ -137,7 +138,7 @@ def _files_used(root: Path, parent: Path) -> tuple[str, ...]:
     while todo:
         file = todo.pop()
         if file not in found and file.suffix == ".foresee" and file.is_file():
-            text = file.read_bytes().decode("utf-8", errors="replace")
+            text = read_outside(file).decode("utf-8", errors="replace")
             todo += [absolute(file.parent / used) for used in _USED.findall(text)]
         found[file] = None
     return tuple(name for file in found if (name := _within(root, file)) is not None)

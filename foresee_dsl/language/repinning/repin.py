@@ -10,7 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.files import write_whole
+from foresee_dsl.files import read_outside, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.names import STALE_PIN, WRONG_KIND
 from foresee_dsl.language.diff.addresses import diff_cases
@@ -99,7 +99,7 @@ def write(children: Iterable[Child]) -> tuple[Path, ...]:
     written = []
     for child in children:
         if child.state is State.STALE and child.document is not None:
-            write_whole(child.file, with_pin(child.file.read_bytes().decode("utf-8"), child.document, child.new_pin))
+            write_whole(child.file, with_pin(read_outside(child.file).decode("utf-8"), child.document, child.new_pin))
             written.append(child.file)
     return tuple(written)
 
@@ -244,7 +244,7 @@ def _siblings(path: Path) -> list[Path]:
     needle = f'"{path.name}"'.encode()
     found = []
     for file in sorted(path.parent.glob("*.foresee")):
-        if file != path and kind_of(file) in ("clip", "mutant") and needle in file.read_bytes():
+        if file != path and kind_of(file) in ("clip", "mutant") and needle in read_outside(file):
             model = load(file).model
             if isinstance(model, m.Clip | m.Mutant) and absolute(file.parent / model.parent) == path:
                 found.append(file)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.files import read_outside_text
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
@@ -215,7 +216,7 @@ def _at_line(place: Place, line: int | None) -> Place:
     """Return the place of a mutant's change as it is; of another file, the line that says what is expected."""
     if line is None or kind_of(Path(place.path)) == "mutant":
         return place
-    text = Path(place.path).read_text(encoding="utf-8").splitlines()[line - 1]
+    text = read_outside_text(Path(place.path)).splitlines()[line - 1]
     return Place(place.path, Span(line, len(text) - len(text.lstrip()) + 1, line, len(text) + 1), text)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import read_outside
 
 
 class _Part(BaseModel):
@@ -167,7 +168,7 @@ def read_campaign_folder(folder: Path) -> Campaign:
     """
     file = folder / "campaign.json"
     try:
-        text = file.read_bytes()
+        text = read_outside(file, "results")
     except OSError as err:
         raise ForeseeError(
             f"{file} cannot be read ({err.strerror}): `foresee campaign PATH --out {folder}` writes it"
