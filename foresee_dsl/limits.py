@@ -37,9 +37,14 @@ LIMITS = MappingProxyType(
         for limit in (
             # netconvert 1.28 starts with 250 MB of data and takes 65 MB of real memory for each CARLA town, for a map
             # of 3 MB from OpenStreetMap 70 MB; a road of 100,000 km in a file of 1 kB takes all that there is.
-            Limit("netconvert-memory", 450, "MB", "memory of netconvert, and as much again for each 5 MB of the map"),
+            Limit(
+                "netconvert-memory",
+                450,
+                "MB",
+                "memory of netconvert or of SUMO that loads a map, and as much again for each 5 MB of the map",
+            ),
             # A CARLA town takes 0.2 to 3 s on a slow core; what takes a minute hangs.
-            Limit("netconvert-time", 60, "s", "wall time of one start of netconvert"),
+            Limit("netconvert-time", 60, "s", "wall time of one start of netconvert or of SUMO that loads a map"),
             # An OpenStreetMap extract of a town's centre has 5 to 30 MB, the largest town of CARLA that we know 4 MB, a
             # net of a city some 50 MB; the tree of such a file takes ten times its size in memory.
             Limit("file", 100, "MB", "size of a map, a network or another file that is read, unpacked too"),

@@ -15,7 +15,13 @@ from foresee_dsl.compile.foreign.opendrive_reading import drives_on_the_left, ma
 from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import cached_net
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
-from foresee_dsl.compile.nets.netconvert import NetconvertDiedError, run_netconvert, sumo_home, without_header
+from foresee_dsl.compile.nets.netconvert import (
+    NetconvertDiedError,
+    check_loads,
+    run_netconvert,
+    sumo_home,
+    without_header,
+)
 from foresee_dsl.compile.nets.safe_xml import parse_net, unreadable
 from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.polyline import lengths
@@ -24,10 +30,10 @@ from foresee_dsl.errors import CompileError
 from foresee_dsl.files import read_outside
 from foresee_dsl.language.units import UNITS
 
-_EDITION = "13"
+_EDITION = "14"
 """Part of the cache key: raise it when an OpenDRIVE map becomes another net than before."""
 
-_NET_EDITION = "9"
+_NET_EDITION = "10"
 """The same for a SUMO net."""
 
 _LARGEST_M = 1e8
@@ -114,6 +120,7 @@ def _copy_net(path: Path, data: bytes, out: Path) -> None:
         else:
             out.write_bytes(without_header(data))
         read_signals(out, None)
+        _check_loads(path, out)
     except TypeError as err:  # rows of one number cannot be put in order
         raise CompileError(f"{path} is no sound SUMO network: two requests of a junction have one index") from err
     except (KeyError, ValueError, IndexError) as err:
@@ -121,8 +128,15 @@ def _copy_net(path: Path, data: bytes, out: Path) -> None:
         raise CompileError(f"{path} is no sound SUMO network: {detail}") from err
 
 
+def _check_loads(path: Path, net: Path) -> None:
+    try:
+        check_loads(net)
+    except CompileError as err:
+        raise CompileError(f"{path} cannot be simulated: {err}") from err
+
+
 def _check_sound(parts: Topology) -> None:
-    """Raise a `ValueError` for what no network has: edges without lanes, lanes without a place."""
+    """Raise a `ValueError` for what no network has: edges without lanes, lanes or junctions without a place."""
     for edge in parts.edges.values():
         if not edge.lanes or [lane.index for lane in edge.lanes] != list(range(len(edge.lanes))):
             raise ValueError(f"the lanes of edge {edge.id} are not numbered from 0 on")
@@ -134,6 +148,10 @@ def _check_sound(parts: Topology) -> None:
             raise ValueError(f"lane {lane.id} is longer than {_LONGEST_M / 1000:.0f} km: a point of it is misplaced")
         if min(lane.length_m, lane.speed_mps, lane.width_m) < 0:
             raise ValueError(f"the length, speed or width of lane {lane.id} is negative")
+    for junction in parts.junctions.values():
+        figures = (junction.x, junction.y, *(value for point in junction.polygon for value in point))
+        if not all(abs(figure) < _LARGEST_M for figure in figures):  # SUMO 1.28 dies of x="-inf"
+            raise ValueError(f"junction {junction.id} has no place or outline that can be meant")
 
 
 def _convert_map(path: Path, out: Path) -> None:
@@ -161,6 +179,7 @@ def _convert_map(path: Path, out: Path) -> None:
     if left_hand:
         mirror_net(net)
     write_net(net, out)
+    _check_loads(path, out)
     if notes:
         (out.parent / NOTES).write_text("\n".join(notes), encoding="utf-8")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -70,7 +70,8 @@ def topology_of(root: Element) -> Topology:
         if function == "normal":
             edges[name] = Edge(id=name, start=element.attrib["from"], end=element.attrib["to"], lanes=own)
     junctions, rows = _junctions(root)
-    connections = [element.attrib for element in root.iterfind("connection")]
+    programs = {element.get("id") for element in root.iterfind("tlLogic")}
+    connections = [_without_missing_signal(element.attrib, programs) for element in root.iterfind("connection")]
     faults = {_ends(element.attrib): text for element in root.iterfind("connection") if (text := _fault(element))}
     signals = {c["to"]: (c["tl"], int(c["linkIndex"])) for c in connections if c["to"][0] == ":" and "tl" in c}
     return Topology(
@@ -125,6 +126,16 @@ def _lane(element: Element, edge: str, function: str, bus_lanes: bool) -> Lane:
 
 def _fault(element: Element) -> str:
     return next((param.get("value", "") for param in element.iterfind("param") if param.get("key") == FAULT), "")
+
+
+def _without_missing_signal(connection: dict[str, str], programs: Container[str | None]) -> dict[str, str]:
+    """Return a connection without its signal where the net has no program for that, as at railway crossings.
+
+    SUMO 1.28 switches such a signal off; that of a railway crossing lets road traffic pass as long as no train comes.
+    """
+    if "tl" not in connection or (connection["tl"] in programs and int(connection.get("linkIndex", -1)) >= 0):
+        return connection
+    return {name: value for name, value in connection.items() if name not in ("tl", "linkIndex")}
 
 
 def _ends(connection: Mapping[str, str]) -> tuple[str, str]:

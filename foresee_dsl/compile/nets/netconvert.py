@@ -1,4 +1,4 @@
-"""Starts SUMO's netconvert, the only program that the compiler runs."""
+"""Starts SUMO's netconvert, and SUMO itself to see whether it can load a net: the programs that the compiler runs."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from foresee_dsl.limits import most, raised_by
 _FIVE_MB = 5e6
 _NO_MEMORY = b"std::bad_alloc"
 """What netconvert 1.28 says when it gets no more memory."""
+_ONLY_LOAD = ("--end", "0", "--no-step-log", "true", "--no-warnings", "true")
 _HEADER = re.compile(rb"\A(\s*<\?xml[^>]*\?>)?\s*(?:<!--.*?-->\s*)+", re.DOTALL)
 
 
@@ -66,16 +67,8 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
         NetconvertDiedError: a signal ended it.
         CompileError: it is missing, or fails; the message holds what it printed.
     """
-    import shutil
-
-    home = sumo_home()
-    program = shutil.which("netconvert", path=str(home / "bin"))
-    if program is None:
-        raise CompileError(f"netconvert is not in {home / 'bin'}: reinstall the package 'eclipse-sumo'")
     memory_mb = most("netconvert-memory") * (1 + _input_bytes(arguments, folder) / _FIVE_MB)
-    time_s = most("netconvert-time")
-    environment = {**os.environ, "SUMO_HOME": str(home)}
-    code, complaint = _watched([program, *arguments], folder, environment, memory_mb=memory_mb, time_s=time_s)
+    code, complaint = _run("netconvert", arguments, folder, memory_mb)
     if code == 0:
         return
     if _NO_MEMORY in complaint:
@@ -91,6 +84,37 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
         raise NetconvertDiedError(f"netconvert {tool_version()} died ({signal.Signals(-code).name}"
                                   f"{f', its last words: {said}' if said else ''})")  # fmt: skip
     raise CompileError(f"netconvert refused the network: {_complaint(complaint, code)}")
+
+
+def check_loads(net: Path) -> None:
+    """Load a network of others in a SUMO of its own, so that one that SUMO dies of ends no process of ours.
+
+    It takes 0.07 s for a small net, and 1.7 s for one of 23 MB.
+
+    Raises:
+        CompileError: SUMO cannot load it; the message has SUMO's words.
+    """
+    memory_mb = most("netconvert-memory") * (1 + net.stat().st_size / _FIVE_MB)
+    code, complaint = _run("sumo", ["--net-file", net.name, *_ONLY_LOAD], net.parent, memory_mb)
+    if code == 0:
+        return
+    words = _complaint(complaint, max(code, 0))
+    if code < 0:
+        died = f"SUMO {tool_version()} dies when it loads it ({signal.Signals(-code).name})"
+        raise CompileError(f"{died}{f', its last words: {words}' if words else ''}")
+    raise CompileError(f"SUMO {tool_version()} cannot load it: {words}")
+
+
+def _run(tool: str, arguments: Sequence[str], folder: Path, memory_mb: float) -> tuple[int, bytes]:
+    """Run one of SUMO's programs; return its exit code and what it wrote on standard error."""
+    import shutil
+
+    home = sumo_home()
+    program = shutil.which(tool, path=str(home / "bin"))
+    if program is None:
+        raise CompileError(f"{tool} is not in {home / 'bin'}: reinstall the package 'eclipse-sumo'")
+    environment = {**os.environ, "SUMO_HOME": str(home)}
+    return _watched([program, *arguments], folder, environment, memory_mb=memory_mb, time_s=most("netconvert-time"))
 
 
 def _watched(
@@ -113,13 +137,13 @@ def _watched(
                 _, complaint = running.communicate(timeout=time_s)
             except subprocess.TimeoutExpired as err:
                 raise NetconvertLimitError(
-                    f"netconvert did not finish within {time_s:g} s; {raised_by('netconvert-time')}"
+                    f"{Path(command[0]).stem} did not finish within {time_s:g} s; {raised_by('netconvert-time')}"
                 ) from err
             finally:
                 running.kill()  # nothing where it has ended
             return running.returncode, complaint
     except OSError as err:
-        raise CompileError(f"netconvert cannot be started: {err}") from err
+        raise CompileError(f"{Path(command[0]).stem} cannot be started: {err}") from err
 
 
 def _limit(pid: int, memory_mb: float) -> None:

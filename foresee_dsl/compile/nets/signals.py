@@ -99,11 +99,10 @@ def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
     controlled: dict[str, str] = {}
     for movement in _with_signal(topology_of(root)):
         controlled.setdefault(movement.junction, movement.tls or "")
+    logics = {e.get("id", ""): e for e in reversed(root.findall("tlLogic"))}
     found = {}
     for junction, tls in sorted(controlled.items()):
-        logic = next((e for e in root.iterfind("tlLogic") if e.get("id") == tls), None)
-        if logic is None:
-            continue  # a foreign net may leave a movement's program out; SUMO then switches it off
+        logic = logics[tls]
         phases = [
             (e.get("name", ""), e.get("state", ""), float(e.get("duration", "0"))) for e in logic.iterfind("phase")
         ]
