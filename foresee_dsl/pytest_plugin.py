@@ -1,6 +1,7 @@
 """The pytest plugin: `pytest regressions --foresee-driver pdm` makes a test of each case of each `.foresee` file.
 
-It does nothing without `--foresee-driver` (or `foresee_driver` in pytest's ini file), and imports nothing heavy then.
+Without `--foresee-driver` (or `foresee_driver` in pytest's ini file) it makes no tests and imports nothing heavy; where
+then no test ran at all, it says how to name a driver.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.regression.suite import SuiteTest
     from foresee_dsl.report.builds.case_results import CaseResult
 
+_SKIPPED = pytest.StashKey[set[Path]]()
+"""The `.foresee` files of which no tests were made, as no driver is named."""
 RECORDED = "recorded"
 """As `--foresee-driver`: each recorded failure with the driver that its file names, everything else with `pdm`."""
 
@@ -38,10 +41,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """Collect `.foresee` files where a driver is named."""
-    if file_path.suffix != ".foresee" or not _option(parent.config, "driver"):
+    if file_path.suffix != ".foresee":
+        return None
+    if not _option(parent.config, "driver"):
+        parent.config.stash.setdefault(_SKIPPED, set()).add(file_path)
         return None
     collected: pytest.Collector = ForeseeFile.from_parent(parent, path=file_path)
     return collected
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, exitstatus: int, config: pytest.Config) -> None:
+    """Say what to do where nothing ran because no driver is named."""
+    skipped = config.stash.get(_SKIPPED, set())
+    if skipped and exitstatus in (pytest.ExitCode.NO_TESTS_COLLECTED, pytest.ExitCode.USAGE_ERROR):
+        what = f"{len(skipped)} .foresee file{'s' if len(skipped) > 1 else ''}"
+        terminalreporter.write_line(
+            f"foresee: no tests were made of {what}, as no driver is named: write `--foresee-driver pdm` "
+            f"(`--foresee-driver {RECORDED}` drives each with its own), or `foresee_driver = pdm` in pytest's ini file"
+        )
 
 
 class ForeseeFile(pytest.File):

@@ -20,7 +20,7 @@ from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Obse
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict, passes
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
@@ -53,16 +53,18 @@ class DriverRun:
     step_ms: float
     digest: str
     notes: DriverNotes = NO_NOTES
+    broken: tuple[str, ...] = ()
+    """The expectations that do not hold, a sentence each."""
 
     shown = (
-        "case family driver version verdict reason duration_s way_m hard_brakings step_ms digest output=notes.output "
-        "traceback=notes.traceback hang=notes.hang"
+        "case family driver version verdict broken_expectations=broken reason duration_s way_m hard_brakings step_ms "
+        "digest output=notes.output traceback=notes.traceback hang=notes.hang"
     )
 
     @property
     def passed(self) -> bool:
-        """Whether it arrived."""
-        return self.verdict is Verdict.PASS
+        """Whether nothing failed."""
+        return passes(self.verdict, self.broken)
 
 
 @dataclass(frozen=True)
@@ -198,6 +200,7 @@ def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEAD
         step_ms=timed.spent_s / max(timed.steps, 1) * 1000,
         digest=result.trace.digest,
         notes=result.notes,
+        broken=result.broken,
     )
 
 

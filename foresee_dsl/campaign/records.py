@@ -15,7 +15,7 @@ from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict, passes
 from foresee_dsl.story import Story
 
 
@@ -80,11 +80,18 @@ class SeedOutcome:
     notes: DriverNotes | None = None
     references: tuple[ReferenceRun, ...] = ()
     """Of a failure: its runs with other drivers."""
+    broken: tuple[str, ...] = ()
+    """The expectations that do not hold, a sentence each."""
 
     shown = (
-        "test_case=id family meaning verdict reason duration_s:2 risky_points impact near_misses=near preventability "
-        "anticipation references story notes trace"
+        "test_case=id family meaning verdict broken_expectations=broken reason duration_s:2 risky_points impact "
+        "near_misses=near preventability anticipation references story notes trace"
     )
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing failed."""
+        return passes(self.verdict, self.broken)
 
     @property
     def avoided(self) -> tuple[ReferenceRun, ...]:
@@ -170,11 +177,18 @@ class ChildOutcome:
     """The round that asked for it, where children are allocated in rounds."""
     drawn_near: str = ""
     """The child of the same clip near which it was drawn, if it was."""
+    broken: tuple[str, ...] = ()
+    """As of a `SeedOutcome`."""
 
     shown = (
-        "mutant=name round drawn_near? meaning operators changes verdict with=with_ reason digest file=failed_file? "
-        "impact near_misses=near preventability anticipation references story"
+        "mutant=name round drawn_near? meaning operators changes verdict broken_expectations=broken with=with_ reason "
+        "digest file=failed_file? impact near_misses=near preventability anticipation references story"
     )
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing failed."""
+        return passes(self.verdict, self.broken)
 
     @property
     def avoided(self) -> tuple[ReferenceRun, ...]:

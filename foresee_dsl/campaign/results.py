@@ -94,7 +94,7 @@ class CampaignResult:
         return FamilyRow(
             family=family or "all",
             cases=len(seeds),
-            cases_failed=sum(s.verdict is not Verdict.PASS for s in seeds),
+            cases_failed=sum(not s.passed for s in seeds),
             risky_points=sum(s.risky_points for s in seeds),
             clips=len(clips),
             children=len(children),
@@ -109,10 +109,18 @@ class CampaignResult:
     def failed(self) -> bool:
         """Whether anything failed: a test case, a child, or a run that broke."""
         return (
-            any(seed.verdict is not Verdict.PASS for seed in self.seeds)
+            any(not seed.passed for seed in self.seeds)
             or any(is_problem(clip.verdict, clip.notes) for clip in self.clips)
             or any(is_problem(child.verdict, child.notes) for clip in self.clips for child in clip.children)
+            or any(self.breaking)
         )
+
+    @property
+    def breaking(self) -> tuple[SeedOutcome | ChildOutcome, ...]:
+        """The test cases and children that only break an expectation."""
+        runs: list[SeedOutcome | ChildOutcome] = [*self.seeds]
+        runs += [child for clip in self.clips for child in clip.children]
+        return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken)
 
     @property
     def fidelity(self) -> FidelityFigures:

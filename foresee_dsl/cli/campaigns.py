@@ -391,7 +391,7 @@ def assess(
 ) -> None:
     """Run test cases with one or several drivers and compare: who arrives, who fails and how, how they drive.
 
-    Exit code 1 when a run did not arrive.
+    Exit code 1 when a run did not arrive, or broke an `expect` line.
 
     [dim]foresee assess scenarios --driver pdm --driver idm[/dim]
     """

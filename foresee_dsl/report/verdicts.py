@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, Verdict
 
 WHOLE = 100_000
 """Characters of a line that is shown whole: a path, a line that a driver printed."""
@@ -19,11 +19,23 @@ def counted(number: int, noun: str, many: str = "") -> str:
     return f"{number} {noun if number == 1 else many or f'{noun}s'}"
 
 
-def verdicts_line(verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str = "test case") -> Text:
-    """Return the headline of runs: how many failed, by kind; where all of these broke the driver, how."""
+def ending(verdict: Verdict, broken: Sequence[str] = ()) -> Text:
+    """Return how a run ended, in one word: its verdict, or `expectation` where it only breaks expectations."""
+    if verdict is Verdict.PASS and broken:
+        return Text(EXPECTATION, style="bold red")
+    return Text(verdict.value, style=verdict.style)
+
+
+def verdicts_line(
+    verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str = "test case", *, breaking: int = 0
+) -> Text:
+    """Return the headline of runs: how many failed, by kind; where all of these broke the driver, how.
+
+    `breaking`: how many of those with the verdict `pass` break an expectation.
+    """
     counts: Counter[Verdict] = Counter(verdict for verdict in verdicts if verdict is not Verdict.PASS)
     total = len(verdicts)
-    if not counts:
+    if not counts and not breaking:
         return Text(f"{counted(total, noun)} passed", style="bold green")
     hung = sum(map(is_hang, reasons))
     if total in (counts[Verdict.CRASH], hung):
@@ -31,8 +43,10 @@ def verdicts_line(verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str
         begins = f"the driver {'hangs' if hung else 'crashed'} in {total} of {counted(total, noun)}: "
         more = "" if times == total else f" (in {times} of them)"
         return Text(begins + safe(short_crash(often), WHOLE) + more, style="bold red")
-    kinds = ", ".join(f"{counts[kind]} {kind.value}" for kind in Verdict if counts[kind])
-    return Text(f"{sum(counts.values())} of {counted(total, noun)} failed: {kinds}", style="bold red")
+    kinds = [f"{counts[kind]} {kind.value}" for kind in Verdict if counts[kind]]
+    kinds += [f"{breaking} {EXPECTATION}"] if breaking else []
+    failed = sum(counts.values()) + breaking
+    return Text(f"{failed} of {counted(total, noun)} failed: {', '.join(kinds)}", style="bold red")
 
 
 def short_crash(reason: str) -> str:

@@ -267,13 +267,18 @@ class _Run:
         elif decision.verdict.is_collision:
             detail = {"with": decision.with_, "verdict": decision.verdict.value}
             self._recorder.event(decision.time_s, "ego", "collision" if decision.with_ else "off_road", detail)
+        expectations = self._expectations.results()
+        reason = decision.reason
+        if decision.verdict is Verdict.PASS:
+            broken = [one.broken_sentence for one in expectations if not one.held]
+            reason = "; ".join((*broken, reason)).replace('"', "'")  # a mutant's file has it in double quotes
         meta = {
             "test_case": self._bundle.name,
             "driver": self._driver.name,
             "driver_version": self._driver.version,
             "seed": self._seed,
             "verdict": decision.verdict.value,
-            "reason": decision.reason,
+            "reason": reason,
             **self._meta,
         }
         trace = self._recorder.trace(_waypoints(self._bundle), meta, self._director.record())
@@ -281,11 +286,11 @@ class _Run:
             verdict=decision.verdict,
             time_s=decision.time_s,
             with_=decision.with_,
-            reason=decision.reason,
+            reason=reason,
             duration_s=trace.duration_s,
             steps=steps,
             trace=trace,
-            expectations=self._expectations.results(),
+            expectations=expectations,
             impact=decision.impact,
             notes=self._notes,
         )

@@ -207,7 +207,7 @@ def test_pytest_shows_mistakes_and_stops_at_the_first(tmp_path: Path) -> None:
     assert "b.foresee:4:" not in done.stdout
 
 
-def test_pytest_without_a_driver_is_left_alone(project: Path) -> None:
+def test_pytest_without_a_driver_imports_nothing_and_says_what_to_do(project: Path) -> None:
     code = (
         "import sys, pytest\n"
         "code = pytest.main(['-q', '-p', 'no:cacheprovider', '.'])\n"
@@ -216,6 +216,27 @@ def test_pytest_without_a_driver_is_left_alone(project: Path) -> None:
     )
     done = ran(sys.executable, "-c", code, cwd=project)
     assert done.returncode == pytest.ExitCode.NO_TESTS_COLLECTED, done.stdout + done.stderr
+    assert "no driver is named: write `--foresee-driver pdm`" in done.stdout
+    named = run_pytest("scenarios/main_street.foresee")
+    assert named.returncode == pytest.ExitCode.USAGE_ERROR
+    assert "no tests were made of 1 .foresee file, as no driver is named" in named.stdout
+
+
+def test_pytest_and_verify_run_the_same_tests_of_a_kept_suite_and_exit_alike(tmp_path: Path) -> None:
+    suite = tmp_path / "regressions"
+    foresee("keep", *(f"main_street_{name}" for name in FOUND[1:]), "scenarios/main_street.foresee::steps_out", "--to",
+            suite)  # fmt: skip
+    assert (suite / "parents").is_dir()
+    for driver in ("pdm", "idm", "recorded"):
+        verified = foresee("verify", suite, *(("--driver", driver) if driver != "recorded" else ()), "--jobs", "2",
+                           "--json", expect=None)  # fmt: skip
+        tests = checked(verified.stdout)["tests"]
+        done = run_pytest(suite, "--foresee-driver", driver, "-rA", "-n", "2")
+        assert done.returncode == verified.exit_code, (driver, done.stdout, verified.stdout)
+        ran_by_pytest = {*re.findall(r"^(?:PASSED|FAILED) \S*?(\w+)\.foresee::", done.stdout, re.MULTILINE)}
+        assert ran_by_pytest == {Path(test["file"]).stem for test in tests}, done.stdout
+        good = sum(test["status"] == "as_expected" for test in tests)
+        assert f"{good} passed" in done.stdout if good else f"{len(tests)} failed" in done.stdout, done.stdout
 
 
 GOOD = """foresee 1

@@ -12,7 +12,7 @@ from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict, passes
 from foresee_dsl.simulate.triggers.unfired import unfired
 
 if TYPE_CHECKING:
@@ -36,13 +36,13 @@ class CaseRun:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed, expectations aside."""
-        return self.verdict is Verdict.PASS
+        """Whether nothing failed."""
+        return passes(self.verdict, self.broken)
 
     @property
-    def expectations_held(self) -> bool:
-        """Whether every expectation held."""
-        return self.result is not None and all(expectation.held for expectation in self.result.expectations)
+    def broken(self) -> tuple[str, ...]:
+        """The expectations that do not hold, a sentence each."""
+        return self.result.broken if self.result is not None else ()
 
 
 def run_cases(

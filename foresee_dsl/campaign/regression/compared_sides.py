@@ -53,11 +53,12 @@ def _runs_in(data: Mapping[str, Any]) -> Iterator[Ran]:
     for one in data["test_cases"]:
         families[one["test_case"]] = one["family"]
         yield Ran(one["meaning"], one["test_case"], one["family"], verdicts[one["verdict"]], one["reason"],
-                  one.get("near_misses"))  # fmt: skip
+                  one.get("near_misses"), tuple(one.get("broken_expectations", ())))  # fmt: skip
     for clip in data["clip_runs"]:
         for one in clip["children"]:
             yield Ran(one["meaning"], one["mutant"], families.get(clip["test_case"], ""), verdicts[one["verdict"]],
-                      one["reason"], one.get("near_misses"))  # fmt: skip
+                      one["reason"], one.get("near_misses"),
+                      tuple(one.get("broken_expectations", ())))  # fmt: skip
 
 
 def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
@@ -121,4 +122,4 @@ def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[Ran, st
     label = recorded_driver(driver, str(result.trace.meta.get("driver_version", "")))
     reason = result.reason or result.verdict.label
     near = plain(result.near_misses)
-    return Ran(test.address, test.address, case.family, result.verdict, reason, near), label
+    return Ran(test.address, test.address, case.family, result.verdict, reason, near, result.broken), label

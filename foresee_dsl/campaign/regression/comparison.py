@@ -9,7 +9,7 @@ from enum import StrEnum
 from functools import cached_property
 from typing import Any
 
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import Verdict, passes
 
 SIGNIFICANT = 0.05
 """A smaller p is called more than chance: the usual level."""
@@ -47,6 +47,7 @@ class Ran:
 
     Attributes:
         key: equal for the same test case on both sides. name: for people. near: the near misses, as in `campaign.json`.
+        broken: the expectations that do not hold.
     """
 
     key: str
@@ -55,13 +56,14 @@ class Ran:
     verdict: Verdict
     reason: str
     near: Mapping[str, Any] | None = None
+    broken: tuple[str, ...] = ()
 
     shown = "verdict reason"
 
     @property
     def failed(self) -> bool:
-        """Whether it did not pass: failures, and also crashes and timeouts."""
-        return self.verdict is not Verdict.PASS
+        """Whether it did not pass: failures, broken expectations, and also crashes and timeouts."""
+        return not passes(self.verdict, self.broken)
 
 
 @dataclass(frozen=True)

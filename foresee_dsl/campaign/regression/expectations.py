@@ -11,7 +11,7 @@ from typing import get_args
 from foresee_dsl.drivers.registry import recorded_address, recorded_driver
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.expected import FailureName
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 
 DRIVER = "pdm"
 """What drives a test case that names no driver."""
@@ -58,16 +58,29 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: the verdict, the other party's id or "", and whether the driver took too much wall time."""
+    """How a run ended: the verdict, the other party's id or "", whether the driver took too much wall time, and whether
+    it passed otherwise but broke an `expect` line."""
 
     verdict: Verdict
     actor: str = ""
     hangs: bool = False
+    breaks: bool = False
+
+    @classmethod
+    def of(cls, result: RunResult) -> Ending:
+        """Return how a run ended."""
+        breaks = result.verdict is Verdict.PASS and not result.passed
+        return cls(result.verdict, result.with_, hangs=result.notes.hang is not None, breaks=breaks)
+
+    @property
+    def passes(self) -> bool:
+        """Whether nothing failed."""
+        return self.verdict is Verdict.PASS and not self.breaks
 
     def expected_of(self, driver: str, case: str | None = None) -> m.Expected | None:
         """Return the statement that expects just this; None of what cannot be expected (crash, invalid)."""
-        if self.verdict is Verdict.PASS:
-            return m.Expected(driver=driver, case=case, outcome="passes")
+        if self.verdict is Verdict.PASS:  # a broken expectation has no kind: its own `expect` line says what is asked
+            return m.Expected(driver=driver, case=case, outcome="fails" if self.breaks else "passes")
         if self.verdict.value not in get_args(FailureName):
             return None
         known = re.fullmatch(m.NAME_PATTERN, self.actor)  # background traffic of a foreign network may have other ids
@@ -103,14 +116,14 @@ def judge(expected: m.Expected | None, ending: Ending) -> Status:
         return Status.NEW
     if expected.outcome == "passes":
         return Status.CAME_BACK
-    return Status.FIXED if verdict is Verdict.PASS else Status.CHANGED
+    return Status.FIXED if ending.passes else Status.CHANGED
 
 
 def _is_met(expected: m.Expected, ending: Ending) -> bool:
     if expected.outcome == "passes":
-        return ending.verdict is Verdict.PASS
+        return ending.passes
     if expected.failure is None:
-        return ending.verdict.is_failure
+        return ending.verdict.is_failure or ending.breaks
     return expected.failure == ending.verdict.value and expected.actor in (None, ending.actor)
 
 

@@ -29,12 +29,14 @@ class SuiteTest:
     Attributes:
         file: as the user named it. case: of a scenario with cases.
         stated: the `expected` lines of its file. origin: a mutant's.
+        verified: whether `foresee verify` runs it; otherwise it only has to pass.
     """
 
     file: Path
     case: str | None = None
     stated: tuple[m.Expected, ...] = ()
     origin: m.Origin | None = None
+    verified: bool = True
 
     @property
     def address(self) -> str:

@@ -185,7 +185,7 @@ def recheck(
         result = run_test_case(case, driver, test.seed, deadlines=deadlines)
     except InputError as err:  # also of actors that the network has no place for
         return Recheck(test.address, Status.STALE, "", err.diagnostics[0].message, driver=driver, case=test.case)
-    ending = Ending(result.verdict, result.with_, hangs=result.notes.hang is not None)
+    ending = Ending.of(result)
     version = str(result.trace.meta.get("driver_version", ""))
     stated = stated_in(case.document) if case.document is not None else test.stated
     expected = expected_in(stated, test.case, names_of(driver, version), test.origin)

@@ -106,6 +106,7 @@ def run_child(
         near=result.near_misses,
         story=story,
         notes=notes_of(result),
+        broken=result.broken,
     )
     return outcome, result
 

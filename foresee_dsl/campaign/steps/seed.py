@@ -69,6 +69,7 @@ class SeedStep(Step[None, None]):
             preventability=known.preventability,
             anticipation=known.anticipation,
             story=known.story,
+            broken=result.broken,
             notes=result.notes if result.notes != DriverNotes() else None,
         )
         return outcome, result.trace

@@ -17,7 +17,7 @@ from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
-from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunResult, Verdict
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.assessment import DriverRun
@@ -85,10 +85,24 @@ def outcome_of(verdict: Verdict) -> Outcome:
     return Outcome.ERROR if verdict in (Verdict.CRASH, Verdict.INVALID) else Outcome.FAILED
 
 
-def _of(address: str, name: str, verdict: Verdict, reason: str, place: Place, **more: Any) -> CaseResult:  # noqa: ANN401
-    """Return the result of a run of a test case or child."""
-    suite = address.partition("::")[0]
-    return CaseResult(suite, name, outcome_of(verdict), verdict.value, reason or verdict.label, place, **more)
+def _of(
+    address: str,
+    name: str,
+    verdict: Verdict,
+    reason: str,
+    place: Place,
+    broken: Sequence[str] = (),
+    **more: Any,  # noqa: ANN401
+) -> CaseResult:
+    """Return the result of a run of a test case or child; an expectation that does not hold fails it.
+
+    `broken`: those expectations, a sentence each; of a run that passed otherwise they are its reason already.
+    """
+    suite, reason = address.partition("::")[0], reason or verdict.label
+    if verdict is Verdict.PASS and broken:
+        return CaseResult(suite, name, Outcome.FAILED, EXPECTATION, reason, place, **more)
+    more["details"] = (*broken, *more.get("details", ()))
+    return CaseResult(suite, name, outcome_of(verdict), verdict.value, reason, place, **more)
 
 
 def _name_in(address: str) -> str:
@@ -98,15 +112,11 @@ def _name_in(address: str) -> str:
 
 
 def of_run(address: str, driver: str, seed: int, result: RunResult, attachments: Sequence[str] = ()) -> CaseResult:
-    """Return the result of one run; an expectation that does not hold fails it."""
-    broken = tuple(expectation for expectation in result.expectations if not expectation.held)
-    found = _of(
-        address, _name_in(address), result.verdict, result.reason, place_of(address),
-        details=tuple(map(_broken_line, broken)), reproduce=reproduce(address, driver, seed),
-        attachments=tuple(attachments), time_s=result.duration_s,
+    """Return the result of one run."""
+    return _of(
+        address, _name_in(address), result.verdict, result.reason, place_of(address), result.broken,
+        reproduce=reproduce(address, driver, seed), attachments=tuple(attachments), time_s=result.duration_s,
     )  # fmt: skip
-    fails = broken and found.outcome is Outcome.PASSED
-    return replace(found, outcome=Outcome.FAILED, rule="expectation") if fails else found
 
 
 def of_case_run(one: CaseRun, driver: str, seed: int, trace: Path | None = None) -> CaseResult:
@@ -130,7 +140,7 @@ def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...
     several = len({one.driver for one in listed}) > 1
     return tuple(
         _of(one.case, _name_in(one.case) + (f" [{one.driver}]" if several else ""), one.verdict, one.reason,
-            place_of(one.case), details=_notes(one.notes), reproduce=reproduce(one.case, one.driver, seed),
+            place_of(one.case), one.broken, details=_notes(one.notes), reproduce=reproduce(one.case, one.driver, seed),
             time_s=one.duration_s)
         for one in listed
     )  # fmt: skip
@@ -146,13 +156,13 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
     driver, seed = result.settings.driver, result.settings.seed
     seeds = [
         _of(one.id, one.id.partition("::")[2] or one.scenario, one.verdict, one.reason, place_of(one.id),
-            details=_told(one), reproduce=reproduce(one.id, driver, seed),
+            one.broken, details=_told(one), reproduce=reproduce(one.id, driver, seed),
             attachments=(str(out / one.trace),) if one.trace else (), time_s=one.duration_s)
         for one in result.seeds
     ]  # fmt: skip
     children = [
         _of(clip.seed, child.name, child.verdict, child.reason, place_of(str(out / child.file), child.text),
-            details=_told(child), sibling_of=siblings.get(child.name, ""),
+            child.broken, details=_told(child), sibling_of=siblings.get(child.name, ""),
             reproduce=reproduce(str(out / child.file), driver, seed), time_s=child.duration_s)
         for clip in result.clips
         for child in clip.children
@@ -245,8 +255,8 @@ def rules() -> Mapping[str, Code]:
         one.value: Code(one.value, f"verified: {one.label}", f"`foresee verify` says {one.label}: {one.meaning}.")
         for one in Status
     }
-    found["expectation"] = Code(
-        "expectation", "an expectation does not hold", "The run passed, but an `expect` line of its scenario is broken."
+    found[EXPECTATION] = Code(
+        EXPECTATION, "an expectation does not hold", "The run passed, but an `expect` line of its scenario is broken."
     )
     found["not-run"] = Code("not-run", "could not be run", "There is no result: the message says why.")
     return found
@@ -261,11 +271,6 @@ def _could_not_run(what: str) -> CaseResult:
     address, _, reason = what.partition(": ")
     suite, _, name = address.partition("::")
     return CaseResult(suite, name or address, Outcome.ERROR, "not-run", reason or what, Place(suite))
-
-
-def _broken_line(expectation: ExpectationResult) -> str:
-    by = f" (by {-expectation.margin:.2f} {expectation.unit})" if expectation.margin is not None else ""
-    return f"does not hold: {expectation.text}{by}"
 
 
 def _told(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.campaign.regression.expectations import Ending, Status, expected_in, in_words, judge, names_of
+from foresee_dsl.campaign.regression.layout import role_of
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.campaign.regression.verify import reached
 from foresee_dsl.errors import InputError
@@ -40,11 +41,13 @@ class Wanted:
 def tests_in(file: str, *, allow_outside: bool = False) -> Iterator[tuple[str, SuiteTest]]:
     """Yield name and test of each case of a scenario, of a mutant, and of a clip of which something is expected.
 
+    Of a suite that `foresee keep` wrote they are those that `foresee verify` runs: none in its `parents/`.
+
     Raises:
         InputError: the file has mistakes (a mutant's are found when it is run).
     """
     kind = kind_of(Path(file))
-    if kind not in ("scenario", "clip", "mutant"):
+    if kind not in ("scenario", "clip", "mutant") or role_of(Path(file)) == "parent":
         return
     try:
         stated = {test.address: test for test in suite_of([file])}
@@ -55,7 +58,7 @@ def tests_in(file: str, *, allow_outside: bool = False) -> Iterator[tuple[str, S
         return
     for case in load_test_cases([file], allow_outside=allow_outside):
         name = case.id.partition("::")[2]
-        yield name or case_name(case), stated.get(case.id, SuiteTest(Path(file), name or None))
+        yield name or case_name(case), stated.get(case.id, SuiteTest(Path(file), name or None, verified=False))
 
 
 def drive(test: SuiteTest, wanted: Wanted) -> tuple[CaseResult, Sections]:
@@ -72,7 +75,7 @@ def drive(test: SuiteTest, wanted: Wanted) -> tuple[CaseResult, Sections]:
     failed = found.outcome is not Outcome.PASSED
     story = tell(result.trace, case) if failed else None
     sections: list[tuple[str, str]] = []
-    if story is not None and story.sentence:
+    if story is not None and story.sentence not in ("", result.reason):
         found = replace(found, details=(story.sentence, *found.details))
         sections.append(("what happened", "\n".join(f"{m.time_s:6.2f} s  {m.text}" for m in story.moments)))
     if failed or wanted.keep_all:
@@ -98,18 +101,19 @@ def _loaded(test: SuiteTest, *, allow_outside: bool) -> tuple[TestCase, str]:
 
 
 def _judged(test: SuiteTest, found: CaseResult, result: RunResult, driver: str) -> CaseResult:
-    """Return the result as `foresee verify` counts it, where the file says what is expected of the driver."""
+    """Return the result as `foresee verify` counts it, where that runs the test too."""
     version = str(result.trace.meta.get("driver_version", ""))
     expected = expected_in(test.stated, test.case, names_of(driver, version), test.origin)
-    if expected is None:
+    if expected is None and not test.verified:
         return found
-    status = judge(expected, Ending(result.verdict, result.with_))
+    status = judge(expected, Ending.of(result))
     if status is Status.AS_EXPECTED:
         return replace(found, outcome=Outcome.PASSED, rule=status.value, details=())
+    was = f"{driver} {in_words(expected)}" if expected is not None else f"nothing is recorded for {driver}"
     return replace(
         found,
         outcome=Outcome.ERROR if status is Status.CRASHED else Outcome.FAILED,
         rule=status.value,
         message=f"{status.label}: {found.message}",
-        details=(f"expected: {driver} {in_words(expected)}", *found.details),
+        details=(f"expected: {was}", *found.details),
     )

@@ -12,9 +12,9 @@ from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.report.page.entries import Found, Source
 from foresee_dsl.report.page.recorded import Campaign, CaseRun, Child, ClipRun, Finding, read_campaign_folder
 from foresee_dsl.report.page.runs import Outcome, Reader
-from foresee_dsl.report.page.tables import Table, numbers, overview
+from foresee_dsl.report.page.tables import Table, ended, numbers, overview
 from foresee_dsl.report.verdicts import counted
-from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_RUNS = 25
 """Runs of one finding that a report shows; the others are named. Ours: nobody looks at more that tell one story."""
@@ -100,10 +100,15 @@ def _notes(source: Source) -> Iterator[str]:
             f"{source.folder}/campaign.json was written by an earlier version: each failure stands alone. "
             "Run the campaign again, and equal stories become one finding."
         )
-    broke = Counter(case.verdict for case in campaign.test_cases)
-    ended = [f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _TOLD]
-    if ended:
-        yield f"Of {counted(len(campaign.test_cases), 'test case')}, {', '.join(ended)}: see the overview."
+    broke = Counter(map(ended, campaign.test_cases))
+    told = [f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _TOLD]
+    told += [f"{broke[EXPECTATION]} broke an expectation"] if broke[EXPECTATION] else []
+    if told:
+        yield f"Of {counted(len(campaign.test_cases), 'test case')}, {', '.join(told)}: see the overview."
+    children = sum(bool(c.broken_expectations) and c.verdict == Verdict.PASS.value for clip in campaign.clip_runs
+                   for c in clip.children)  # fmt: skip
+    if children:
+        yield f"Of {counted(campaign.children, 'child', 'children')}, {children} broke an expectation (overview)."
     if campaign.broken:
         yield f"{counted(len(campaign.broken), 'step')} could not be run at all: {'; '.join(campaign.broken[:5])}"
 

@@ -56,6 +56,7 @@ class Child(_Part):
     mutant: str
     operators: tuple[str, ...] = ()
     verdict: str
+    broken_expectations: tuple[str, ...] = ()
     with_: str = Field("", alias="with")
     reason: str = ""
     file: str | None = None
@@ -82,6 +83,7 @@ class CaseRun(_Part):
     test_case: str
     family: str = ""
     verdict: str
+    broken_expectations: tuple[str, ...] = ()
     reason: str = ""
     duration_s: float = 0.0
     risky_points: int = 0

@@ -11,7 +11,7 @@ from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
 from foresee_dsl.report.page.entries import Found, Source, family_title
 from foresee_dsl.report.page.recorded import Campaign, CaseRun, Nearest
-from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_NEAR = 10
 """Near misses in the overview (ours: a screen)."""
@@ -45,20 +45,36 @@ def overview(sources: Sequence[Source], findings: Sequence[Found]) -> Iterator[T
         (
             *((source.campaign.driver,) if several else ()),
             case.test_case,
-            case.verdict,
+            ended(case),
             case.reason,
             case.preventability.verdict if case.preventability else "",
             case.anticipation.answer if case.anticipation else "",
         )
         for source in sources
         for case in source.campaign.test_cases
-        if case.verdict != Verdict.PASS.value
+        if ended(case) != Verdict.PASS.value
     ]
     if failed:
         headings = (*(("driver",) if several else ()), "test case", "verdict", "how it ended", R157, ANTICIPATING)
         yield Table("Test cases that fail without mutation", headings, tuple(failed), texts=len(headings))
+    broken = [
+        (child.mutant, clip.test_case, sentence)
+        for source in sources
+        for clip in source.campaign.clip_runs
+        for child in clip.children
+        if child.verdict == Verdict.PASS.value
+        for sentence in child.broken_expectations
+    ]
+    if broken:
+        yield Table("Children that break an expectation without another failure", ("mutant", "test case", "what"),
+                    tuple(broken[:MOST_NEAR]), texts=3)  # fmt: skip
     if (nearest := _nearest(sources)).rows:
         yield nearest
+
+
+def ended(case: CaseRun) -> str:
+    """Return a test case's verdict, or `expectation` where it only breaks expectations."""
+    return EXPECTATION if case.verdict == Verdict.PASS.value and case.broken_expectations else case.verdict
 
 
 def _nearest(sources: Sequence[Source]) -> Table:
@@ -150,7 +166,7 @@ def _family_row(campaign: Campaign, families: dict[str, str], which: set[str], n
     kinds = [verdicts[verdict.value] for verdict in FAILURES]
     counts = (
         len(cases),
-        sum(case.verdict != Verdict.PASS.value for case in cases),
+        sum(ended(case) != Verdict.PASS.value for case in cases),
         sum(case.risky_points for case in cases),
         len(clips),
         sum(len(clip.children) for clip in clips),
@@ -188,7 +204,7 @@ def _allocation_table(campaign: Campaign, driver: str) -> Table:
 
 def _case_row(case: CaseRun) -> tuple[str, ...]:
     shown = _misses(case.near_misses or {})
-    return (case.test_case, case.verdict, case.reason, str(case.risky_points), *shown)
+    return (case.test_case, ended(case), case.reason, str(case.risky_points), *shown)
 
 
 def _duration(seconds: float) -> str:

@@ -66,6 +66,7 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
         )
     _print_others(console, result, findings, out)
     _print_broken(console, result)
+    _print_breaking(console, result)
     if not result.failed and not result.broken:
         _print_nearest(console, result, out)
     if raw:
@@ -104,7 +105,9 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
     elif not result.failed:
         yield Text("no failures", style="bold green")
-    yield verdicts_line([s.verdict for s in result.seeds], [s.reason for s in result.seeds if not _passed(s)])
+    failed = [seed for seed in result.seeds if not seed.passed]
+    breaking = sum(map(_passed, failed))
+    yield verdicts_line([s.verdict for s in result.seeds], [s.reason for s in failed], breaking=breaking)
     children = [child for clip in result.clips for child in clip.children]
     if children:
         notes = [child.reason for child in children if _broke(child)]
@@ -199,6 +202,23 @@ def _print_broken(console: Console, result: CampaignResult) -> None:
         console.print(_indented(Text(f"{safe(reason, WHOLE)}: {names[0]}{more}")))
     for what in result.broken:
         console.print(_indented(Text(f"could not be done: {safe(what, WHOLE)}", style="red")))
+
+
+def _print_breaking(console: Console, result: CampaignResult) -> None:
+    """Print the expectations that do not hold in runs whose verdict is `pass`, and in which runs."""
+    names: dict[str, list[str]] = {}
+    for run in result.breaking:
+        for sentence in run.broken:
+            names.setdefault(sentence, []).append(run.id if isinstance(run, SeedOutcome) else run.name)
+    if names:
+        runs = counted(len(result.breaking), "run")
+        console.print(Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold"))
+    for sentence, of in names.items():
+        console.print(_indented(Text(safe(sentence, WHOLE))))
+        for name in of[:NAMED]:
+            _print_path(console, "      ", name)
+        if len(of) > NAMED:
+            console.print(f"      ... and {len(of) - NAMED} more")
 
 
 def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:

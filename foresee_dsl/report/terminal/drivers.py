@@ -16,7 +16,7 @@ from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.live import bars
 from foresee_dsl.report.terminal.runs import print_notes
 from foresee_dsl.report.terminal.tables import plain_table
-from foresee_dsl.report.verdicts import WHOLE, verdicts_line, without_verdict
+from foresee_dsl.report.verdicts import WHOLE, ending, verdicts_line, without_verdict
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
 
 
@@ -35,7 +35,9 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
     """
     for driver, mine in groupby(runs, key=lambda one: one.driver):
         listed = list(mine)
-        line = verdicts_line([one.verdict for one in listed], [one.reason for one in listed if not one.passed])
+        failed = [one for one in listed if not one.passed]
+        breaking = sum(one.verdict is Verdict.PASS for one in failed)
+        line = verdicts_line([one.verdict for one in listed], [one.reason for one in failed], breaking=breaking)
         console.print(Text.assemble((f"{safe(driver)}: ", "bold"), line), soft_wrap=True)
     if len(runs) < of:
         left = f"stopped at the first failure (--fail-fast): {of - len(runs)} were not run"
@@ -57,7 +59,7 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
         told = set()
         for run in (run for run in runs if not run.passed):
             how = safe(without_verdict(run.verdict, run.reason), WHOLE)
-            text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {run.verdict.value}: {how}"
+            text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {ending(run.verdict, run.broken)}: {how}"
             console.print(Text(text), soft_wrap=True)
             if (run.driver, run.reason) not in told:  # once for each place in a driver's code
                 told.add((run.driver, run.reason))

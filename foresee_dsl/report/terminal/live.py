@@ -26,6 +26,7 @@ from rich.text import Text
 
 from foresee_dsl.campaign.allocation.rounds import Round
 from foresee_dsl.campaign.execution.engine import Listener
+from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome, decode
 from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
@@ -112,6 +113,9 @@ class FirstFailure(Listener):
         """Look at it."""
         verdict = next((known for known in Verdict if known.value == row.verdict), Verdict.PASS)
         problem = verdict is not Verdict.PASS if row.kind == "seed" else is_problem(verdict) or row.broken
+        if not problem and row.kind in ("seed", "child"):
+            run = decode(row.record, SeedOutcome if row.kind == "seed" else ChildOutcome)
+            problem = isinstance(run, SeedOutcome | ChildOutcome) and bool(run.broken)
         if problem and not self.name:
             self.name = row.name
 

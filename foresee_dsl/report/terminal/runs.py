@@ -12,8 +12,8 @@ from foresee_dsl.campaign.execution.runs import CaseRun
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.tables import plain_table, print_run_details
 from foresee_dsl.report.unfired import unfired_lines
-from foresee_dsl.report.verdicts import WHOLE, counted, verdicts_line, without_verdict
-from foresee_dsl.simulate.results.verdict import DriverNotes
+from foresee_dsl.report.verdicts import WHOLE, counted, ending, verdicts_line, without_verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 _LINES = 30
 """Lines of a driver's output that are printed. Ours: the verdict above stays on the screen."""
@@ -21,7 +21,7 @@ _LINES = 30
 
 def print_case_run(console: Console, one: CaseRun, trace: Path | None) -> None:
     """Print how one run ended: verdict and reason, what happened, what the driver raised and printed."""
-    text = Text.assemble(f"{safe(one.case.id, WHOLE)}: ", (one.verdict.value, one.verdict.style))
+    text = Text.assemble(f"{safe(one.case.id, WHOLE)}: ", ending(one.verdict, one.broken))
     text.append(f", {safe(without_verdict(one.verdict, one.reason), WHOLE)}")
     if one.result is not None:
         text.append(f" ({one.result.duration_s:.1f} s, {one.result.steps} steps)")
@@ -52,13 +52,16 @@ def print_notes(console: Console, notes: DriverNotes) -> None:
 def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: Mapping[str, Path]) -> None:
     """Print several runs: how many failed and how, those that did with all that is known, and a table of all."""
     failed = [one for one in runs if not one.passed]
-    console.print(verdicts_line([one.verdict for one in runs], [one.reason for one in failed]), soft_wrap=True)
+    breaking = sum(one.verdict is Verdict.PASS for one in failed)
+    headline = verdicts_line([one.verdict for one in runs], [one.reason for one in failed], breaking=breaking)
+    console.print(headline, soft_wrap=True)
     for one in failed:
         console.print()
         print_case_run(console, one, traces.get(one.case.id))
     console.print()
     rows = [
-        (safe(one.case.id, WHOLE), one.verdict.value, f"{one.result.time_s:.2f} s" if one.result else "", _held(one),
+        (safe(one.case.id, WHOLE), ending(one.verdict, one.broken).plain,
+         f"{one.result.time_s:.2f} s" if one.result else "", _held(one),
          "yes" if one.notes.output.strip() else "")
         for one in runs
     ]  # fmt: skip

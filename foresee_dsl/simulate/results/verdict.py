@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -55,6 +56,13 @@ class Verdict(StrEnum):
     INVALID = "invalid", "a collision at the first frame"
 
 
+def passes(verdict: Verdict, broken: Sequence[str] = ()) -> bool:
+    """Whether a run passed: its verdict is `pass`, and no expectation is broken. The one rule for every command."""
+    return verdict is Verdict.PASS and not broken
+
+
+EXPECTATION = "expectation"
+"""What reports show in place of the verdict `pass` where an expectation does not hold."""
 COLLISIONS = tuple(verdict for verdict in Verdict if verdict.is_collision)
 FAILURES = tuple(verdict for verdict in Verdict if verdict.is_failure)
 """Those that are counted, in the order of the tables."""
@@ -70,6 +78,7 @@ class ExpectationResult:
         unit: the margin's, that of the comparison which decides.
         decides: the comparison or fact that decides, as text; "" where it had no outcome at any frame.
         name: the line's label, or "".
+        value: what that comparison compared with its bound, in `unit`; None where nothing was compared.
     """
 
     text: str
@@ -78,6 +87,17 @@ class ExpectationResult:
     unit: str = ""
     decides: str = ""
     name: str = ""
+    value: float | None = None
+
+    @property
+    def broken_sentence(self) -> str:
+        """What was asked, with its label, and what was measured: the reason of a run that breaks it."""
+        measured = ""
+        if self.value is not None:
+            measured = f" ({self.value:.2f} {self.unit}".rstrip() + f" in `{self.decides}`)"
+        elif self.margin is not None:
+            measured = f" (by {-self.margin:.2f} {self.unit}".rstrip() + ")"
+        return f"does not hold: {self.text}{measured}"
 
 
 @dataclass(frozen=True)
@@ -162,6 +182,7 @@ class RunResult:
         verdict: how it ended. time_s: when that was decided. with_: the other party's id, or "".
         reason: a sentence for people, such as `F4 lateral collision with runner (car) at 3.15 s, 6.3 m/s`;
             of a collision the relative speed is its last part.
+            Of a run whose verdict is `pass` it begins with the expectations that do not hold.
         duration_s: simulated time. steps: simulation steps.
         trace: the whole run (up to the failure).
     """
@@ -180,6 +201,16 @@ class RunResult:
     """What the driver printed, raised, or hung at."""
     unfired: tuple[Unfired, ...] = ()
     """Triggers and steps that never came; worked out where somebody asks (`simulate.triggers.unfired`)."""
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """The expectations that do not hold, a sentence each."""
+        return tuple(one.broken_sentence for one in self.expectations if not one.held)
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing failed."""
+        return passes(self.verdict, self.broken)
 
     @cached_property
     def near_misses(self) -> NearMisses:

@@ -209,5 +209,6 @@ class _Watched:
         decides = text_of(found.decides) if found.decides is not None else ""
         if not math.isfinite(found.margin):
             return ExpectationResult(text, found.held, decides=decides, name=name)
-        margin = round(found.margin / (UNITS[found.unit].to_si if found.unit else 1.0), 6)
-        return ExpectationResult(text, found.held, margin, found.unit, decides, name)
+        to_si = UNITS[found.unit].to_si if found.unit else 1.0
+        value = round(found.value / to_si, 6) if math.isfinite(found.value) else None
+        return ExpectationResult(text, found.held, round(found.margin / to_si, 6), found.unit, decides, name, value)

@@ -60,6 +60,7 @@ class Outcome:
         unit: the unit word of what decides, as its author wrote it; "" where there is no number.
         decides: the part that decides.
         dimension: of the margin; margins of one dimension can be compared.
+        value: what was compared with the bound, in the same SI unit; NaN where nothing is compared.
     """
 
     held: bool
@@ -67,6 +68,7 @@ class Outcome:
     unit: str = ""
     decides: m.Condition | None = None
     dimension: str = ""
+    value: float = math.nan
 
     def negated(self) -> Outcome:
         """Return the outcome of the opposite."""
@@ -198,7 +200,7 @@ class Conditions:
         if math.isnan(left):
             return None
         slack = left - right if comparison.op[0] == ">" else right - left
-        return _judged(comparison, slack >= 0 if comparison.op[-1] == "=" else slack > 0, slack, comparison.right)
+        return _judged(comparison, slack >= 0 if comparison.op[-1] == "=" else slack > 0, slack, comparison.right, left)
 
     def _predicate(self, predicate: m.Predicate) -> Outcome:
         held = self.arrived if predicate.what == "arrived" else self.collides
@@ -249,7 +251,7 @@ class Conditions:
         if math.isnan(away):
             return None
         slack = si_of(condition.distance) - away
-        return _judged(condition, slack >= 0, slack, condition.distance)
+        return _judged(condition, slack >= 0, slack, condition.distance, away)
 
     def _away(self, actor: Actor, condition: m.Within) -> float:
         of = condition.of
@@ -302,10 +304,10 @@ class Conditions:
         return name not in self.simulation.by_id and self.simulation.network.is_junction(name)
 
 
-def _judged(condition: m.Condition, held: bool, slack: float, bound: m.AnyValue) -> Outcome:
+def _judged(condition: m.Condition, held: bool, slack: float, bound: m.AnyValue, value: float) -> Outcome:
     """Return the outcome of a comparison with a bound, in whose unit the margin is."""
     quantity = quantity_of(bound)
-    return Outcome(held, slack, quantity.unit, condition, quantity.dimension)
+    return Outcome(held, slack, quantity.unit, condition, quantity.dimension, value)
 
 
 def every(outcomes: Iterable[Outcome | None], *, unknown: bool = False) -> Outcome | None:
