@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.regression.suite import SuiteTest
     from foresee_dsl.report.builds.case_results import CaseResult
 
-_SKIPPED = pytest.StashKey[set[Path]]()
-"""The `.foresee` files of which no tests were made, as no driver is named."""
+_SKIPPED = pytest.StashKey[bool]()
+"""Whether there were `.foresee` files of which no tests were made, as no driver is named."""
 RECORDED = "recorded"
 """As `--foresee-driver`: each recorded failure with the driver that its file names, everything else with `pdm`."""
 
@@ -44,7 +44,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     if file_path.suffix != ".foresee":
         return None
     if not _option(parent.config, "driver"):
-        parent.config.stash.setdefault(_SKIPPED, set()).add(file_path)
+        parent.config.stash[_SKIPPED] = True
         return None
     collected: pytest.Collector = ForeseeFile.from_parent(parent, path=file_path)
     return collected
@@ -52,11 +52,12 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, exitstatus: int, config: pytest.Config) -> None:
     """Say what to do where nothing ran because no driver is named."""
-    skipped = config.stash.get(_SKIPPED, set())
-    if skipped and exitstatus in (pytest.ExitCode.NO_TESTS_COLLECTED, pytest.ExitCode.USAGE_ERROR):
-        what = f"{len(skipped)} .foresee file{'s' if len(skipped) > 1 else ''}"
+    if config.stash.get(_SKIPPED, False) and exitstatus in (
+        pytest.ExitCode.NO_TESTS_COLLECTED,
+        pytest.ExitCode.USAGE_ERROR,
+    ):
         terminalreporter.write_line(
-            f"foresee: no tests were made of {what}, as no driver is named: write `--foresee-driver pdm` "
+            f"foresee: no tests were made of `.foresee` files, as no driver is named: write `--foresee-driver pdm` "
             f"(`--foresee-driver {RECORDED}` drives each with its own), or `foresee_driver = pdm` in pytest's ini file"
         )
 

@@ -184,13 +184,12 @@ def main() -> None:
     import_late("importlib.metadata", functions=["entry_points"])
     guard_streams()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # that its reader has gone is noticed here, and not when the interpreter ends
     except KeyboardInterrupt:
         sys.exit(130)
-    except BrokenPipeError:
-        # The reader (`| head`) is gone; nothing more can be written, not even at shutdown.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
     except Exception as error:
         code = explain_error(error)
         if code == BUG and os.environ.get("FORESEE_DEBUG"):

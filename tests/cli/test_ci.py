@@ -219,7 +219,7 @@ def test_pytest_without_a_driver_imports_nothing_and_says_what_to_do(project: Pa
     assert "no driver is named: write `--foresee-driver pdm`" in done.stdout
     named = run_pytest("scenarios/main_street.foresee")
     assert named.returncode == pytest.ExitCode.USAGE_ERROR
-    assert "no tests were made of 1 .foresee file, as no driver is named" in named.stdout
+    assert "no tests were made of `.foresee` files, as no driver is named" in named.stdout
 
 
 def test_pytest_and_verify_run_the_same_tests_of_a_kept_suite_and_exit_alike(tmp_path: Path) -> None:

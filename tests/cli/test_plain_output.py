@@ -63,3 +63,32 @@ def test_hidden_characters_in_a_text_are_warned_of() -> None:
     assert (found.code, found.span.line if found.span else 0, found.severity) == ("FS313", 2, "warning")
     assert "U+202E (right-to-left override)" in found.message
     assert not list(hidden_characters("\ufefforesee 1\n# größer\r\n\t", "x.foresee"))
+
+
+def test_a_reader_that_has_gone_is_no_finding(tmp_path: Path) -> None:
+    """`foresee show X | head -1`: 141, as of a program that SIGPIPE ends, for short, long and coloured output."""
+    (tmp_path / "wrong.foresee").write_text("foresee 1\n\nscenario s {\n  end after 5 kmh\n}\n")
+    long = {"PYTHONUNBUFFERED": "1"}
+    for command, more in (
+        (("drivers",), {}),
+        (("explain", "FS012"), {"FORCE_COLOR": "1"}),
+        (("--help",), {}),
+        (("doctor",), long),
+        (("check", "wrong.foresee"), {}),
+        (("check", "--format", "json", "wrong.foresee"), long),
+        (("nonsense",), {}),
+    ):
+        read, write = os.pipe()
+        os.close(read)
+        done = subprocess.Popen(
+            [FORESEE, *command], stdout=write, stderr=write, cwd=tmp_path, env={**os.environ, **more}
+        )
+        os.close(write)
+        assert done.wait() == 141, command
+
+
+def test_a_reader_that_takes_all_leaves_the_exit_code(tmp_path: Path) -> None:
+    (tmp_path / "wrong.foresee").write_text("foresee 1\n\nscenario s {\n  end after 5 kmh\n}\n")
+    line = f"set -o pipefail; {FORESEE} check wrong.foresee 2>&1 | cat > all"
+    assert subprocess.run(["bash", "-c", line], cwd=tmp_path, check=False).returncode == 1
+    assert "1 error" in (tmp_path / "all").read_text()

@@ -6,6 +6,7 @@ or a sign that changes the direction of writing as Python does (`\\x1b`, `\\u202
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import sys
@@ -16,6 +17,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from typing_extensions import Buffer
 
 _SUSPECT = re.compile(r"[^\n\t\x20-\x7e]")
 _COLOUR = re.compile(r"(\x1b\[(?:\d{1,3}(?:;\d{1,3})*)?m)")
@@ -64,12 +66,52 @@ def exact() -> IO[str]:
     return cast("IO[str]", getattr(sys.stdout, "trusted", sys.stdout))
 
 
+NO_READER = 141
+"""Exit code where the reader of the output has gone (`| head`): what a shell reports of a program that SIGPIPE ends.
+The signal itself would also end a campaign whose driver's process closes its pipe."""
+
+
+class _UntilClosed(io.FileIO):
+    """A standard stream: the first write without a reader ends the command quietly, later ones are dropped.
+
+    Typer and rich catch a closed pipe themselves and end with 1 (seen in typer 0.29 and rich 15), so that it is no
+    `OSError` here.
+    """
+
+    _gone = False
+
+    def write(self, data: Buffer, /) -> int:
+        """Write, or leave.
+
+        Raises:
+            SystemExit: the reader has just gone.
+        """
+        if not self._gone:
+            try:
+                return super().write(data)
+            except BrokenPipeError:
+                self._gone = True
+                raise SystemExit(NO_READER) from None
+        return memoryview(data).nbytes
+
+
 def guard_streams() -> None:
-    """Make this process's standard output and error harmless."""
+    """Make this process's standard output and error harmless; without a reader they end the process quietly."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if stream is not None and not isinstance(stream, PlainStream):
-            setattr(sys, name, PlainStream(stream))
+        if stream is None or isinstance(stream, PlainStream):
+            continue
+        if isinstance(stream, io.TextIOWrapper):
+            file = _UntilClosed(stream.fileno(), "w", closefd=False)
+            buffer = cast("io.BufferedWriter", file) if stream.write_through else io.BufferedWriter(file)
+            stream = io.TextIOWrapper(
+                buffer,
+                stream.encoding,
+                stream.errors,
+                line_buffering=stream.line_buffering,
+                write_through=stream.write_through,
+            )
+        setattr(sys, name, PlainStream(stream))
 
 
 def harmless_console(*, error: bool = False, **settings: Any) -> Console:  # noqa: ANN401 - rich's own

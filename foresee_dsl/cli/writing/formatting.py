@@ -61,8 +61,6 @@ def fmt(
             _format_file(file, tally, check_only=check_only, show_diff=show_diff)
         except InputError as error:
             tally.mistakes |= dict.fromkeys(error.diagnostics)
-        except BrokenPipeError:  # the reader of the diff has gone: `main` exits quietly
-            raise
         except OSError as error:
             message = f"this file cannot be written: {(error.strerror or str(error)).lower()}"
             help = "check the permissions of the file and its folder"
