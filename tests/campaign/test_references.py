@@ -11,12 +11,16 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.settings import Allocation
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.referring import driven
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.drivers.registry import name_in, recorded_address, recorded_driver, reference_drivers, sees_all
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 from foresee_dsl.story import how_avoided
 from tests.support.small_campaign import SETTINGS, TEXT, Heard, campaign, published, write_project
 
@@ -104,6 +108,23 @@ def test_a_failing_test_case_is_driven_too(tmp_path: Path) -> None:
     assert published(tmp_path)["json"]["findings"][0]["references"][0]["how"] == list(run.how)
 
 
+def test_a_driver_that_fails_before_the_mutation_shows_nothing(
+    done: tuple[Path, Path, CampaignResult, Heard],
+) -> None:
+    _, out, result, _ = done
+    child = next(child for clip in result.clips for child in clip.failing if child.avoided)
+    case, address = load_test_case(str(out / child.file)), child.avoided[0].driver
+    runs = {}
+    for verdict in (Verdict.PASS, *FAILURES, Verdict.TIMEOUT, Verdict.CRASH):
+        runs[verdict] = driven(address, case, lambda verdict=verdict: verdict, None, seed=0, deadlines=DEADLINES)
+        assert (runs[verdict].verdict, runs[verdict].before) == (Verdict.PASS, verdict)
+    passes, fails = runs[Verdict.PASS], runs[Verdict.F4]
+    assert [verdict for verdict, run in runs.items() if run.shows_it] == [Verdict.PASS]
+    assert replace(child, references=(fails,)).avoided == ()
+    assert replace(child, references=(fails, passes)).avoided == (passes,)
+    assert fails.told.endswith("(but fails before the mutation: F4)") and fails.told not in passes.told
+
+
 def test_a_finding_counts_what_is_avoided(done: tuple[Path, Path, CampaignResult, Heard]) -> None:
     _, out, result, _ = done
     avoided = sum(bool(child.avoided) for clip in result.clips for child in clip.failing)
@@ -130,6 +151,24 @@ def test_without_references_only_these_are_missing(
     assert heard.kinds == []
     plain = [replace(child, references=(), text="") for clip in with_them.clips for child in clip.children]
     assert [replace(child, text="") for clip in without.clips for child in clip.children] == plain
+
+
+@pytest.mark.parametrize("allocation", ["even", "adaptive"])
+def test_a_clip_that_strays_too_far_or_does_not_pass_is_not_mutated(
+    done: tuple[Path, Path, CampaignResult, Heard], tmp_path: Path, allocation: Allocation
+) -> None:
+    file, out, before, _ = done
+    assert any(clip.children for clip in before.clips)
+    farthest_m = max(clip.largest_m for clip in before.clips)
+    strict = replace(SETTINGS, fidelity_limit_m=farthest_m - 1e-6, allocation=allocation)
+    result, _ = campaign(file, tmp_path / "out", strict, store=out / "store")
+    straying = {clip.name for clip in result.clips if clip.largest_m > strict.fidelity_limit_m}
+    assert {clip.name for clip in result.clips if not clip.children} >= straying != set()
+    clip, limit_m = before.clips[0], SETTINGS.fidelity_limit_m
+    verdicts = [verdict for verdict in Verdict
+                if MutantsStep.wanted(replace(clip, verdict=verdict, largest_m=limit_m), SETTINGS)]  # fmt: skip
+    assert verdicts == [Verdict.PASS]
+    assert not MutantsStep.wanted(replace(clip, verdict=Verdict.PASS, largest_m=limit_m + 0.01), SETTINGS)
 
 
 def test_addresses() -> None:

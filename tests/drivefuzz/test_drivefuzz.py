@@ -25,7 +25,7 @@ from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.fuzz.engine import fuzz
 from foresee_dsl.fuzz.mutation import Mutator
-from foresee_dsl.fuzz.quality import quality_of
+from foresee_dsl.fuzz.quality import Quality, quality_of
 from foresee_dsl.fuzz.records import FuzzResult
 from foresee_dsl.fuzz.settings import FARTHEST_M, NEAREST_M, FuzzSettings
 from foresee_dsl.fuzz.texts import file_text, seed_of, text_of
@@ -34,7 +34,7 @@ from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import Project, load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
-from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEER, YAW_RATE
+from foresee_dsl.simulate.trace import ACCELERATION, STEER, YAW_RATE
 from tests.support.handmade_traces import EAST, make_trace, straight
 from tests.support.situations import risky
 from tests.support.small_campaign import write_project
@@ -188,7 +188,18 @@ def test_the_score_counts_what_was_hard() -> None:
     hard = quality_of(make_trace({"ego": ego, "other": other}))
     assert (hard.hard_braking, hard.hard_acceleration, hard.hard_turning, hard.understeer) == (3, 2, 5, 4)
     assert hard.oversteer == 5
-    states[:, SPEED] = 1.0
+    assert hard.score == pytest.approx(-(3 + 2 + 5 + 4 + 5) - hard.nearness)
+
+
+def test_each_frame_of_each_kind_counts_one_in_the_score() -> None:
+    for kind in ("hard_acceleration", "hard_braking", "hard_turning", "oversteer", "understeer"):
+        assert Quality(**{kind: 3}).score == -3
+    assert Quality(nearness=0.5).score == -0.5
+
+
+def test_a_slow_ego_does_not_understeer() -> None:
+    ego = straight("car", 0.0, 0.0, EAST, 1.0)
+    ego.states[50:54, STEER] = 0.1
     assert quality_of(make_trace({"ego": ego})).understeer == 0
 
 

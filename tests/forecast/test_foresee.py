@@ -6,6 +6,7 @@ import pytest
 
 from foresee_dsl.forecast.foresee import ForeseeRanker, _PerturbedEgo, close_encounters
 from foresee_dsl.forecast.settings import ForeseeSettings
+from foresee_dsl.simulate.trace import Y
 from tests.support.handmade_traces import EAST, NORTH, SOUTH, WEST, make_trace, straight
 
 # The ego drives east along y = 0 at 5 m/s from x = 0; it is at x = 50 after 10 s.
@@ -85,6 +86,14 @@ def test_a_leader_crosses_nothing_but_may_be_critical():
     (point,) = rank({"lead": straight("car", 5.9, 0.1, EAST, 5)})
     assert point.group == "critical"
     assert "1.9 m ahead of the ego" in point.why
+
+
+def test_an_actor_that_comes_from_beside_into_the_egos_corridor_crosses_at_any_angle():
+    cut_in, beside = (straight("car", 8, 3.3, EAST, 5) for _ in range(2))
+    cut_in.states[:, Y] = np.interp(np.arange(len(cut_in.states)), [100, 260], [3.3, 0.0])  # at 5 degrees
+    points = rank({"cut_in": cut_in, "beside": beside})
+    assert {p.actor: p.group for p in points}["cut_in"] == "critical crossing"
+    assert "beside" not in {p.actor for p in points}
 
 
 def test_order_group_then_pedestrians_then_nearness():
