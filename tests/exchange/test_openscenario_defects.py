@@ -8,9 +8,11 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.exchange.openscenario.reading import importer
 from foresee_dsl.exchange.openscenario.reading.expressions import value_of
@@ -21,6 +23,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.model import Quantity, Scenario, When
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.trace import SPEED, X, Y
 from tests.support import openscenario_files as osc
 
 _EGO_AT_50 = '<Position><LanePosition roadId="1" laneId="-2" s="50"/></Position>'
@@ -230,7 +233,7 @@ def test_lane_changes_and_speeds_relative_to_the_ego_and_states_of_the_storyboar
         (
             '<RelativeDistanceCondition entityRef="Target-1" value="20" freespace="false" rule="lessThan" '
             'relativeDistanceType="longitudinal"/>',
-            "distance(ego, target_1) < 15.4 m",
+            "overlap(ego, target_1) > -15.4 m",
         ),
         ('<CollisionCondition><ByType type="pedestrian"/></CollisionCondition>', "ego within 0 m of walker"),
         ('<SpeedCondition value="5" rule="equalTo"/>', "ego.speed >= 4.9 m/s and ego.speed <= 5.1 m/s"),
@@ -309,6 +312,148 @@ def test_without_a_name_the_ego_is_the_first_vehicle_on_a_lane(tmp_path: Path) -
     )
     _, scenario = imported(tmp_path, text)
     assert [actor.name for actor in scenario.actors] == ["ego", "first", "walker"]
+
+
+_BESIDE_EGO = """<DistanceCondition value="20" freespace="false" rule="{rule}"><Position>
+  <RelativeObjectPosition entityRef="Ego" dx="0" dy="0"/></Position></DistanceCondition>"""
+_LANE_PLACE = """<ReachPositionCondition tolerance="8"><Position>
+  <RelativeLanePosition entityRef="Ego" dLane="1" ds="{ds}"/></Position></ReachPositionCondition>"""
+
+
+@pytest.mark.parametrize(
+    ("inner", "said"),
+    [
+        (_BESIDE_EGO.format(rule="lessThan"), "distance(target_1, ego) < 15.4 m"),
+        (_LANE_PLACE.format(ds=30), "target_1 within 4.3 m of 26.3 m ahead of ego offset 3.5 m"),
+        (
+            '<DistanceCondition value="2" freespace="true" rule="lessThan"><Position>'
+            '<RelativeObjectPosition entityRef="Ego" dx="20" dy="-1"/></Position></DistanceCondition>',
+            "target_1 within 2 m of 16.3 m ahead of ego offset -1 m",
+        ),
+        (
+            '<RelativeDistanceCondition entityRef="Ego" value="5" freespace="false" rule="greaterThan" '
+            'relativeDistanceType="longitudinal"/>',
+            "overlap(target_1, ego) < -0.4 m",
+        ),
+    ],
+)
+def test_a_place_of_an_entity_that_moves_goes_with_it(tmp_path: Path, inner: str, said: str) -> None:
+    text = events(osc.event("e", osc.speed_action("3"), osc.of_entity("Target-1", inner)))
+    done, scenario = imported(tmp_path, text)
+    assert not done.lost
+    assert whens(scenario) == [f"when {said} {{ target_1 changes speed to 3 m/s over 0.05 s }}"]
+
+
+def test_a_place_of_a_moving_entity_is_where_that_is_when_the_event_asks(tmp_path: Path) -> None:
+    """The target stands 25 m ahead beside the ego's lane, and drives off when the ego is 10 m away."""
+    inner = _BESIDE_EGO.format(rule="lessThan").replace('value="20"', 'value="10"')
+    text = events(osc.event("e", osc.speed_action("3"), osc.of_entity("Target-1", inner, edge="rising")))
+    imported(tmp_path, text.replace("${$pace + 2}", "0").replace('value="25" rule', 'value="3" rule'))
+    trace = run_test_case(load_test_case(tmp_path / "out" / "cut_in.foresee"), "idm", 0).trace
+    ego, target = trace.index("ego"), trace.index("target_1")
+    starts = int(np.flatnonzero(trace.states[:, target, SPEED] > 0.01)[0])
+    assert trace.states[starts, target, X] - trace.states[starts, ego, X] == pytest.approx(10.0, abs=1.0)
+
+
+def test_a_place_that_turns_with_the_world_is_lost_where_its_entity_moves(tmp_path: Path) -> None:
+    inner = _BESIDE_EGO.replace("RelativeObjectPosition", "RelativeWorldPosition").replace('dx="0"', 'dx="9"')
+    event = osc.event("e", osc.speed_action("3"), osc.of_entity("Target-1", inner.format(rule="lessThan")))
+    done, _ = imported(tmp_path, events(event), partial=True)
+    assert done.lost == {"positions: RelativeWorldPosition (of an entity that moves)": 1}
+
+
+_NEAR_EGO = (
+    '<RelativeDistanceCondition entityRef="Ego" value="{value}" freespace="true" rule="lessThan" '
+    'relativeDistanceType="cartesianDistance"/>'
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "edge", "said"),
+    [  # 25 m of reference points are 20.55 m between the footprints
+        ("40", "rising", "distance(target_1, ego) < 40 m and not distance(target_1, ego) < 40 m for 0.05 s"),
+        ("10", "rising", "distance(target_1, ego) < 10 m"),
+        ("40", "none", "distance(target_1, ego) < 40 m"),
+        (
+            "40",
+            "risingOrFalling",
+            "distance(target_1, ego) < 40 m and not distance(target_1, ego) < 40 m for 0.05 s or "
+            "not distance(target_1, ego) < 40 m and not (not distance(target_1, ego) < 40 m) for 0.05 s",
+        ),
+    ],
+)
+def test_an_edge_is_not_a_condition_that_holds_from_the_beginning(
+    tmp_path: Path, value: str, edge: str, said: str
+) -> None:
+    inner = osc.of_entity("Target-1", _NEAR_EGO.format(value=value), edge=edge)
+    done, scenario = imported(tmp_path, events(osc.event("e", osc.speed_action("3"), inner)))
+    assert not done.lost
+    assert whens(scenario) == [f"when {said} {{ target_1 changes speed to 3 m/s over 0.05 s }}"]
+
+
+@pytest.mark.parametrize(("edge", "slows"), [("rising", False), ("none", True)])
+def test_a_rising_edge_does_not_fire_where_the_condition_holds_at_the_start(
+    tmp_path: Path, edge: str, slows: bool
+) -> None:
+    inner = osc.of_entity("Target-1", _NEAR_EGO.format(value="40"), edge=edge)
+    text = events(osc.event("e", osc.speed_action("3"), inner)).replace('value="25" rule', 'value="2" rule')
+    imported(tmp_path, text)
+    trace = run_test_case(load_test_case(tmp_path / "out" / "cut_in.foresee"), "idm", 0).trace
+    assert (trace.states[-1, trace.index("target_1"), SPEED] < 4) == slows
+
+
+def _crossing(domain: str = "relative", offset: float = 0.0, start: float = -8.5) -> str:
+    vertices = "".join(
+        f'<Vertex time="{2 * k}"><Position><WorldPosition x="300" y="{start + 3 * k}" h="1.5708"/></Position></Vertex>'
+        for k in range(3)
+    )
+    follow = f"""<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false">
+      <Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef>
+      <TimeReference><Timing domainAbsoluteRelative="{domain}" scale="1" offset="{offset}"/></TimeReference>
+    </FollowTrajectoryAction></RoutingAction>"""
+    return osc.scenario(events=osc.group("walker", osc.event("goes", follow, on_time(1))))
+
+
+@pytest.mark.parametrize(("domain", "offset"), [("relative", 0.0), ("absolute", 1.0)])
+def test_a_timed_trajectory_in_an_event_begins_with_the_event(tmp_path: Path, domain: str, offset: float) -> None:
+    """1.5 m/s from 1 s on: nothing before, 3 m at 3 s."""
+    done, _ = imported(tmp_path, _crossing(domain, offset).replace('value="25" rule', 'value="3.5" rule'))
+    assert not done.lost
+    trace = run_test_case(load_test_case(tmp_path / "out" / "cut_in.foresee"), "idm", 0).trace
+    y = trace.states[:, trace.index("walker"), Y]
+    assert y[trace.frame_at(1.0)] == pytest.approx(-8.5, abs=0.01)
+    assert y[trace.frame_at(3.0)] == pytest.approx(-5.5, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (_crossing("absolute", -1.0), "trajectories that begin before their action does"),
+        (_crossing(start=-4.0), "trajectories that begin away from where the actor stands"),
+    ],
+)
+def test_a_trajectory_that_an_event_cannot_begin_is_lost(tmp_path: Path, text: str, said: str) -> None:
+    done, _ = imported(tmp_path, text, partial=True)
+    assert done.lost == {said: 1}
+
+
+def test_a_second_way_of_one_actor_is_lost(tmp_path: Path) -> None:
+    way = "<RoutingAction><AcquirePositionAction><Position><LanePosition roadId='1' laneId='-1' s='{s}'/></Position>" \
+          "</AcquirePositionAction></RoutingAction>"  # fmt: skip
+    done, _ = imported(
+        tmp_path, events(*(osc.event(f"e{s}", way.format(s=s), on_time(s / 100)) for s in (300, 400))), partial=True
+    )
+    assert done.lost == {"actions: AcquirePositionAction (a second way of one actor)": 1}
+
+
+def test_a_folder_of_maps_gives_the_map_before_a_net_that_was_made_of_it(tmp_path: Path) -> None:
+    file, maps = osc.write(tmp_path / "in", osc.scenario()), tmp_path / "maps"
+    maps.mkdir()
+    (tmp_path / "in" / "straight.xodr").rename(maps / "straight.xodr")
+    (maps / "straight.net.xml").write_text("<net/>")
+    file.write_text(file.read_text().replace('"straight.xodr"', '"straight"'))
+    done = importer.run(file, out=tmp_path / "out", road=maps)
+    assert "straight_map.xodr" in {path.name for path in done.files}
 
 
 # ---- nothing is lost in silence -------------------------------------------------------------------------------------

@@ -125,12 +125,12 @@ def event(name: str, action: str, *conditions: str) -> str:
     </Event>"""
 
 
-def condition(inner: str, *, delay: float = 0) -> str:
+def condition(inner: str, *, delay: float = 0, edge: str = "none") -> str:
     """Return a condition."""
-    return f'<Condition name="c" delay="{delay}" conditionEdge="rising">{inner}</Condition>'
+    return f'<Condition name="c" delay="{delay}" conditionEdge="{edge}">{inner}</Condition>'
 
 
-def of_entity(entity: str, inner: str, *, delay: float = 0) -> str:
+def of_entity(entity: str, inner: str, *, delay: float = 0, edge: str = "none") -> str:
     """Return a condition about an entity."""
     return condition(
         f"""<ByEntityCondition>
@@ -138,6 +138,7 @@ def of_entity(entity: str, inner: str, *, delay: float = 0) -> str:
           <EntityCondition>{inner}</EntityCondition>
         </ByEntityCondition>""",
         delay=delay,
+        edge=edge,
     )
 
 

@@ -28,6 +28,8 @@ from foresee_dsl.language import model as m
 
 ROUTING = ("AssignRouteAction", "AcquirePositionAction", "FollowTrajectoryAction")
 FRAME_S = 0.05
+_AS_FAST_MPS = 0.01
+"""Speeds that differ by less are the same, m/s (ours: 1 cm in the usual second)."""
 _GROUPS = ("LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction", "AppearanceAction")
 _HOLDERS = (*_GROUPS, "InfrastructureAction", "EntityAction", "TrafficAction", "TrailerAction")
 """Elements around the action that is meant."""
@@ -134,6 +136,8 @@ class TriggerBuilder:
 
     def _private(self, tag: str, what: Element | None, state: EntityState, event: Event) -> list[m.Action]:
         if tag in ROUTING:
+            if what is not state.way:
+                raise NotExpressed(f"actions: {tag} (a second way of one actor)")
             return self._follows(state) if tag == "FollowTrajectoryAction" else []
         if what is not None and tag == "SpeedAction":
             return self._speed(what, state, at_once=not event.steps and not event.hangs)
@@ -303,11 +307,18 @@ def _between(lane: int, target: int) -> int:
 
 
 def speed_changes(state: EntityState, profile: SpeedProfile) -> list[m.Action]:
-    """Return changes of speed one after the other; times are rounded to the simulation's steps."""
+    """Return changes of speed one after the other; times are rounded to the simulation's steps.
+
+    An actor with another speed than the profile's first one gets that at once.
+    """
     times = [round(t / FRAME_S) for t in profile.time_s]
     found: list[m.Action] = []
     if times[0] > 0:
         found.append(m.Wait(duration=quantity(times[0] * FRAME_S, "time")))
+    if state.speed_mps is not None and abs(state.speed_mps - profile.speed_mps[0]) > _AS_FAST_MPS:
+        first = _changes(state, state.speed_mps, profile.speed_mps[0], 0.0)
+        found.append(m.Then(actions=(first,)) if found else first)
+        times[0] = min(times[0] + 1, times[1])
     for k in range(1, len(times)):
         steps = times[k] - times[k - 1]
         if steps <= 0:

@@ -44,6 +44,8 @@ _STRAIGHT_M = 0.02
 """A path may leave out points that are at most this far from it, m (ours)."""
 _GENTLE_MPS2 = 1.0
 """Nothing that drives brakes less (ours)."""
+_LATE_S = 0.1
+"""A trajectory may begin so much before its action, s (ours: two steps of the simulation)."""
 _CRAWLS_MPS = 0.05
 """An actor that is slower at the end of its trajectory stops there (ours)."""
 
@@ -73,11 +75,14 @@ class ActorBuilder:
     lane_changers: Set[str] = frozenset()
     beginnings: Mapping[str, tuple[Pose, float]] = field(default_factory=dict)
 
-    def actor(self, state: EntityState, routing: Element | None, *, at_start: bool, acts: bool) -> BuiltActor | None:
+    def actor(
+        self, state: EntityState, routing: Element | None, *, begins_s: float | None, at_start: bool, acts: bool
+    ) -> BuiltActor | None:
         """Return an entity as an actor, or None where it has no place on the network.
 
         `state` gets the speeds of its trajectory, if an event is to start that. `routing`: its route, target or
-        trajectory, which is its way from the beginning with `at_start`. An entity that neither `acts` (in an event) nor
+        trajectory, which is its way from the beginning with `at_start`, else from `begins_s` on (None: at a time that
+        the run decides). An entity that neither `acts` (in an event) nor
         moves is only placed.
         """
         entity = state.entity
@@ -85,7 +90,7 @@ class ActorBuilder:
             middle = self.places.initial(entity.ref).ahead(entity.centre_m)
             if not self._near_roads(middle):
                 raise NotExpressed("entities off the road network")
-            track = self._trajectory(entity, routing)
+            track = self._trajectory(entity, routing, begins_s)
             path = tracks.path_of(track) if track is not None else []
             if self.network.far_from_lanes(path, _NEAR_M) is not None:
                 raise NotExpressed("entities whose trajectories leave the road network")
@@ -96,38 +101,54 @@ class ActorBuilder:
                 self.losses.lose(str(err), f"'{entity.ref}'")
             return None
         if entity.name == "ego":
-            return self._ego(state, middle, routing, track)
+            return self._ego(state, middle, routing, track, at_start=begins_s == 0)
         if track is not None and path:
-            return self._on_trajectory(state, middle, track, path, routing, at_start=at_start)
+            timed = _timed(tracks.speed_profile(track), routing, begins_s)
+            if begins_s != 0 and not state.speed_mps and math.dist(path[0], (middle.x, middle.y)) > _APART_M:
+                self.losses.lose("trajectories that begin away from where the actor stands", f"'{entity.ref}'")
+            return self._on_trajectory(state, middle, path, timed, begins_s=begins_s, at_start=at_start)
         if entity.kind == "obstacle" or not (acts or routing is not None or state.speed_mps):
             return BuiltActor(_actor(entity, middle, 0.0, ()))
         if entity.kind not in WHEELS:
             return self._straight(state, middle, _WALK_M)
-        return self._on_lanes(state, middle, routing)
+        return self._on_lanes(state, middle, routing, at_start=begins_s == 0)
 
     def _near_roads(self, pose: Pose) -> bool:
         return self.network.far_from_lanes([(pose.x, pose.y)], _NEAR_M) is None
 
-    def _trajectory(self, entity: Entity, routing: Element | None) -> tracks.Trajectory | None:
+    def _trajectory(self, entity: Entity, routing: Element | None, begins_s: float | None) -> tracks.Trajectory | None:
         if routing is None or routing.tag != "FollowTrajectoryAction":
             return None
         found = trajectory_of(self.source, routing)
         try:
             if found is None:
                 raise NotExpressed("trajectories: nothing")
-            return tracks.read_trajectory(found, self.places, entity.centre_m)
+            if begins_s != 0:
+                self.places.stay(found)
+            track = tracks.read_trajectory(found, self.places, entity.centre_m)
+            _timed(tracks.speed_profile(track), routing, begins_s)  # its times have to be ones that can be kept
+            return track
         except NotExpressed as err:
             self.losses.lose(str(err), f"'{entity.ref}'")
             return None
 
     def _ego(
-        self, state: EntityState, middle: Pose, routing: Element | None, track: tracks.Trajectory | None
+        self,
+        state: EntityState,
+        middle: Pose,
+        routing: Element | None,
+        track: tracks.Trajectory | None,
+        *,
+        at_start: bool,
     ) -> BuiltActor | None:
         """Return the ego: a route and a goal, and no actions, which are its driver's to decide."""
         entity, kind = state.entity, lane_kind(state.entity.spec)
         front = middle.ahead(entity.spec.length_m / 2)
         # A trajectory is no goal: a run that ended where the recorded one crashed could not crash there.
-        through = [front, *(tracks.thinned(track.poses())[1:] if track is not None else self._waypoints(routing))]
+        through = [
+            front,
+            *(tracks.thinned(track.poses())[1:] if track is not None else self._waypoints(routing, at_start=at_start)),
+        ]
         goal = through[-1] if track is None and len(through) > 1 else None
         try:
             route = tracks.route_through(self.network, through, kind)
@@ -151,18 +172,18 @@ class ActorBuilder:
         self,
         state: EntityState,
         middle: Pose,
-        track: tracks.Trajectory,
         path: list[XY],
-        routing: Element | None,
+        profile: tracks.SpeedProfile | None,
         *,
+        begins_s: float | None,
         at_start: bool,
     ) -> BuiltActor:
         self.losses.note("actors that follow a trajectory react to nobody")
         entity, speed = state.entity, state.speed_mps or 0.0
-        profile = _timed(tracks.speed_profile(track), routing)
         whens: tuple[m.When, ...] = ()
         if profile is not None:
-            speed = profile.speed_mps[0]
+            if begins_s == 0:
+                state.speed_mps = speed = profile.speed_mps[0]
             if at_start:
                 whens = (m.When(condition=from_the_start(), actions=tuple(speed_changes(state, profile))),)
             else:
@@ -174,12 +195,12 @@ class ActorBuilder:
         points = tuple(point_of(Pose(x, y, 0.0)) for x, y in self._going_on(path, last, entity))
         return BuiltActor(_actor(entity, middle, speed, _walk(entity, points, speed)), whens)
 
-    def _on_lanes(self, state: EntityState, middle: Pose, routing: Element | None) -> BuiltActor:
+    def _on_lanes(self, state: EntityState, middle: Pose, routing: Element | None, *, at_start: bool) -> BuiltActor:
         """Return a vehicle that follows the lanes, as a default controller does: by no rules."""
         entity, kind = state.entity, lane_kind(state.entity.spec)
         front = middle.ahead(entity.spec.length_m / 2)
         try:
-            route = tracks.route_through(self.network, [front, *self._waypoints(routing)], kind)
+            route = tracks.route_through(self.network, [front, *self._waypoints(routing, at_start=at_start)], kind)
         except NotExpressed as err:
             if str(err) == "starts off the lanes":
                 if own := self._ahead(state):
@@ -258,7 +279,7 @@ class ActorBuilder:
         ends = (start.ahead(k) for k in range(math.floor(length_m), 1, -1))
         return next((end for end in ends if self._near_roads(end)), start.ahead(1.0))
 
-    def _waypoints(self, routing: Element | None) -> list[Pose]:
+    def _waypoints(self, routing: Element | None, *, at_start: bool) -> list[Pose]:
         """Return the places of a route or target."""
         if routing is None:
             return []
@@ -267,7 +288,7 @@ class ActorBuilder:
         found: list[Pose] = []
         for position in (*positions, *routing.iterfind("Position")):
             try:
-                found.append(self.places.pose(position))
+                found.append(self.places.pose(position) if at_start else self.places.later(position))
             except NotExpressed as err:
                 self.losses.lose(f"waypoints: {err}")
         return found
@@ -310,16 +331,29 @@ def _walk(entity: Entity, points: tuple[m.Point, ...], speed: float) -> tuple[m.
     return m.Path(points=points), m.CruiseSpeed(speed=quantity(speed, "speed")), *heedless
 
 
-def _timed(profile: tracks.SpeedProfile | None, routing: Element | None) -> tracks.SpeedProfile | None:
-    """Return a profile with the offset and scale that the action gives its times; None where they do not count."""
-    if profile is None or routing is None or routing.find("TimeReference/None") is not None:
+def _timed(
+    profile: tracks.SpeedProfile | None, routing: Element | None, begins_s: float | None
+) -> tracks.SpeedProfile | None:
+    """Return a profile with the offset and scale that the action gives its times, counted from when the action begins;
+    None where they do not count.
+
+    Raises:
+        NotExpressed: its times are those of the run, and the action begins at a time that is not known.
+    """
+    if routing is None or routing.find("TimeReference/None") is not None:
         return None
     timing = routing.find("TimeReference/Timing")
     if timing is None:
         return profile
     scale, offset = number(timing, "scale", 1.0), number(timing, "offset", 0.0)
-    if scale <= 0:
+    if timing.get("domainAbsoluteRelative") == "absolute":
+        if begins_s is None:
+            raise NotExpressed("trajectories with the run's times that begin at a time that is not known")
+        offset -= begins_s
+    if scale <= 0 or profile is None:
         return None
+    if scale * profile.time_s[0] + offset < -_LATE_S:
+        raise NotExpressed("trajectories that begin before their action does")
     return tracks.SpeedProfile(
         tuple(scale * t + offset for t in profile.time_s), tuple(v / scale for v in profile.speed_mps)
     )

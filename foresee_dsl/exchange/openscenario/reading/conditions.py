@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.bundle import ActorKind
-from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.exchange.naming import number, quantity
+from foresee_dsl.exchange.openscenario.reading.beginnings import Beginning, holds_at_start
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_dsl.language.units import Dimension
+from foresee_dsl.simulate.trace import STEP_S
 
 Op = Literal["<", "<=", ">", ">="]
 _RULES: Mapping[str, Op] = {"lessThan": "<", "lessOrEqual": "<=", "greaterThan": ">", "greaterOrEqual": ">="}
+_SIGN_CHANGED: Mapping[Op, Op] = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+"""What a comparison becomes when both sides change their sign."""
 STANDS_MPS = 0.1
 """A slower entity stands (ours: the resolution of a change of speed that is complete)."""
 _SAME = {"speed": 0.1, "acceleration": 0.1, "length": 0.5, "time": 0.05}
@@ -40,10 +44,16 @@ class NeverStarts(Exception):  # noqa: N818 - no error: what waits for it never 
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to wait for: a condition (None: holds at once), then a time."""
+    """One thing to wait for: a condition (None: holds at once), then a time.
+
+    Attributes:
+        edge: the same as the moment at which the condition begins to hold, for a condition with an edge: needed where
+            the condition may hold already when the wait begins.
+    """
 
     condition: m.Condition | None = None
     delay_s: float = 0.0
+    edge: m.Condition | None = None
 
 
 @dataclass(frozen=True)
@@ -70,6 +80,7 @@ class ConditionReader:
     Attributes:
         entities, places: what they name. ways: of actors, by their names here.
         values: of parameters and variables. changing: those that actions change.
+        beginnings: of actors, by their names here.
     """
 
     entities: Mapping[str, Entity]
@@ -78,6 +89,7 @@ class ConditionReader:
     ways: Mapping[str, Way] = field(default_factory=dict)
     values: Mapping[str, str] = field(default_factory=dict)
     changing: Set[str] = frozenset()
+    beginnings: Mapping[str, Beginning] = field(default_factory=dict)
 
     def start(self, trigger: Element | None) -> Start:
         """Return what a `<StartTrigger>` means; no trigger, or an empty one, is at once.
@@ -99,20 +111,35 @@ class ConditionReader:
         if any(start == Start() for start in starts):
             return Start()
         parts: list[m.Condition] = []
+        edges: list[m.Condition] = []
         for start in starts:
             step = start.steps[0] if len(start.steps) == 1 else Step()
             if start.after is not None or step.condition is None or step.delay_s:
-                raise NotExpressed("triggers of several groups with delays, edges or states of the storyboard")
+                raise NotExpressed("triggers of several groups with delays, falling edges or states of the storyboard")
             parts.append(step.condition)
-        return Start((Step(m.Either(conditions=tuple(parts))),))
+            edges.append(step.edge or step.condition)
+        either = m.Either(conditions=tuple(parts))
+        return Start((Step(either, edge=m.Either(conditions=tuple(edges)) if edges != parts else None),))
+
+    def sharpened(self, steps: Sequence[Step], *, from_the_start: bool) -> tuple[Step, ...]:
+        """Return steps whose conditions with a rising edge say so where they may hold already when the wait begins.
+
+        `from_the_start`: the first of them waits from the beginning of the run.
+        """
+        found = []
+        for k, step in enumerate(steps):
+            plain = step.edge is None or step.condition is None
+            if not plain and k == 0 and from_the_start:
+                plain = holds_at_start(step.condition, self.beginnings) is False
+            found.append(Step(step.condition if plain else step.edge, step.delay_s))
+        return tuple(found)
 
     def _group(self, group: Element) -> Start:
         """Return what a group of conditions means, which hold together."""
-        parts: list[m.Condition] = []
+        parts: list[tuple[m.Condition, str]] = []
         after: tuple[str, str, str] | None = None
-        after_delay, delays, falling = 0.0, set[float](), False
-        conditions = group.findall("Condition")
-        for condition in conditions:
+        after_delay, delays = 0.0, set[float]()
+        for condition in group.iterfind("Condition"):
             delay = max(number(condition, "delay", 0.0), 0.0)
             state = condition.find("ByValueCondition/StoryboardElementStateCondition")
             if state is not None:
@@ -124,25 +151,17 @@ class ConditionReader:
             part = self._condition(condition, delay)
             if part is None:
                 continue
-            is_time = condition.find("ByValueCondition/SimulationTimeCondition") is not None
-            edge = condition.get("conditionEdge", "none")
-            if edge == "risingOrFalling" and not is_time:
-                raise NotExpressed("conditions with the edge risingOrFalling")
-            falling |= edge == "falling"
-            if not is_time:
+            if condition.find("ByValueCondition/SimulationTimeCondition") is None:
                 delays.add(delay)
-            parts.append(part)
-        if falling and len(conditions) > 1:
-            raise NotExpressed("conditions with the edge falling beside others")
+            covered = condition.find("ByEntityCondition/EntityCondition/TraveledDistanceCondition")
+            never_before = covered is not None and number(covered, "value") > 0  # it begins to hold once, and later
+            edge = condition.get("conditionEdge", "none")
+            parts.append((part, "none" if never_before and edge == "rising" else edge))
         if len(delays) > 1:
             raise NotExpressed("triggers of conditions with different delays")
-        steps: list[Step] = []
-        if after_delay:
-            steps.append(Step(None, after_delay))
+        steps: list[Step] = [Step(None, after_delay)] if after_delay else []
         if parts:
-            joined = parts[0] if len(parts) == 1 else m.Both(conditions=tuple(parts))
-            wait = max(delays, default=0.0)
-            steps += [Step(joined), Step(m.Not(condition=joined), wait)] if falling else [Step(joined, wait)]
+            steps += _steps(parts, max(delays, default=0.0))
         return Start(tuple(steps), after)
 
     def _condition(self, condition: Element, delay: float) -> m.Condition | None:
@@ -159,8 +178,12 @@ class ConditionReader:
         if kind.tag != "SimulationTimeCondition":
             raise NotExpressed(f"conditions: {kind.tag}{_called(kind)}")
         limit, rule = number(kind, "value") + delay, kind.get("rule", "")
-        op: Op = ">=" if rule == "equalTo" else _rule(kind)  # time comes to it once, and goes on
+        op: Op = ">=" if rule == "equalTo" else _op(rule)  # time comes to it once, and goes on
         if limit <= 0 and op in (">", ">="):
+            if op == ">=" and condition.get("conditionEdge", "none") != "none":
+                self.losses.note(
+                    "times of 0 s are from the beginning, with an edge as well, as ASAM's examples mean them"
+                )
             return None
         if limit <= 0:
             raise NeverStarts
@@ -196,7 +219,7 @@ class ConditionReader:
             if kind.get("direction") not in (None, "longitudinal"):
                 raise NotExpressed(f"conditions: {tag} ({kind.get('direction')})")
             what: Literal["speed", "acceleration"] = "speed" if tag == "SpeedCondition" else "acceleration"
-            return _compared(m.Measure(what=what, actor=name), kind, number(kind, "value"), what)
+            return _compared(m.Measure(what=what, actor=name), kind.get("rule", ""), number(kind, "value"), what)
         if tag == "StandStillCondition":
             stands = m.Comparison(left=m.Measure(what="speed", actor=name), op="<", right=quantity(STANDS_MPS, "speed"))
             duration = number(kind, "duration")
@@ -239,54 +262,86 @@ class ConditionReader:
 
     def _between(self, kind: Element, entity: Entity) -> m.Condition:
         """Return a condition between two entities."""
-        measures: Mapping[str, tuple[Literal["distance", "ttc", "headway", "lateral", "relative_speed"], Dimension]] = {
+        measures: Mapping[str, tuple[Literal["ttc", "headway", "relative_speed"], Dimension]] = {
             "RelativeSpeedCondition": ("relative_speed", "speed"),
-            "RelativeDistanceCondition": ("distance", "length"),
             "TimeToCollisionCondition": ("ttc", "time"),
             "TimeHeadwayCondition": ("headway", "time"),
         }
-        if kind.tag not in measures:
+        if kind.tag not in (*measures, "RelativeDistanceCondition"):
             raise NotExpressed(f"conditions: {kind.tag}")
         target = kind.find("TimeToCollisionConditionTarget/EntityRef")
         ref = kind.get("entityRef") or (target.get("entityRef") if target is not None else None)
         if ref is None:
             raise NotExpressed(f"conditions: {kind.tag} (with a place)")
+        value, rule, other = number(kind, "value"), kind.get("rule", ""), self._entity(ref)
+        if kind.tag == "RelativeDistanceCondition":
+            return self._apart(kind, entity, other, value, rule)
         if kind.tag == "RelativeSpeedCondition" and kind.get("direction") not in (None, "longitudinal"):
             raise NotExpressed(f"conditions: {kind.tag} ({kind.get('direction')})")
         what, dimension = measures[kind.tag]
-        if kind.get("relativeDistanceType") == "lateral":
-            what = "lateral"
-        value, other = number(kind, "value"), self._entity(ref)
         if kind.get("freespace") == "false":  # between reference points there, between footprints here
-            if what == "lateral":
-                value = max(value - (entity.spec.width_m + other.spec.width_m) / 2, 0.0)
-            elif dimension == "length":
-                value = max(value - (entity.spec.length_m + other.spec.length_m) / 2, 0.0)
-            else:
-                self.losses.note("times between two actors are measured between their footprints")
-        if what == "distance" and value <= 0 and kind.get("rule") in ("lessThan", "lessOrEqual"):
-            return m.Within(actor=entity.name, distance=quantity(0.0, "length"), of=m.Named(name=other.name))
-        found = _compared(m.Measure(what=what, actor=entity.name, other=other.name), kind, value, dimension)
+            self.losses.note("times between two actors are measured between their footprints")
+        found = _compared(m.Measure(what=what, actor=entity.name, other=other.name), rule, value, dimension)
         if what != "headway":
             return found
         # There is none to somebody behind, and so no condition that holds.
-        if kind.get("rule") in ("lessThan", "lessOrEqual"):
+        if rule in ("lessThan", "lessOrEqual"):
             ahead: m.Condition = m.Not(condition=m.Behind(actor=other.name, other=entity.name))
         else:
             ahead = m.Ahead(actor=other.name, other=entity.name)
         return m.Both(conditions=(found, ahead))
 
+    def _apart(self, kind: Element, entity: Entity, other: Entity, value: float, rule: str) -> m.Condition:
+        """Return a comparison of the distance between two actors; between reference points what lies between those and
+        the bumpers (the sides) is taken off."""
+        which = kind.get("relativeDistanceType")
+        one, two = entity.spec, other.spec
+        inside = (one.width_m + two.width_m if which == "lateral" else one.length_m + two.length_m) / 2
+        if kind.get("freespace") == "true":
+            inside = 0.0
+        if which == "longitudinal":
+            return _along_the_way(m.Measure(what="overlap", actor=entity.name, other=other.name), rule, inside - value)
+        value = max(value - inside, 0.0)
+        if which != "lateral" and value <= 0 and rule in ("lessThan", "lessOrEqual"):
+            return m.Within(actor=entity.name, distance=quantity(0.0, "length"), of=m.Named(name=other.name))
+        what: Literal["lateral", "distance"] = "lateral" if which == "lateral" else "distance"
+        return _compared(m.Measure(what=what, actor=entity.name, other=other.name), rule, value, "length")
+
     def _near_place(self, kind: Element, entity: Entity) -> m.Condition:
         position = kind.find("Position")
         if position is None:
             raise NotExpressed(f"conditions: {kind.tag} (without a place)")
-        pose = self.places.pose(position)
         reach = kind.tag == "ReachPositionCondition"
         distance = max(number(kind, "tolerance" if reach else "value"), 0.0)
-        if reach or kind.get("freespace") != "true":
-            distance, pose = _of_reference_point(distance, pose, entity)
-        near = m.Within(actor=entity.name, distance=quantity(distance, "length"), of=_point(pose.x, pose.y))
-        return near if reach or _rule(kind) in ("<", "<=") else m.Not(condition=near)
+        to_points = reach or kind.get("freespace") != "true"
+        if kind.get("relativeDistanceType") == "lateral":
+            raise NotExpressed(f"conditions: {kind.tag} (lateral)")
+        moving = self.places.by_mover(position)
+        if moving is not None and not (moving.ahead_m or moving.left_m):
+            rule = "lessOrEqual" if reach else kind.get("rule", "")
+            return self._apart(kind, entity, self._entity(moving.entity), distance, rule)
+        of: m.Point | m.AheadOf
+        if moving is not None:
+            other = self._entity(moving.entity)
+            at = moving.ahead_m - _to_front(other)
+            if to_points:
+                distance, further = _of_reference_point(distance, entity)
+                at += further * (1 if self._same_way(entity, other) else -1)
+            offset = quantity(moving.left_m, "length") if moving.left_m else None
+            of = m.AheadOf(actor=other.name, at=quantity(at, "length"), offset=offset)
+        else:
+            pose = self.places.pose(position)
+            if to_points:
+                distance, further = _of_reference_point(distance, entity)
+                pose = pose.ahead(further)
+            of = _point(pose.x, pose.y)
+        near = m.Within(actor=entity.name, distance=quantity(distance, "length"), of=of)
+        return near if reach or _op(kind.get("rule", "")) in ("<", "<=") else m.Not(condition=near)
+
+    def _same_way(self, entity: Entity, other: Entity) -> bool:
+        """Whether two actors begin in about the same direction."""
+        one, two = self.beginnings.get(entity.name), self.beginnings.get(other.name)
+        return one is None or two is None or math.cos(one.middle.heading_rad - two.middle.heading_rad) >= 0
 
     def _entity(self, ref: str) -> Entity:
         if ref not in self.entities:
@@ -294,20 +349,68 @@ class ConditionReader:
         return self.entities[ref]
 
 
-def _of_reference_point(distance: float, pose: Pose, entity: Entity) -> tuple[float, Pose]:
-    """Return the distance and place for a footprint that comes near when a reference point comes near to a place."""
+def _steps(parts: Sequence[tuple[m.Condition, str]], wait_s: float) -> list[Step]:
+    """Return the steps of conditions that hold together, each with its edge.
+
+    Several conditions with edges have to change at the same moment, as the standard asks.
+    """
+    if len(parts) > 1:
+        return [Step(_both([_edge(part, edge) for part, edge in parts]), wait_s)]
+    ((part, edge),) = parts
+    if edge == "falling":
+        return [Step(part), Step(m.Not(condition=part), wait_s)]
+    if edge == "risingOrFalling":
+        return [Step(_edge(part, edge), wait_s)]
+    return [Step(part, wait_s, _edge(part, edge) if edge == "rising" else None)]
+
+
+def _edge(part: m.Condition, edge: str) -> m.Condition:
+    """Return the moment at which a condition begins to hold, or ends: it holds now, and not since the frame before."""
+    if edge == "none":
+        return part
+    if edge == "risingOrFalling":
+        return m.Either(conditions=(_edge(part, "rising"), _edge(part, "falling")))
+    held = part if edge == "rising" else m.Not(condition=part)
+    before = m.Sustained(condition=held, duration=quantity(STEP_S, "time"))
+    return _both([held, m.Not(condition=before)])
+
+
+def _both(parts: Sequence[m.Condition]) -> m.Condition:
+    """Return conditions that hold together, without brackets inside."""
+    flat = [one for part in parts for one in (part.conditions if isinstance(part, m.Both) else (part,))]
+    return m.Both(conditions=tuple(dict.fromkeys(flat)))
+
+
+def _to_front(entity: Entity) -> float:
+    """Return how far the front of an entity is ahead of its reference point, m; of one without wheels its middle is
+    what stands for the front."""
+    return entity.centre_m + (entity.spec.length_m / 2 if entity.kind in WHEELS else 0.0)
+
+
+def _of_reference_point(distance: float, entity: Entity) -> tuple[float, float]:
+    """Return the distance for a footprint that comes near when a reference point comes near to a place, and how much
+    further on the place is then."""
     front = entity.centre_m + entity.spec.length_m / 2
     if distance > front:
-        return distance - front, pose
+        return distance - front, 0.0
     near = min(distance, 1.0)
-    return near, pose.ahead(front - distance + near)
+    return near, front - distance + near
 
 
-def _compared(left: m.Measure, kind: Element, value: float, dimension: Dimension) -> m.Condition:
+def _along_the_way(overlap: m.Measure, rule: str, value: float) -> m.Condition:
+    """Return a comparison of the distance along the way: what two actors overlap along it is the opposite."""
+    if rule in ("equalTo", "notEqualTo"):
+        low, high = (quantity(value + by, "length") for by in (-_SAME["length"], _SAME["length"]))
+        parts = (m.Comparison(left=overlap, op=">=", right=low), m.Comparison(left=overlap, op="<=", right=high))
+        equal = m.Both(conditions=parts)
+        return equal if rule == "equalTo" else m.Not(condition=equal)
+    return m.Comparison(left=overlap, op=_SIGN_CHANGED[_op(rule)], right=quantity(value, "length"))
+
+
+def _compared(left: m.Measure, rule: str, value: float, dimension: Dimension) -> m.Condition:
     """Return a comparison; equal is as near as a run can tell."""
-    rule = kind.get("rule", "")
     if rule not in ("equalTo", "notEqualTo"):
-        return m.Comparison(left=left, op=_rule(kind), right=quantity(value, dimension))
+        return m.Comparison(left=left, op=_op(rule), right=quantity(value, dimension))
     slack = _SAME[dimension]
     low = m.Comparison(left=left, op=">=", right=quantity(value - slack, dimension))
     high = m.Comparison(left=left, op="<=", right=quantity(value + slack, dimension))
@@ -316,8 +419,7 @@ def _compared(left: m.Measure, kind: Element, value: float, dimension: Dimension
     return equal if rule == "equalTo" else m.Not(condition=equal)
 
 
-def _rule(kind: Element) -> Op:
-    rule = kind.get("rule", "")
+def _op(rule: str) -> Op:
     if rule not in _RULES:
         raise NotExpressed(f"conditions: the rule {rule or '(none)'}")
     return _RULES[rule]

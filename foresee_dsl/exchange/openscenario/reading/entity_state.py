@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
 from foresee_dsl.exchange.openscenario.reading.ways.trajectories import SpeedProfile
@@ -16,6 +17,7 @@ class EntityState:
         speed_mps: what it drives as far as is known, m/s.
         lane: its lane's id, where its road is known; ahead: it looks in the road's direction.
         on_lanes: it follows lanes, and can change them.
+        way: the routing action that its way comes from.
         profile: the speeds of its trajectory; actions follow it once the trajectory begins.
         most_mps: the fastest that it has been told so far.
         rises_mps2, falls_mps2: the hardest that it has to speed up and brake; `changes` keeps them.
@@ -26,6 +28,7 @@ class EntityState:
     lane: int | None = None
     ahead: bool = True
     on_lanes: bool = False
+    way: Element | None = None
     profile: SpeedProfile | None = None
     most_mps: float = 0.0
     rises_mps2: float = 0.0

@@ -18,6 +18,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import name_of, number, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, TriggerBuilder
 from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder, trajectory_of
+from foresee_dsl.exchange.openscenario.reading.beginnings import Beginning
 from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
 from foresee_dsl.exchange.openscenario.reading.entities import (
     Asked,
@@ -33,7 +34,7 @@ from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.roads import Roads
 from foresee_dsl.exchange.openscenario.reading.source import Source, network_file, read_source
-from foresee_dsl.exchange.openscenario.reading.storyboard import arrange, at_once, read_events
+from foresee_dsl.exchange.openscenario.reading.storyboard import arrange, at_once, begins_at, read_events
 from foresee_dsl.exchange.outcome import (
     Coordinates,
     ExchangeError,
@@ -275,11 +276,20 @@ class _Import:
         if base is not None:
             return dataclasses.replace(base, ways=self._ways)
         values, changing = self.source.variables()
-        return ConditionReader(self.entities, self.places, self.losses, {}, values, changing)
+        beginnings = {
+            self.entities[ref].name: Beginning(
+                middle, speed, self.entities[ref].spec.length_m, self.entities[ref].spec.width_m
+            )
+            for ref, (middle, speed) in self._beginnings(with_ego=True).items()
+        }
+        return ConditionReader(self.entities, self.places, self.losses, {}, values, changing, beginnings)
 
     def _fill_places(self) -> None:
         """Take places and speeds of what happens at once, and of entities that only have a trajectory."""
         self.inits.take_at_once(at_once(self.events, self._reader()))
+        moved = {ref for event in (*self.events, *self.inits.events) for ref in event.refs} | set(self.inits.routing)
+        ego = next(ref for ref, entity in self.entities.items() if entity.name == "ego")
+        self.places.moving = frozenset({ego, *moved, *(ref for ref, speed in self.inits.speeds.items() if speed)})
         for ref, routing in self._routing().items():
             trajectory = trajectory_of(self.source, routing) if routing.tag == "FollowTrajectoryAction" else None
             first = trajectory.find("Shape//Position") if trajectory is not None else None
@@ -293,6 +303,14 @@ class _Import:
             for action in (action for kind in event.actions for action in kind.iterfind("RoutingAction/*")):
                 if action.tag in ROUTING:
                     found = {**dict.fromkeys(event.refs, action), **found}
+        return found
+
+    def _begins(self) -> dict[str, float | None]:
+        """Return when the first routing action of each entity's events begins, s; None where the run decides it."""
+        found: dict[str, float | None] = {}
+        for event in self.events:
+            if any(action.tag in ROUTING for kind in event.actions for action in kind.iterfind("RoutingAction/*")):
+                found = {**dict.fromkeys(event.refs, begins_at(event, self.events, self._reader())), **found}
         return found
 
     def _actors(self) -> dict[str, EntityState]:
@@ -311,14 +329,21 @@ class _Import:
             beginnings=self._beginnings(),
         )
         self._ways = builder.ways
-        routing = self._routing()
+        routing, begins = self._routing(), self._begins()
         acting = {ref for event in (*self.events, *self.inits.events) for ref in event.refs}
         states: dict[str, EntityState] = {}
         first: list[m.When] = []
         for ref, entity in sorted(self.entities.items(), key=lambda e: e[1].name != "ego"):
             state = EntityState(entity, self.inits.speeds.get(ref, 0.0), *self._lane(ref))
+            state.way = routing.get(ref)
             at_start = ref in self.inits.routing
-            made = builder.actor(state, routing.get(ref), at_start=at_start, acts=ref in acting)
+            made = builder.actor(
+                state,
+                state.way,
+                begins_s=0.0 if at_start else begins.get(ref, 0.0),
+                at_start=at_start,
+                acts=ref in acting,
+            )
             if made is not None:
                 self._add(made.statement)
                 states[ref] = state
@@ -342,11 +367,11 @@ class _Import:
         )
         return {ref for e in asked for ref in e.refs}
 
-    def _beginnings(self) -> dict[str, tuple[Pose, float]]:
-        """Return where the middle of each entity but the ego is at the beginning, and how fast it is, m/s."""
+    def _beginnings(self, *, with_ego: bool = False) -> dict[str, tuple[Pose, float]]:
+        """Return where the middle of each entity (but the ego) is at the beginning, and how fast it is, m/s."""
         found = {}
         for ref, entity in self.entities.items():
-            if entity.name == "ego":
+            if entity.name == "ego" and not with_ego:
                 continue
             try:
                 middle = self.places.initial(ref).ahead(entity.centre_m)

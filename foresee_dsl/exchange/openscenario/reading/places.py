@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import TypeVar
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -18,6 +18,15 @@ from foresee_dsl.language import model as m
 _Found = TypeVar("_Found")
 
 
+@dataclass(frozen=True)
+class ByMover:
+    """A place that goes with an entity: so far ahead of its reference point along its way, and to the left, m."""
+
+    entity: str
+    ahead_m: float
+    left_m: float
+
+
 @dataclass
 class Places:
     """Evaluates positions.
@@ -29,6 +38,7 @@ class Places:
         along: the direction of the road where a point is, rad, or None where it is on none.
         mirrored: coordinates are left-handed, as CARLA's are. minor: of the standard's version.
         earlier: what entities are told before their last place, which may be relative to that.
+        moving: entities that may leave the place where they begin.
     """
 
     roads: Roads | None
@@ -40,6 +50,7 @@ class Places:
     mirrored: bool = False
     minor: int = 2
     earlier: Mapping[str, Sequence[Element]] = field(default_factory=dict)
+    moving: Set[str] = frozenset()
     _working: list[str] = field(default_factory=list)
 
     def initial(self, entity: str) -> Pose:
@@ -65,6 +76,47 @@ class Places:
             where = self._roads(kind).on_reference(moved.road, moved.s, base.t + self._left(kind, "dt"))
             return self._turned(where, kind)
         return self._on_lane(kind, self.road_place(position))
+
+    def by_mover(self, position: Element) -> ByMover | None:
+        """Return where a position is relative to an entity that may have moved by the time that it is asked for; None
+        for a position that stays where it is.
+
+        Raises:
+            NotExpressed: it turns with the world and not with the entity.
+        """
+        kind = next(iter(position), None)
+        ref = kind.get("entityRef", "") if kind is not None else ""
+        if kind is None or ref not in self.moving or kind.tag not in (*_RELATIVE, "RelativeLanePosition"):
+            return None
+        if kind.tag in ("RelativeWorldPosition", "RelativeObjectPosition"):
+            ahead_m, left_m = number(kind, "dx"), self._left(kind, "dy")
+            if kind.tag == "RelativeWorldPosition" and (ahead_m or left_m):
+                raise NotExpressed("positions: RelativeWorldPosition (of an entity that moves)")
+            return ByMover(ref, ahead_m, left_m)
+        base = self._road_place_of(ref)
+        roads = self._roads(kind)
+        road_rad = roads.on_reference(base.road, roads.within(base.road, base.s), 0.0).heading_rad
+        onward = 1 if math.cos(self.initial(ref).heading_rad - road_rad) >= 0 else -1
+        if kind.tag == "RelativeRoadPosition":
+            return ByMover(ref, onward * number(kind, "ds"), onward * self._left(kind, "dt"))
+        along, lanes, offset = number(kind, "ds", 0.0), round(number(kind, "dLane")), self._left(kind, "offset")
+        if kind.get("ds") is None and kind.get("dsLane") is not None:
+            side = 1 if roads.forward(base.road, base.lane) else -1
+            along, lanes, offset = side * number(kind, "dsLane"), side * lanes, side * offset
+        beside = self._with_t(roads, RoadPlace(base.road, base.s, lane_beside(base.lane, lanes), offset))
+        return ByMover(ref, onward * along, onward * (beside.t - base.t))
+
+    def stay(self, element: Element) -> None:
+        """Raise `NotExpressed` where a position in an element goes with an entity that may have moved."""
+        for position in element.iter("Position"):
+            self.later(position)
+
+    def later(self, position: Element) -> Pose:
+        """Return the pose of a position that is asked for during the run; `NotExpressed` for one that goes with an
+        entity that may have moved by then."""
+        if self.by_mover(position) is not None:
+            raise NotExpressed("places relative to an entity that has moved by then")
+        return self.pose(position)
 
     def road_place(self, position: Element) -> RoadPlace:
         """Return where on the roads a position is; errors as of `initial`."""

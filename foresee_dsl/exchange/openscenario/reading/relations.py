@@ -124,9 +124,9 @@ def synchrony_of(
         losses.note("steady speeds before the places of a SynchronizeAction are left out")
     return m.Synchronises(
         actor=state.entity.name,
-        place=point_of(places.pose(own)),
+        place=point_of(places.later(own)),
         other=master.entity.name,
-        there=point_of(places.pose(theirs)),
+        there=point_of(places.later(theirs)),
         speed=speed,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -158,10 +159,12 @@ def _in_folder(source: Source, folder: Path, written: str) -> Path:
         return source.named(written, "the network", ())
     except SourceError:
         name = PurePosixPath(written.replace("\\", "/")).name
-        wanted = {name, f"{name}.xodr", f"{name}.net.xml"}
-        for file in sorted(folder.rglob("*")):
-            if file.name in wanted and file.is_file():
-                return file
+        files = [file for file in sorted(folder.rglob(f"{glob.escape(name)}*")) if file.is_file()]
+        # The map before a net that was made of it: nets may lie elsewhere than the map's coordinates say.
+        for wanted in (name, f"{name}.xodr", f"{name}.net.xml"):
+            for file in files:
+                if file.name == wanted:
+                    return file
         raise SourceError(f"{source.path} names the network '{written}', which is not in {folder}") from None
 
 

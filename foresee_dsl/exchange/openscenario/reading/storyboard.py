@@ -11,6 +11,8 @@ from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.outcome import NotExpressed
+from foresee_dsl.language import model as m
+from foresee_dsl.language.traversal import si_of
 
 _AT_START = ("startTransition", "runningState")
 _AT_END = ("endTransition", "completeState")
@@ -123,6 +125,25 @@ def arrange(events: Sequence[Event], reader: ConditionReader) -> None:
                 base.at_end.append(event)
 
 
+def begins_at(event: Event, events: Sequence[Event], reader: ConditionReader) -> float | None:
+    """Return the time at which an event starts, s; None where it is not known before the run."""
+    try:
+        base, steps = _Order(events, reader).start_of(event)
+    except (NotExpressed, NeverStarts, RecursionError):
+        return None
+    if base is not None or len(steps) > 1:
+        return None
+    if not steps:
+        return 0.0
+    ((condition, delay_s),) = [(step.condition, step.delay_s) for step in steps]
+    if condition is None:
+        return delay_s
+    is_time = isinstance(condition, m.Comparison) and isinstance(condition.left, m.Measure)
+    if not is_time or condition.left.what != "time" or condition.op not in (">", ">="):
+        return None
+    return si_of(condition.right) + delay_s
+
+
 def at_once(events: Sequence[Event], reader: ConditionReader) -> list[Event]:
     """Return the events that start with the run."""
     order = _Order(events, reader)
@@ -159,7 +180,9 @@ class _Order:
             raise NotExpressed("events that wait for each other")
         self._working.add(id(event))
         try:
-            self._known[id(event)] = found = self._begin(event)
+            base, steps = self._begin(event)
+            found = base, self._reader.sharpened(steps, from_the_start=base is None)
+            self._known[id(event)] = found
         finally:
             self._working.discard(id(event))
         return found
