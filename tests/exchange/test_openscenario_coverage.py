@@ -175,9 +175,8 @@ def test_every_action_is_in_the_table_and_is_taken_over_or_lost_as_it_says(tmp_p
     later = osc.condition(BY_VALUE["SimulationTimeCondition"].join(("<ByValueCondition>", "</ByValueCondition>")))
     events = [event.replace("<ConditionGroup></ConditionGroup>", f"<ConditionGroup>{later}</ConditionGroup>")
               for event in events]  # fmt: skip
-    car = osc.group(
-        "Target-1", *(event for event in events if "FollowTrajectory" not in event and "AcquirePosition" not in event)
-    )
+    ways = ("FollowTrajectory", "AcquirePosition")  # an actor has one way, and the third of them the ego
+    car = osc.group("Target-1", *(event for event in events if not any(way in event for way in ways)))
     car += osc.group("Ego", *(event for event in events if "AcquirePosition" in event))
     rider = osc.group("walker", *(event for event in events if "FollowTrajectory" in event))
     done = imported(tmp_path, osc.scenario(events=car + rider))

@@ -43,44 +43,42 @@ def holds_at_start(condition: m.Condition, beginnings: Mapping[str, Beginning]) 
 
     `beginnings` are those of the actors, by name.
     """
-    if isinstance(condition, m.Not):
-        inner = holds_at_start(condition.condition, beginnings)
-        return None if inner is None else not inner
-    if isinstance(condition, m.Both | m.Either):
-        decides = isinstance(condition, m.Either)
-        found = [holds_at_start(part, beginnings) for part in condition.conditions]
-        return decides if decides in found else None if None in found else not decides
-    if isinstance(condition, m.Sustained) and si_of(condition.duration) > 0:
-        return False  # the run is not as old
-    if isinstance(condition, m.Predicate) and condition.what == "collision":
-        return False  # actors that begin on top of each other are refused
-    if isinstance(condition, m.Comparison) and isinstance(condition.left, m.Measure):
-        value = _measured(condition.left, beginnings)
-        return None if value is None else _COMPARES[condition.op](value, si_of(condition.right))
-    if isinstance(condition, m.Within) and condition.actor in beginnings:
-        off = _distance(beginnings[condition.actor], condition.of, beginnings)
-        return None if off is None else off <= si_of(condition.distance)
-    return None
+    holds: bool | None = None
+    match condition:
+        case m.Not():
+            inner = holds_at_start(condition.condition, beginnings)
+            holds = None if inner is None else not inner
+        case m.Both() | m.Either():
+            decides = isinstance(condition, m.Either)
+            parts = [holds_at_start(part, beginnings) for part in condition.conditions]
+            holds = decides if decides in parts else None if None in parts else not decides
+        case m.Sustained():
+            holds = False if si_of(condition.duration) > 0 else None  # the run is not as old
+        case m.Predicate(what="collision"):
+            holds = False  # actors that begin on top of each other are refused
+        case m.Comparison(left=m.Measure() as measure):
+            value = _measured(measure, beginnings)
+            holds = None if value is None else _COMPARES[condition.op](value, si_of(condition.right))
+        case m.Within() if condition.actor in beginnings:
+            off = _distance(beginnings[condition.actor], condition.of, beginnings)
+            holds = None if off is None else off <= si_of(condition.distance)
+    return holds
 
 
 def _measured(measure: m.Measure, beginnings: Mapping[str, Beginning]) -> float | None:
     """Return what a measure is at the beginning, in SI units."""
+    one, other = beginnings.get(measure.actor or ""), beginnings.get(str(measure.other))
     if measure.what == "time":
         return 0.0
-    one, other = beginnings.get(measure.actor or ""), beginnings.get(str(measure.other))
-    if one is None:
-        return None
-    if measure.what == "speed":
+    if one is not None and measure.what == "speed":
         return one.speed_mps
-    if other is None:
+    if one is None or other is None or measure.what not in ("relative_speed", "distance", "headway"):
         return None
     if measure.what == "relative_speed":
         turned = other.middle.heading_rad - one.middle.heading_rad
         return one.speed_mps - other.speed_mps * math.cos(turned)
-    if measure.what in ("distance", "headway"):
-        apart = float(one.footprint.distance(other.footprint))
-        return apart if measure.what == "distance" else apart / max(one.speed_mps, _LEAST_MPS)
-    return None
+    apart = float(one.footprint.distance(other.footprint))
+    return apart if measure.what == "distance" else apart / max(one.speed_mps, _LEAST_MPS)
 
 
 def _distance(one: Beginning, of: object, beginnings: Mapping[str, Beginning]) -> float | None:

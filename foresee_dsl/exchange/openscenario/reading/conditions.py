@@ -128,11 +128,15 @@ class ConditionReader:
         """
         found = []
         for k, step in enumerate(steps):
-            plain = step.edge is None or step.condition is None
-            if not plain and k == 0 and from_the_start:
-                plain = holds_at_start(step.condition, self.beginnings) is False
-            found.append(Step(step.condition if plain else step.edge, step.delay_s))
+            condition = step.condition
+            begins = k == 0 and from_the_start
+            if step.edge is not None and not (begins and self._false_at_start(condition)):
+                condition = step.edge
+            found.append(Step(condition, step.delay_s))
         return tuple(found)
+
+    def _false_at_start(self, condition: m.Condition | None) -> bool:
+        return condition is not None and holds_at_start(condition, self.beginnings) is False
 
     def _group(self, group: Element) -> Start:
         """Return what a group of conditions means, which hold together."""
@@ -181,9 +185,7 @@ class ConditionReader:
         op: Op = ">=" if rule == "equalTo" else _op(rule)  # time comes to it once, and goes on
         if limit <= 0 and op in (">", ">="):
             if op == ">=" and condition.get("conditionEdge", "none") != "none":
-                self.losses.note(
-                    "times of 0 s are from the beginning, with an edge as well, as ASAM's examples mean them"
-                )
+                self.losses.note("a time of 0 s with an edge is the beginning, as ASAM's examples mean it")
             return None
         if limit <= 0:
             raise NeverStarts

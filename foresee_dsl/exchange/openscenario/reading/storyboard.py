@@ -135,13 +135,13 @@ def begins_at(event: Event, events: Sequence[Event], reader: ConditionReader) ->
         return None
     if not steps:
         return 0.0
-    ((condition, delay_s),) = [(step.condition, step.delay_s) for step in steps]
+    condition, delay_s = steps[0].condition, steps[0].delay_s
     if condition is None:
         return delay_s
-    is_time = isinstance(condition, m.Comparison) and isinstance(condition.left, m.Measure)
-    if not is_time or condition.left.what != "time" or condition.op not in (">", ">="):
+    if not isinstance(condition, m.Comparison) or not isinstance(condition.left, m.Measure):
         return None
-    return si_of(condition.right) + delay_s
+    waits = condition.left.what == "time" and condition.op in (">", ">=")
+    return si_of(condition.right) + delay_s if waits else None
 
 
 def at_once(events: Sequence[Event], reader: ConditionReader) -> list[Event]:
