@@ -345,7 +345,7 @@ def test_a_place_of_an_entity_that_moves_goes_with_it(tmp_path: Path, inner: str
 
 
 def test_a_place_of_a_moving_entity_is_where_that_is_when_the_event_asks(tmp_path: Path) -> None:
-    """The target stands 25 m ahead beside the ego's lane, and drives off when the ego is 10 m away: 9.4 m along the road."""
+    """The target stands 25 m ahead beside the ego's lane, and drives off when the ego is 10 m away (9.4 m along)."""
     inner = _BESIDE_EGO.format(rule="lessThan").replace('value="20"', 'value="10"')
     text = events(osc.event("e", osc.speed_action("3"), osc.of_entity("Target-1", inner, edge="rising")))
     imported(tmp_path, text.replace("${$pace + 2}", "0").replace('value="25" rule', 'value="3" rule'))
