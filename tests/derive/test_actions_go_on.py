@@ -52,6 +52,9 @@ def cut(name: str, at_s: float, after_s: float = 6.0) -> Clip:
         ("joining", 7.15),  # one has just joined the traffic
         ("joining", 12.5),  # the other has, too; one brakes to reverse
         ("joining", 15.5),  # and goes backwards
+        ("ring", 2.5),  # one brakes for a time; a cyclist on a line beside a route, in a roundabout
+        ("ring", 3.75),  # two brake; one stands for the rest of its time
+        ("ring", 5.0),  # one stands for good, as far as it was told
     ],
 )
 def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:
@@ -98,3 +101,12 @@ def test_who_leaves_a_lane_where_nobody_was_on_a_path_is_recorded_step_by_step(t
     on_path = along[~np.isnan(along)]
     assert np.isnan(along[0]) and np.isnan(along[-1])
     assert (np.diff(on_path) > 0).all() and on_path[-1] > 30
+
+
+def test_braking_goes_on_with_what_is_left_of_its_time() -> None:
+    text = " ".join(print_model(cut("ring", 2.5)).split())
+    assert "first brakes 6 m/s^2 for 1.50 s then { first changes speed to 20 km/h }" in text
+    text = " ".join(print_model(cut("ring", 3.75)).split())
+    assert "cyclist brakes 5 m/s^2 for 0.75 s" in text
+    assert "second brakes 4 m/s^2 }" in text
+    assert "second brakes 4 m/s^2 }" in " ".join(print_model(cut("ring", 5.0)).split())

@@ -11,7 +11,7 @@ from foresee_dsl.compile.bundle import PlacedActor, Signal, StopPlace
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.spots import Spot, UnsettledError
 from foresee_dsl.compile.placement.starts import OFF_ROUTE_M
-from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
+from foresee_dsl.compile.placement.statements import WHEELS, lane_kind, path_of
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
@@ -36,7 +36,8 @@ _OTHER_COLOURS = {"yellow": "amber", "orange": "amber"}
 
 def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) -> Iterator[Problem]:
     """Yield a problem if an actor is too far from the road, or in a building."""
-    at = "state" if actor.state is not None else ("path" if placed.control == "path" else "start_at")
+    path = path_of(actor)
+    at = "state" if actor.state is not None else (path.kind if path is not None else "start_at")
     if placed.control in ("ego", "sumo"):
         kind = lane_kind(placed.model)
         away = network.distance_to_lanes(placed.x, placed.y, kind)

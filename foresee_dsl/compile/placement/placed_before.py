@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.placement.spots import OnRoute
-from foresee_dsl.compile.placement.statements import item
+from foresee_dsl.compile.placement.statements import path_of
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.language import model as m
 
@@ -56,8 +56,10 @@ class PlacedBefore:
         start: OnRoute | None,
     ) -> None:  # fmt: skip
         """Keep the placement of an actor with which nothing is wrong, where it depends on nobody else."""
-        path = item(actor, m.Path)
-        if actor.state is None or (path is not None and not all(isinstance(p, m.Point) for p in path.points)):
+        path = path_of(actor)
+        if actor.state is None or isinstance(path, m.PathAlong):
+            return
+        if path is not None and not all(isinstance(p, m.Point) for p in path.points):
             return
         if network is not self._network:
             self._network = network

@@ -27,7 +27,7 @@ from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
 from foresee_dsl.compile.placement.reach import never_near
 from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, UnsettledError
 from foresee_dsl.compile.placement.starts import Starts
-from foresee_dsl.compile.placement.statements import WHEELS, item, items, lane_kind, route_of, si
+from foresee_dsl.compile.placement.statements import WHEELS, item, items, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
@@ -212,7 +212,7 @@ class SceneBuilder:
                 self._add(actor, at, codes.PLACE, str(err), err.help)
             return None
         except RouteError as err:
-            code = codes.PLACE if at in ("start_at", "path", "goal") else codes.ROUTE
+            code = codes.PLACE if at in ("start_at", "path", "path_along", "goal") else codes.ROUTE
             self._add(actor, at, code, str(err), err.help)
             return None
 
@@ -237,8 +237,8 @@ class SceneBuilder:
             at = "route" if item(actor, m.StartAt) is None or self._route_fails(name) else "start_at"
             if (start := self._try(name, at, lambda: self._starts.on_route(name))) is not None:
                 placed = self._on_route(actor, spec, start)
-        elif item(actor, m.Path) is not None:
-            if (body := self._try(name, "path", lambda: self._starts.on_path(name))) is not None:
+        elif (path := path_of(actor)) is not None:
+            if (body := self._try(name, path.kind, lambda: self._starts.on_path(name))) is not None:
                 placed = self._on_path(actor, spec, body)
         elif routed:
             route = route_of(actor)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
 from typing import TypeVar, assert_never
@@ -13,10 +13,10 @@ from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.paths import shifted
 from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Spot, UnsettledError
 from foresee_dsl.compile.placement.standing import Standing
-from foresee_dsl.compile.placement.statements import WHEELS, centre, item, lane_kind, route_of, si
+from foresee_dsl.compile.placement.statements import WHEELS, centre, item, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import distance, wrap
+from foresee_dsl.compile.roads.polyline import XY, distance, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, check_junction
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
@@ -43,6 +43,8 @@ _BEYOND_WEIGHT = 30.0
 """Cost of being beyond a lane's end, per metre, against a radian of heading: a vehicle beyond it is on the next lane,
 although it has not turned with that lane yet. Ours: internal lanes begin with a corner of up to 0.3 rad; 1 cm
 outweighs it."""
+_SHORTEST_M = 0.1
+"""A path shorter than this, m, has no direction (ours)."""
 _SLACK_M = 1e-3
 """A place may lie this far beyond an end, m (ours: roundings of files)."""
 _R = TypeVar("_R")
@@ -115,7 +117,7 @@ class Starts:
                 x, y = at.x - back * math.cos(at.heading_rad), at.y - back * math.sin(at.heading_rad)
                 _, left = at.line.project(at.x, at.y, at.s)
                 return Standing(x, y, at.heading_rad, spec.length_m, spec.width_m, at.line, at.s - back, left)
-            if item(actor, m.Path) is not None:
+            if path_of(actor) is not None:
                 on = self.on_path(name)
                 return Standing(
                     on.x, on.y, on.heading_rad, spec.length_m, spec.width_m, lines.line_of(on.path), on.along_m
@@ -147,9 +149,7 @@ class Starts:
             case m.AlongEdge():
                 return Spot(*self._network.locate(word_of(place.edge), si(place.at), si(place.offset)))
             case m.AlongRoute():
-                line, start = self._line_of(place.actor)
-                if place.actor in self._resolving[:-1]:
-                    raise CircleError(tuple(self._resolving[self._resolving.index(place.actor) :]))
+                line, start = self._route_from(place.actor)
                 return _on(line, start + si(place.at), place)
             case m.PastJunction():
                 return self._past(place)
@@ -157,6 +157,13 @@ class Starts:
                 return self._of_actor(place)
             case _:
                 assert_never(place)
+
+    def _route_from(self, actor: str) -> tuple[RouteLine, float]:
+        """Return the line of an actor's route, and the length along it from which places along it count, m."""
+        line, start = self._line_of(actor)
+        if actor in self._resolving[:-1]:
+            raise CircleError(tuple(self._resolving[self._resolving.index(actor) :]))
+        return line, start
 
     def _of_actor(self, place: m.OfActor) -> Spot:
         standing = self._standing(place.actor)
@@ -189,11 +196,10 @@ class Starts:
 
     def _find_on_path(self, name: str) -> OnPath:
         actor, spec = self._actors[name], self._specs[name]
-        statement = item(actor, m.Path)
+        statement = path_of(actor)
         if statement is None:
             raise RouteError(f"{name} has no path")
-        spots = [self.spot(place) for place in statement.points]
-        path = lines.distinct(lines.whole_millimetres((p.x, p.y) for p in spots))
+        path = lines.distinct(lines.whole_millimetres(self._points_of(statement)))
         if len(path) == 2 and distance(*path) < 0.1:
             raise RouteError(f"the path of {name} has no length")
         line = lines.line_of(path)
@@ -212,6 +218,20 @@ class Starts:
         line_statement = item(actor, m.Line)
         path = shifted(path, along, si(line_statement.left)) if line_statement is not None else path
         return OnPath(x, y, heading, path, along)
+
+    def _points_of(self, path: m.AnyPath) -> Iterable[XY]:
+        """Return the corners of a path, m."""
+        if isinstance(path, m.Path):
+            return [(spot.x, spot.y) for spot in map(self.spot, path.points)]
+        from foresee_dsl.compile.placement.smooth import beside  # shapely: placing actors does without
+
+        line, start = self._route_from(path.actor)
+        ends = start + si(path.begin), start + si(path.end)
+        for s in ends:
+            _check_on(line, s, path.actor)
+        if abs(ends[1] - ends[0]) < _SHORTEST_M:
+            raise RouteError("the path has no length", "let it end farther along the route than it begins")
+        return beside(line, *ends, left_m=si(path.offset))
 
     def still(self, name: str) -> tuple[float, float, float]:
         """Return the footprint's centre and the heading of an actor without route and path."""

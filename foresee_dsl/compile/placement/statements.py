@@ -44,6 +44,11 @@ def route_of(actor: m.Ego | m.Actor) -> m.Route | m.EdgeRoute | None:
     return item(actor, m.Route) or item(actor, m.EdgeRoute)
 
 
+def path_of(actor: m.Ego | m.Actor) -> m.AnyPath | None:
+    """Return the statement that leads an actor off the lanes, if any."""
+    return item(actor, m.Path) or item(actor, m.PathAlong)
+
+
 def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:
     """Return the footprint's centre and the heading of an exact state, which gives the front bumper of vehicles."""
     heading = wrap(si(state.heading))

@@ -284,6 +284,7 @@ class _Beginning:
                 | m.Route()
                 | m.EdgeRoute()
                 | m.Path()
+                | m.PathAlong()
                 | m.Joins()
                 | m.Walked()
                 | m.StartAt()

@@ -29,6 +29,7 @@ PLACE_DIGITS = 4
 Resumed = (
     m.ChangesSpeed
     | m.Stops
+    | m.BrakesFor
     | m.StopsAt
     | m.KeepsGap
     | m.MatchesSpeed
@@ -38,7 +39,7 @@ Resumed = (
     | m.Reverses
 )
 """Orders of which something may be left."""
-_Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.MatchesSpeed, m.KeepsBeside)
+_Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.MatchesSpeed, m.KeepsBeside, m.BrakesFor)
 
 
 @dataclass(frozen=True)
@@ -192,6 +193,8 @@ class Triggers:
             case m.MatchesSpeed():
                 left = self._until(action, "duration", since_s, goes_on=True)
             case m.KeepsBeside():
+                left = self._until(action, "duration", since_s, goes_on=True)
+            case m.BrakesFor():
                 left = self._until(action, "duration", since_s, goes_on=True)
             case m.Reverses():
                 left = self._rest_of_way_back(action, since_s)

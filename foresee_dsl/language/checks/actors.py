@@ -12,7 +12,8 @@ from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.traversal import walk
 
-_WAYS = ("route", "edge_route", "path")
+_PATHS = ("path", "path_along")
+_WAYS = ("route", "edge_route", *_PATHS)
 _MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
 
@@ -51,7 +52,7 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) 
     kinds = {item.kind for item in actor.body}
     moves = bool(kinds & set(_WAYS))
     if isinstance(actor, m.Ego):
-        if not moves or "path" in kinds:
+        if not moves or kinds & set(_PATHS):
             help = "write it like `route from south straight over j4`"
             findings.add(actor, "", "FS042", "the ego has no route", help, head_only=True)
         return
@@ -69,14 +70,14 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) 
 def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
     """Who joins the traffic comes from a path."""
     for item in actor.body:
-        if isinstance(item, m.Joins) and not any(isinstance(other, m.Path) for other in actor.body):
+        if isinstance(item, m.Joins) and not any(isinstance(other, m.AnyPath) for other in actor.body):
             help = "write `path [PLACE, PLACE]` before it, or `route [...]` instead"
             findings.add(item, "", "FS042", f"'{actor.name}' joins the traffic, but has no path", help)
 
 
 def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
     """A path has its line from the beginning to the end; the ego is its driver's."""
-    on_path = any(isinstance(item, m.Path) for item in actor.body)
+    on_path = any(isinstance(item, m.AnyPath) for item in actor.body)
     for item in actor.body:
         if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):
             message = f"'{actor.name}' follows a path, whose line takes no times"

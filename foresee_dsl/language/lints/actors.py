@@ -46,12 +46,12 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:
         )
     if actor.kind == "obstacle" and not isinstance(action, m.Leaves):
         return f"'{actor.name}' is an obstacle, which never moves", "name another actor, or remove this"
-    ways = {type(item) for item in actor.body} & {m.Route, m.EdgeRoute, m.Path}
+    ways = {type(item) for item in actor.body} & {m.Route, m.EdgeRoute, m.Path, m.PathAlong}
     if not ways and actor.state is None and not isinstance(action, m.Leaves):
         help = f"write `path [(0 m, 0 m), (20 m, 0 m)]` in the block of '{actor.name}', or remove this"
         return f"'{actor.name}' has no way to go, so it stands where it is", help
     if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside | m.Reverses) and (
-        actor.kind == "pedestrian" or m.Path in ways
+        actor.kind == "pedestrian" or ways & {m.Path, m.PathAlong}
     ):
         return f"'{actor.name}' follows a path, which has no lanes", "bend its `path` instead, or remove this"
     return None

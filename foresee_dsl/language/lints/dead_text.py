@@ -26,7 +26,7 @@ def limits_of(case: TestCase, end_s: float) -> Limits:
 
 def _about(actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel], roads: Roads | None) -> About:
     model = models.get(actor.model) if isinstance(actor.model, str) else None
-    ways = [item for item in actor.body if isinstance(item, m.Route | m.EdgeRoute | m.Path)]
+    ways = [item for item in actor.body if isinstance(item, m.Route | m.EdgeRoute | m.AnyPath)]
     top = model.max_speed if model is not None else None
     sizes = [size.si for size in (model.length, model.width) if isinstance(size, m.Quantity)] if model else []
     return About(
@@ -38,7 +38,7 @@ def _about(actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel], roads: 
     )
 
 
-def _junctions(way: m.Route | m.EdgeRoute | m.Path, roads: Roads) -> frozenset[str] | None:
+def _junctions(way: m.Route | m.EdgeRoute | m.AnyPath, roads: Roads) -> frozenset[str] | None:
     """Return the junctions that an actor on a route may come to, with those at which its first road begins."""
     found = junctions_of(way, roads)
     if found is None:
@@ -90,10 +90,10 @@ def _takes_s(action: m.Action) -> float:
 
 
 def _endless(action: m.Action, others: Sequence[m.Action]) -> str:
-    """Return an action that is never complete, as it is written: a stop for good that nothing replaces."""
-    if not isinstance(action, m.Stops) or action.duration is not None:
+    """Return an action that is never complete, as it is written: a stop, or braking, for good that nothing replaces."""
+    if not isinstance(action, m.Stops | m.BrakesFor) or action.duration is not None:
         return ""
-    replaced = (isinstance(o, m.Stops | m.ChangesSpeed | m.Meets) and o is not action for o in others
+    replaced = (isinstance(o, m.Stops | m.BrakesFor | m.ChangesSpeed | m.Meets) and o is not action for o in others
                 if getattr(o, "actor", "") == action.actor)  # fmt: skip
     return "" if any(replaced) else written(action)
 

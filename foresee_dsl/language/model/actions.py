@@ -67,6 +67,25 @@ class StopsAt(Item):
     duration: v.Time | None = None
 
 
+HARDEST_MPS2 = 12.0
+"""The hardest braking that can be written. Ours: no tyre on a road holds more."""
+
+
+class BrakesFor(Item):
+    """`lead brakes 6 m/s^2 for 2 s`: it brakes with this deceleration from now on; where it comes to stand, it stands
+    for the rest of the time; then it goes on as before. Without a time it stands for good.
+
+    It brakes harder where it must. Within its model's limits: with `emergency_braking` at most, and under a steering
+    offset with `braking`.
+    """
+
+    pattern = "{actor} brakes {braking} [for {duration}]"
+
+    actor: v.ActorName
+    braking: Annotated[v.Acceleration, Bounds(0.01, HARDEST_MPS2)]
+    duration: v.Time | None = None
+
+
 WIDEST_LINE_M = 5.0
 """The farthest that a `line` lies beside. Ours: more than a lane's width beside its way is another way."""
 

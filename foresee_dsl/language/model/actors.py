@@ -6,7 +6,9 @@ from pydantic import Field
 
 from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.actions import (
+    HARDEST_MPS2,
     WIDEST_LINE_M,
+    BrakesFor,
     ChangesLine,
     Door,
     FollowsPath,
@@ -78,6 +80,26 @@ class Path(Item):
     words = "path (statement): a line off the lanes that an actor follows | path [(90 m, 10 m), (90 m, 30 m)]"
 
     points: tuple[v.Place, ...] = Field(min_length=2)
+
+
+class PathAlong(Item):
+    """`path along ego.route from 2 m to 96 m offset 1.9 m`: a smooth line beside a part of an actor's route.
+
+    The lengths count from where that actor starts, as those of places do. The other way round, `from 96 m to 2 m`, it
+    leads against the route; the offset is to the left of the route either way. Corners of the route's line become arcs,
+    so that whoever follows the line slows down in its bends and not at its corners.
+    """
+
+    pattern = "path along {actor}.route from {begin} to {end} [offset {offset}]"
+
+    actor: v.ActorName
+    begin: v.Length
+    end: v.Length
+    offset: v.Length | None = None
+
+
+AnyPath = Path | PathAlong
+"""What leads an actor off the lanes."""
 
 
 class StartAt(Item):
@@ -203,10 +225,6 @@ class Line(Item):
     duration: v.Time | None = None
 
 
-HARDEST_MPS2 = 12.0
-"""The hardest braking that can be written. Ours: no tyre on a road holds more."""
-
-
 class Brakes(Item):
     """`brakes 4.00 m/s^2 from 2.00 s for 1.50 s`: it brakes so hard from then on, for so long, and drives or walks on
     as before; one that comes to stand stands for the rest of the time.
@@ -265,6 +283,7 @@ ActorItem = Annotated[
     Route
     | EdgeRoute
     | Path
+    | PathAlong
     | Joins
     | StartAt
     | StartSpeed
@@ -426,7 +445,8 @@ class Then(Item):
     { ... }`: and, from then on, once the condition holds.
 
     Complete is: `starts` when the actor moves off, `changes speed` when its speed or the time is reached, `changes
-    lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `meets` when it
+    lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `brakes for`
+    after the time (`brakes` alone never), `meets` when it
     is through the junction, `ignores`, `turns to`, `limit`, `door` and `leaves` at once, `changes line` when it is
     there, `follows`, `matches` and `keeps` with a time when that is over, without one as soon as they have what they
     keep, `synchronises` when it is at its place, `follows` with a path at the path's end, `reverses` when
@@ -456,6 +476,7 @@ Moves = (
     | Synchronises
     | Leaves
     | Stops
+    | BrakesFor
     | StopsAt
 )
 """Actions that say how an actor moves."""

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import actors as a
-from foresee_dsl.language.model.actions import WIDEST_LINE_M
+from foresee_dsl.language.model.actions import HARDEST_MPS2, WIDEST_LINE_M
 from foresee_dsl.language.model.expected import Expected
 from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
@@ -109,7 +109,7 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
             timed=True,
         ),
         "brakes": Property(
-            (a.Brakes, "braking"), 0, lambda b: 0 <= b <= a.HARDEST_MPS2, "braking is from 0 to 12 m/s^2", timed=True
+            (a.Brakes, "braking"), 0, lambda b: 0 <= b <= HARDEST_MPS2, "braking is from 0 to 12 m/s^2", timed=True
         ),
         "ignores": Property((a.IgnoresRule, "what"), words=(NOTHING, "signals", "priority")),
         "moving": Property(

@@ -88,7 +88,7 @@ class PathFollower:
             cells_end=0,
         )
         self._rates = {"acceleration": acceleration_mps2, "braking": braking_mps2}
-        self._half_m = half_m
+        self._braking_mps2, self._half_m = braking_mps2, half_m
         self.keep_in(np.array([record], dtype_of(Follower)))
 
     def keep_in(self, record: Records) -> None:
@@ -138,6 +138,10 @@ class PathFollower:
         """Speed up and brake with no more than this from now on, nor than its own rates."""
         for name, rate in self._rates.items():
             self.record[name] = min(rate, most_mps2)
+
+    def brake_harder(self, most_mps2: float) -> None:
+        """Brake with this from now on where it exceeds its own rate; with its own again for 0."""
+        self._rates["braking"] = self.record["braking"] = max(self._braking_mps2, most_mps2)
 
     def pose(self) -> tuple[float, float, float]:
         """Return where it is: x, y (m), heading (rad)."""

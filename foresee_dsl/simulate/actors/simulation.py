@@ -142,6 +142,14 @@ class Simulation:
         if speed_mps is None or actor.id not in self.world:
             self.order_speed(actor, self.cruise_mps[actor.id] if speed_mps is None else speed_mps)
 
+    def brake_harder(self, actor: Actor, most_mps2: float) -> None:
+        """Let an actor on a path brake as hard as this, if its model's comfortable braking is less; 0: as before."""
+        follower = actor.follower if isinstance(actor, PathActor) else None
+        if isinstance(actor, GuidedVehicle) and actor.guide is not None:
+            follower = actor.guide.follower
+        if follower is not None:
+            follower.brake_harder(most_mps2)
+
     def path_done(self, actor: Actor) -> bool:
         """Whether an actor has come to the end of the path that it was told to follow."""
         if isinstance(actor, PathActor):

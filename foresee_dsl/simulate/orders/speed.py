@@ -198,25 +198,38 @@ class StopSpot(NamedTuple):
 
 
 class Braking:
-    """Brakes so hard for a time, once the actor moves, and then lets it go on as before."""
+    """Brakes so hard for a time, once the actor moves (`acts`: in any case), and then lets it go on as before."""
 
-    def __init__(self, simulation: Simulation, actor: Actor, brakes: Timed) -> None:
+    def __init__(self, simulation: Simulation, actor: Actor, brakes: Timed, *, acts: bool = False) -> None:
         self._simulation, self._actor, self._brakes = simulation, actor, brakes
-        self.acts = False
+        self.acts = acts
         """Whether it holds the actor now."""
+        self._harder = acts
+        if acts:
+            simulation.brake_harder(actor, brakes.value)
 
     def update(self, time_s: float) -> bool:
         """See `Command`."""
         if time_s >= self._brakes.until_s - STEP_S / 100 or not self._actor.present:
-            if self.acts and self._actor.present:
-                self._simulation.brake(self._actor, None)
-            self.acts = False
+            self.release()
             return False
         if time_s >= self._brakes.from_s - STEP_S / 100 and (self.acts or self._actor.speed >= STANDS_MPS):
             self.acts = True
             pace = max(0.0, self._actor.speed - self._brakes.value * STEP_S)
             self._simulation.brake(self._actor, 0.0 if pace < STANDS_MPS else pace)
         return True
+
+    def release(self) -> None:
+        """Let it go on as before."""
+        if self.acts and self._actor.present:
+            self._simulation.brake(self._actor, None)
+            if self._harder:
+                self._simulation.brake_harder(self._actor, 0.0)
+        self.acts = False
+
+    def complete(self) -> bool:
+        """Whether the time is over."""
+        return self._simulation.time_s >= self._brakes.until_s - STEP_S / 100
 
 
 class Meeting:

@@ -49,7 +49,7 @@ class StandingOrders:
     def give(self, actor: Actor, command: Command) -> IsComplete:
         """Give an order about speed; it is over when it is done, or when another one replaces it."""
         was = self._commands.get(actor.id)
-        if isinstance(was, Gap):
+        if isinstance(was, Gap | Braking):
             was.release()
         self._commands[actor.id] = self._latest[actor.id] = command
         self.new.append(actor.id)

@@ -121,7 +121,7 @@ class Director:
                 complete = self._change_speed(actor, action)
             case m.ChangesLane():
                 complete = self._change_lane(actor, action)
-            case m.Stops():
+            case m.Stops() | m.BrakesFor():
                 complete = self._stop(actor, action)
             case m.StopsAt():
                 complete = self._halt(actor, action)
@@ -222,10 +222,22 @@ class Director:
             return True
         return actor.lane == target and abs(lane.line.project(*actor.front)[1]) <= IN_LANE_M
 
-    def _stop(self, actor: Actor, action: m.Stops) -> IsComplete:
+    def _stop(self, actor: Actor, action: m.Stops | m.BrakesFor) -> IsComplete:
+        if isinstance(action, m.BrakesFor):
+            return self._brake_for(actor, action)
         duration = None if action.duration is None else si_of(action.duration)
         self.event("stops", {"duration_s": duration}, actor.id)
         return self._orders.give(actor, Stop(self._simulation, actor, duration))
+
+    def _brake_for(self, actor: Actor, action: m.BrakesFor) -> IsComplete:
+        duration_s = math.inf if action.duration is None else si_of(action.duration)
+        braking_mps2 = min(si_of(action.braking), actor.placed.model.emergency_braking_mps2 or math.inf)
+        detail = {"braking_mps2": braking_mps2, "duration_s": None if action.duration is None else duration_s}
+        self.event("brakes_for", detail, actor.id)
+        now_s = self._simulation.time_s
+        return self._orders.give(
+            actor, Braking(self._simulation, actor, Timed(braking_mps2, now_s, now_s + duration_s), acts=True)
+        )
 
     def _halt(self, actor: Actor, action: m.StopsAt) -> IsComplete:
         duration = None if action.duration is None else si_of(action.duration)

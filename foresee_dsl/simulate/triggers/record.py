@@ -140,7 +140,7 @@ class ActorOrders:
                 after = replace(now, speed=Order(action, time_s, time_s + length_s), keeps_mps=None, stands_s=None)
             case m.ChangesLine() | m.KeepsBeside():
                 after = replace(now, sideways=Order(action, time_s))
-            case m.KeepsGap() | m.MatchesSpeed():
+            case m.KeepsGap() | m.MatchesSpeed() | m.BrakesFor():
                 until_s = None if action.duration is None else time_s + si_of(action.duration)
                 after = replace(now, speed=Order(action, time_s, until_s), keeps_mps=None, stands_s=None)
             case m.Meets() | m.Stops() | m.StopsAt() | m.Synchronises() | m.Reverses():

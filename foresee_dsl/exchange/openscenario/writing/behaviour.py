@@ -266,6 +266,9 @@ class _Board:
         elif isinstance(action, m.Stops):
             self.left_out["driving on after a stop"] += action.duration is not None
             made = osc.AbsoluteSpeedAction(0, _rate(_STOPS_MPS2))
+        elif isinstance(action, m.BrakesFor):
+            self.left_out["driving on after braking"] += action.duration is not None
+            made = osc.AbsoluteSpeedAction(0, _rate(si_of(action.braking)))
         elif isinstance(action, m.ChangesLane):
             took = osc.TransitionDynamics(osc.DynamicsShapes.sinusoidal, osc.DynamicsDimension.time, _LANE_CHANGE_S)
             by = 1 if word_of(action.side) == "left" else -1
