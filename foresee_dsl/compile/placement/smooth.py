@@ -39,7 +39,8 @@ def beside(line: Polyline, begin_m: float, end_m: float, *, left_m: float) -> tu
     low, high = min(begin_m, end_m), max(begin_m, end_m)
     middle = [xy for mark, xy in zip(line.marks, line.xy, strict=True) if low < mark < high]
     ends = line.at(low)[:2], line.at(high)[:2]
-    part = shapely.LineString(_without_straight((ends[0], *middle, ends[1]))).simplify(_STRAIGHT_M)
+    whole = shapely.LineString(_without_straight((ends[0], *middle, ends[1])))
+    part = shapely.LineString(whole.simplify(_STRAIGHT_M).coords)
     points = (*_rounded(_moved(part, left_m)),)
     return points if begin_m <= end_m else points[::-1]
 

@@ -30,7 +30,6 @@ _ASSIGNED = re.compile(
 _ACTION = re.compile(r"(?P<action>starts|stops|changes|turns|waits|brakes|accelerates|follows|drives)\b")
 _OTHER_ACTIONS: Mapping[str, str] = MappingProxyType(
     {
-        "brakes": "stops",
         "halts": "stops",
         "go": "starts",
         "goes": "starts",
