@@ -59,8 +59,36 @@ def cache_folder(name: str) -> Path:
         xdg = os.environ.get("XDG_CACHE_HOME")
         base = str((Path(xdg) if xdg else Path.home() / ".cache") / "foresee-dsl")
     folder = Path(base) / name
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as err:
+        reason = err.strerror or str(err)
+    else:
+        if os.access(folder, os.W_OK):
+            return folder
+        reason = "it may not be written"
+    folder = _temporary_cache(base, reason) / name
+    folder.mkdir(exist_ok=True, mode=0o700)
     return folder
+
+
+@cache
+def _temporary_cache(base: str, reason: str) -> Path:
+    """Return a cache for this process and those that it starts, in place of one that cannot be used."""
+    import atexit
+    import shutil
+    import tempfile
+    import warnings
+
+    folder = tempfile.mkdtemp(prefix="foresee-cache-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    warnings.warn(
+        f"the cache folder {base} cannot be used ({reason}): a temporary one is used, and what is in it is lost at the "
+        "end; FORESEE_CACHE can name another folder",
+        stacklevel=2,
+    )
+    os.environ["FORESEE_CACHE"] = folder
+    return Path(folder)
 
 
 @contextmanager

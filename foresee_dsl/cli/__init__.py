@@ -10,6 +10,7 @@ import gc
 import inspect
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
@@ -183,6 +184,7 @@ def main() -> None:
     # Pydantic imports this for them nevertheless: another thirtieth.
     import_late("importlib.metadata", functions=["entry_points"])
     guard_streams()
+    warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
     try:
         try:
             app()

@@ -26,6 +26,8 @@ _OURS = "foresee_dsl."
 _IDEAL = "+ideal"
 REFERENCES = ("idm", "frenetix", "pdm")
 """Ours: the planners that come along."""
+_NOT_IN_TEXTS = ('"', "\n", "\r")
+"""Signs that a text of the language cannot contain."""
 _ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
 """Characters that a text of the language cannot contain, and how they are written."""
 
@@ -123,6 +125,12 @@ def load_driver(address: str) -> Driver:
         raise DriverError(
             f"driver {name!r} of package {package_of(entry)} is not a driver: {entry.value} needs the texts `name` and "
             "`version`, and the methods `reset(mission, vehicle, seed)` and `step(observation)`"
+        )
+    odd = next((text for text in (driver.name, driver.version) if any(sign in text for sign in _NOT_IN_TEXTS)), None)
+    if odd is not None:
+        raise DriverError(
+            f"driver {name!r} of package {package_of(entry)} has {odd!r} as its name or version, which the files of "
+            "its failures record: leave out double quotes and line ends"
         )
     return driver
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
@@ -68,7 +69,7 @@ def _artifact(path: str) -> _Json:
         relative = absolute.relative_to(Path.cwd())
     except ValueError:
         return {"uri": absolute.as_uri()}
-    return {"uri": quote(PurePosixPath(relative).as_posix()), "uriBaseId": _BASE}
+    return {"uri": quote(os.fsencode(PurePosixPath(relative))), "uriBaseId": _BASE}
 
 
 def _region(span: Span, line: str) -> _Json:
@@ -88,7 +89,7 @@ def _fingerprint(found: Diagnostic, seen: Counter[str]) -> str:
     before."""
     key = "\0".join((found.code, found.path, found.source_line.strip(), found.message))
     seen[key] += 1
-    return hashlib.sha256(f"{key}\0{seen[key]}".encode()).hexdigest()[:32]
+    return hashlib.sha256(f"{key}\0{seen[key]}".encode("utf-8", "surrogatepass")).hexdigest()[:32]
 
 
 def _fix(found: Diagnostic) -> _Json | None:
