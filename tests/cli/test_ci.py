@@ -263,7 +263,8 @@ def git(folder: Path, *arguments: str) -> str:
     return subprocess.run(["git", *names, *arguments], cwd=folder, capture_output=True, text=True, check=True).stdout
 
 
-def test_the_hooks_run_in_pre_commit(root: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("ending", ["", "-installed"])
+def test_the_hooks_run_in_pre_commit(root: Path, tmp_path: Path, ending: str) -> None:
     pytest.importorskip("pre_commit", reason="pre-commit is not installed")
     hooks, used = tmp_path / "hooks", tmp_path / "used"
     for folder in (hooks, used):
@@ -276,7 +277,7 @@ def test_the_hooks_run_in_pre_commit(root: Path, tmp_path: Path) -> None:
     git(hooks, "add", ".")
     git(hooks, "commit", "-qm", "hooks")
     used_hooks = {"repo": str(hooks), "rev": git(hooks, "rev-parse", "HEAD").strip(),
-                  "hooks": [{"id": "foresee-fmt"}, {"id": "foresee-check"}]}  # fmt: skip
+                  "hooks": [{"id": f"foresee-fmt{ending}"}, {"id": f"foresee-check{ending}"}]}  # fmt: skip
     (used / ".pre-commit-config.yaml").write_text(yaml.safe_dump({"repos": [used_hooks]}))
     (used / "s.foresee").write_text(GOOD.replace("    route", "      route"))
     git(used, "add", ".")
