@@ -48,9 +48,9 @@ LIMITS = MappingProxyType(
             # An OpenStreetMap extract of a town's centre has 5 to 30 MB, the largest town of CARLA that we know 4 MB, a
             # net of a city some 50 MB; the tree of such a file takes ten times its size in memory.
             Limit("file", 100, "MB", "size of a map, a network or another file that is read, unpacked too"),
-            # A child takes 1 kB of campaign.json: the largest campaign of ours, of 20,000 children, has 25 MB.
+            # Ours, not measured: ten times what a map may have, since these files are our own.
             Limit("results", 1000, "MB", "size of the JSON of a campaign, a study or a fuzzing"),
-            # The largest record of our campaigns, the children that a clip of 40 actors could have, has 0.3 MB.
+            # Ours, not measured: ten times the largest file of the language, which a record of a clip holds as text.
             Limit("record", 20, "MB", "unpacked size of one result in a store"),
             # A minute with 40 actors has 3 MB of arrays; an hour with 20 actors 100 MB.
             Limit("trace", 400, "MB", "unpacked size of a trace"),
