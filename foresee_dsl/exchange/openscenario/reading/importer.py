@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import shutil
+import tempfile
 from collections import Counter
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
+from functools import lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
@@ -15,11 +18,13 @@ from foresee_dsl.compile.foreign.networks import SUFFIXES, foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.errors import Diagnostic
 from foresee_dsl.exchange.naming import name_of, number, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, TriggerBuilder
 from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder, trajectory_of
 from foresee_dsl.exchange.openscenario.reading.beginnings import Beginning
 from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
+from foresee_dsl.exchange.openscenario.reading.distributions import MOST_SETS, Values, Variation, read_variation
 from foresee_dsl.exchange.openscenario.reading.entities import (
     Asked,
     Participants,
@@ -31,9 +36,10 @@ from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
 from foresee_dsl.exchange.openscenario.reading.handedness import is_left_handed
 from foresee_dsl.exchange.openscenario.reading.inits import Inits
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
+from foresee_dsl.exchange.openscenario.reading.merging import Part, merged, shape_of
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.roads import Roads
-from foresee_dsl.exchange.openscenario.reading.source import Source, network_file, read_source
+from foresee_dsl.exchange.openscenario.reading.source import Source, declared_names, network_file, read_source
 from foresee_dsl.exchange.openscenario.reading.storyboard import arrange, at_once, begins_at, read_events
 from foresee_dsl.exchange.outcome import (
     Coordinates,
@@ -76,72 +82,200 @@ def run(
         ExchangeError: it cannot be read, has no network or no vehicle, lacks a catalogue, or something would be lost.
         InputError: the scenario that comes out is impossible; nothing is written.
     """
-    source = read_source(file, allow_outside=allow_outside)
-    source.elsewhere = road if road is not None and road.is_dir() else None
+    settings = _Settings(out, ego, road, coordinates, partial, allow_outside)
+    variation = read_variation(file, allow_outside=allow_outside)
+    if variation is not None:
+        return _import_variation(variation, settings)
+    reading = _read_playable(file, settings)
+    kinds = Counter(actor.kind for actor in reading.scenario.actors)
+    taken = {f"of the kind {kind}": count for kind, count in sorted(kinds.items())}
+    losses = reading.losses
+
+    def write(folder: Path) -> Imported:
+        _write(reading, folder)
+        return Imported((), 1, taken, +losses.left_out, tuple(losses.notes), +losses.lost)
+
+    return import_together(out, write)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Settings:
+    """The options of an import; see `run`."""
+
+    out: Path
+    ego: str
+    road: Path | None
+    coordinates: Coordinates
+    partial: bool
+    allow_outside: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class _Reading:
+    """A file that was read, with one set of values for its parameters: the scenario, its comments, and its other files.
+
+    Attributes:
+        catalogue: of new models. asked: what each of them is asked to do, by its name.
+    """
+
+    scenario: m.Scenario
+    remarks: Mapping[int, Sequence[str]]
+    catalogue: m.Catalogue | None
+    asked: Mapping[str, Asked]
+    losses: Losses
+    network_path: Path
+    network_name: str
+    values: Values = dataclasses.field(default_factory=dict)
+
+    @property
+    def kind(self) -> tuple[str, str, str]:
+        """What readings have in common that differ only in their values."""
+        return str(self.network_path), shape_of(self.scenario), repr(self.catalogue)
+
+
+def _read_playable(file: Path, settings: _Settings, values: Values | None = None, name: str = "") -> _Reading:
+    """Read a file with some values of its parameters, and make sure that the actors of what comes out have places; with
+    `partial`, a file that nothing varies is read without those that stand on others.
+
+    Raises:
+        ExchangeError: it cannot be read or not be played on its network, or something would be lost.
+    """
+    source = read_source(file, allow_outside=settings.allow_outside, given=values)
+    source.elsewhere = settings.road if settings.road is not None and settings.road.is_dir() else None
+    name = name or name_of(file.name.partition(".")[0], "scenario")
     without: set[str] = set()
     while True:
+        reading = _read(source, settings, name, without)
+        if reading.losses.lost and not settings.partial:
+            raise _LostError(_refusal(file, reading.losses))
         try:
-            return _imported(source, without, out=out, ego=ego, road=road, coordinates=coordinates, partial=partial)
+            with tempfile.TemporaryDirectory(prefix="foresee-import-") as folder:
+                return dataclasses.replace(_with_places(reading, file, Path(folder)), values=values or {})
         except _OnTopError as err:
-            if not partial or not err.names - without - {"ego"}:
+            if not settings.partial or values is not None or not err.names - without - {"ego"}:
                 raise
             without |= err.names - {"ego"}
 
 
-def _imported(
-    source: Source,
-    without: Set[str],
-    *,
-    out: Path,
-    ego: str,
-    road: Path | None,
-    coordinates: Coordinates,
-    partial: bool,
-) -> Imported:
-    """Import a file without some actors, by their names here, which stand on others."""
-    file = source.path
-    network_path = network_file(source, road, SUFFIXES)
-    name = name_of(file.name.partition(".")[0], "scenario")
+def _read(source: Source, settings: _Settings, name: str, without: Set[str]) -> _Reading:
+    """Read a file without some actors, by their names here, which stand on others."""
+    network_path = network_file(source, settings.road, SUFFIXES)
     suffix = next(suffix for suffix in SUFFIXES if network_path.name.endswith(suffix))
     network_name = name_of(network_path.name.partition(".")[0], "map") + suffix
     nowhere: ExchangeError | None = None
-    for chosen in [ego] if ego else possible_egos(source):
+    for chosen in [settings.ego] if settings.ego else possible_egos(source):
         losses = Losses()
         try:
             participants = read_participants(source, losses, name=f"{name}_models", ego=chosen)
-            work = _Import(source, participants, network_path, losses, coordinates, without)
+            work = _Import(source, participants, network_path, losses, settings.coordinates, without)
             scenario, remarks = work.scenario(name, network_name)
             break
         except _NowhereError as err:
             nowhere = err
     else:
-        raise nowhere or ExchangeError(f"{file} has no ego")
-    catalogue = work.stronger_models(scenario)
-    if losses.lost and not partial:
-        raise ExchangeError(_refusal(file, losses))
-    kinds = Counter(actor.kind for actor in scenario.actors)
-    taken = {f"of the kind {kind}": count for kind, count in sorted(kinds.items())}
+        raise nowhere or ExchangeError(f"{source.path} has no ego")
+    asked = work.asked_of_models(scenario)
+    return _Reading(scenario, remarks, work.catalogue, asked, losses, network_path, network_name)
+
+
+def _with_places(reading: _Reading, file: Path, folder: Path) -> _Reading:
+    """Return a reading whose actors have places, as a check in an empty folder says: without its goal where that is
+    beside the ego's way."""
+    mistakes = _write(reading, folder)
+    if mistakes and all("the goal is" in mistake.message for mistake in mistakes):
+        reading.losses.left_out["goals beside the ego's way (it goes to its end)"] += 1
+        reading = dataclasses.replace(reading, scenario=_without_goal(reading.scenario))
+        mistakes = _write(reading, folder)
+    if mistakes:
+        found = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
+        said = f"{file} cannot be played on its network: {found}".replace(f"{folder}{os.sep}", "")
+        if all(_ON_TOP in d.message for d in mistakes):
+            raise _OnTopError(said, {d.message.partition(_ON_TOP)[0] for d in mistakes})
+        raise ExchangeError(said)
+    return reading
+
+
+def _write(reading: _Reading, folder: Path) -> tuple[Diagnostic, ...]:
+    """Write the files of a reading; return what is impossible in its test cases."""
+    name = reading.scenario.name
+    if not (folder / reading.network_name).exists():
+        shutil.copyfile(reading.network_path, folder / reading.network_name)
+    if reading.catalogue is not None:
+        write_text(folder / f"{name}_models.foresee", made_stronger(reading.catalogue, reading.asked))
+    write_text(folder / f"{name}.foresee", reading.scenario, reading.remarks)
+    return placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
+
+
+_MOST_SETS = 200
+"""As many sets of values are read (ours: half a minute of computing)."""
+
+
+def _import_variation(variation: Variation, settings: _Settings) -> Imported:
+    """Import a scenario with each set of values that a file gives its parameters: a file for each kind of scenario that
+    comes out, with parameters and cases."""
+    name = name_of(variation.path.name.partition(".")[0], "scenario")
+    sets = variation.sets(_MOST_SETS)
+    groups: dict[tuple[str, str, str], list[_Reading]] = {}
+    faults: dict[str, ExchangeError] = {}
+    total = Losses()
+    for values in sets:
+        try:
+            reading = _read_playable(variation.scenario, settings, values, name)
+        except _LostError:
+            raise
+        except ExchangeError as err:
+            faults.setdefault(str(err), err)
+            total.lost[f"sets of parameter values: {err}"] += 1
+        else:
+            groups.setdefault(reading.kind, []).append(reading)
+    if not groups:
+        raise next(iter(faults.values()))
+    if total.lost and not settings.partial:
+        raise ExchangeError(_refusal(variation.path, total))
+    if variation.count > len(sets):
+        total.left_out["sets of parameter values (an even choice is written)"] += variation.count - len(sets)
+    for unknown in sorted(set().union(*sets) - declared_names(variation.scenario)):
+        total.left_out[f"values of '{unknown}', which the scenario does not declare"] += 1
+    found = [
+        _joined(name if len(groups) == 1 else f"{name}_{k + 1:02d}", group, variation, whole=len(groups) == 1)
+        for k, group in enumerate(groups.values())
+    ]
+    for one in (reading.losses for group in groups.values() for reading in group):
+        total.notes |= one.notes
+        total.lost |= one.lost  # of each kind as many as one set of values loses
+        total.left_out |= one.left_out
 
     def write(folder: Path) -> Imported:
-        shutil.copyfile(network_path, folder / network_name)
-        if catalogue is not None:
-            write_text(folder / f"{name}_models.foresee", catalogue)
-        write_text(folder / f"{name}.foresee", scenario, remarks)
-        mistakes = placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
-        if mistakes and all("the goal is" in mistake.message for mistake in mistakes):
-            losses.left_out["goals beside the ego's way (it goes to its end)"] += 1
-            write_text(folder / f"{name}.foresee", _without_goal(scenario), remarks)
-            mistakes = placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
-        if mistakes:
-            found = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
-            said = f"{file} cannot be played on its network: {found}"
-            if all(_ON_TOP in d.message for d in mistakes):
-                raise _OnTopError(said, {d.message.partition(_ON_TOP)[0] for d in mistakes})
-            raise ExchangeError(said)
+        for reading in found:
+            mistakes = _write(reading, folder)
+            if mistakes:
+                raise ExchangeError(f"{variation.path} cannot be played on its network: {mistakes[0].message}")
+        cases = len(load_test_cases([folder / f"{reading.scenario.name}.foresee" for reading in found]))
+        taken = {"sets of parameter values": sum(map(len, groups.values()))}
+        return Imported((), cases, taken, +total.left_out, tuple(total.notes), +total.lost)
 
-        return Imported((), 1, taken, +losses.left_out, tuple(losses.notes), +losses.lost)
+    return import_together(settings.out, write)
 
-    return import_together(out, write)
+
+def _joined(name: str, group: Sequence[_Reading], variation: Variation, *, whole: bool) -> _Reading:
+    """Return readings of one kind as one, with parameters and cases; `whole`: they are all that the file means."""
+    first = group[0]
+    same = {key: value for key, value in first.values.items() if all(one.values.get(key) == value for one in group)}
+    doc = ", ".join([variation.description, *(f"{key} = {value}" for key, value in same.items())]).strip(", ")
+    parts = [Part(one.values, one.scenario, one.remarks) for one in group]
+    drawn = variation.drawn if whole else {}
+    one = merged(parts, doc, drawn, min(variation.runs, MOST_SETS), variation.seed)
+    asked: dict[str, Asked] = {}
+    for reading in group:
+        for model, wanted in reading.asked.items():
+            asked[model] = Asked(*map(max, wanted, asked.get(model, wanted)))
+    body = tuple(
+        m.UseModels(path=f"{name}_models.foresee") if isinstance(item, m.UseModels) else item
+        for item in one.scenario.body
+    )
+    scenario = one.scenario.model_copy(update={"name": name, "body": body})
+    catalogue = first.catalogue and first.catalogue.model_copy(update={"name": f"{name}_models"})
+    return dataclasses.replace(first, scenario=scenario, remarks=one.remarks, catalogue=catalogue, asked=asked)
 
 
 def _refusal(file: Path, losses: Losses) -> str:
@@ -163,8 +297,25 @@ class _OnTopError(SourceError):
         self.names = names
 
 
+class _LostError(ExchangeError):
+    """Something would be lost, whatever the values of the parameters are."""
+
+
 class _NowhereError(SourceError):
     """The ego has no place on the network; another vehicle may have one."""
+
+
+@lru_cache(maxsize=2)
+def _network(path: Path, changed_ns: int) -> RoadNetwork:
+    """Return a network, which the sets of a distribution have in common."""
+    del changed_ns
+    return RoadNetwork.from_net(foreign_net(path))
+
+
+@lru_cache(maxsize=2)
+def _roads(path: Path, changed_ns: int) -> Roads:
+    del changed_ns
+    return Roads(path)
 
 
 class _Import:
@@ -180,7 +331,7 @@ class _Import:
         without: Set[str] = frozenset(),
     ) -> None:
         self.source, self.losses = source, losses
-        self.network = RoadNetwork.from_net(foreign_net(network_path))
+        self.network = _network(network_path, network_path.stat().st_mtime_ns)
         self.entities = dict(participants.entities)
         self.catalogue = participants.catalogue
         ego = next(ref for ref, entity in self.entities.items() if entity.name == "ego")
@@ -200,7 +351,7 @@ class _Import:
             )
             self.entities = {ref: dataclasses.replace(e, centre_m=0.0) for ref, e in self.entities.items()}
         self.places = Places(
-            Roads(network_path) if network_path.name.endswith(".xodr") else None,
+            _roads(network_path, network_path.stat().st_mtime_ns) if network_path.name.endswith(".xodr") else None,
             self.inits.positions,
             source.referred,
             self._along,
@@ -236,11 +387,9 @@ class _Import:
         self._add(m.End(after=quantity(_end_s(self.source, self.losses), "time")))
         return m.Scenario(name=name, body=tuple(self._body)), self._remarks
 
-    def stronger_models(self, scenario: m.Scenario) -> m.Catalogue | None:
-        """Return the catalogue of new models, which can drive as fast as the scenario tells its actors, and change
-        their speeds as fast."""
-        if self.catalogue is None:
-            return None
+    def asked_of_models(self, scenario: m.Scenario) -> dict[str, Asked]:
+        """Return what a scenario asks of the new models, by their names: the speeds of its actors, and how fast these
+        change."""
         asked: dict[str, float] = {}
         for actor in scenario.actors:
             speeds = [actor.state.speed] if actor.state is not None else []
@@ -255,7 +404,7 @@ class _Import:
             state = self.states.get(ref)
             own = Asked(asked.get(entity.name, 0.0), *((state.rises_mps2, state.falls_mps2) if state else ()))
             most[entity.model] = Asked(*map(max, own, most.get(entity.model, own)))
-        return made_stronger(self.catalogue, most)
+        return most
 
     def _add(self, item: m.ScenarioItem) -> None:
         """Put a statement into the scenario, with comments on what was lost since the one before."""

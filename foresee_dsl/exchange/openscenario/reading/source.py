@@ -168,19 +168,34 @@ def _in_folder(source: Source, folder: Path, written: str) -> Path:
         raise SourceError(f"{source.path} names the network '{written}', which is not in {folder}") from None
 
 
-def read_source(path: Path, *, allow_outside: bool) -> Source:
-    """Read a `.xosc` file of version 1; with `allow_outside` it may name files anywhere, else in its project folder."""
+def project_roots(path: Path, *, allow_outside: bool) -> tuple[Path, ...]:
+    """Return the folders in which a file may name others: with `allow_outside` all, else those of its project."""
+    folder = path.absolute().parent
+    return (Path(folder.anchor),) if allow_outside else (project_folder(folder), project_folder(Path.cwd()))
+
+
+def declared_names(path: Path) -> set[str]:
+    """Return the names of the parameters that a file declares."""
+    root = parse_xml(path, "OpenSCENARIO", WHAT, ExchangeError)
+    found = root.iterfind("ParameterDeclarations/ParameterDeclaration")
+    return {item.get("name", "").removeprefix("$") for item in found}
+
+
+def read_source(path: Path, *, allow_outside: bool, given: Mapping[str, str] | None = None) -> Source:
+    """Read a `.xosc` file of version 1; with `allow_outside` it may name files anywhere, else in its project folder.
+
+    `given`: values of its parameters instead of those that it declares.
+    """
     root = parse_xml(path, "OpenSCENARIO", WHAT, ExchangeError)
     header = root.find("FileHeader")
     if header is None or header.get("revMajor") != "1" or header.get("revMinor") not in _MINOR:
         version = "nothing" if header is None else f"{header.get('revMajor')}.{header.get('revMinor')}"
         raise SourceError(f"{path} is of version {version}; OpenSCENARIO XML 1.0 to 1.3 are read")
     if root.find("Storyboard") is None:
-        raise SourceError(f"{path} has no storyboard: it is a catalogue or a distribution of parameters")
-    folder = path.absolute().parent
-    roots = (Path(folder.anchor),) if allow_outside else (project_folder(folder), project_folder(Path.cwd()))
+        raise SourceError(f"{path} has no storyboard: it is a catalogue")
+    roots, given = project_roots(path, allow_outside=allow_outside), given or {}
     try:
-        return Source(path, resolved(root, {}, {}), roots, declared(root, {}, {}))
+        return Source(path, resolved(root, {}, given), roots, declared(root, {}, given))
     except ExchangeError as err:
         raise type(err)(f"{path}: {err}") from err
 

@@ -1,0 +1,206 @@
+"""Distributions of parameters (`<ParameterValueDistribution>`): the sets of values that a scenario is played with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
+
+import numpy as np
+
+from foresee_dsl.compile.nets.safe_xml import parse_xml
+from foresee_dsl.exchange.naming import number
+from foresee_dsl.exchange.openscenario.reading.source import WHAT, Source, project_roots
+from foresee_dsl.exchange.outcome import ExchangeError, SourceError
+
+MOST_SETS = 10_000
+"""As many cases may one scenario draw (the language's limit)."""
+_MOST_STEPS = 10_000
+_DEVIATIONS = 4.0
+"""A normal distribution without a range is cut off so many standard deviations from its mean (ours: one draw of 16,000
+lies outside)."""
+_MOST_TRIES = 10_000
+Values = Mapping[str, str]
+"""Values of parameters, as they are written, by the parameters' names."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """How a parameter is drawn: `uniform` in (low, high), `normal` with (mean, deviation) in it, or `choice` of options
+    with weights; None where the language has no such distribution (the values are drawn by the import)."""
+
+    kind: str
+    low: float = 0.0
+    high: float = 0.0
+    mean: float = 0.0
+    deviation: float = 0.0
+    options: tuple[str, ...] = ()
+    weights: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A file that varies the parameters of a scenario.
+
+    Attributes:
+        path: the file. scenario: the one that it varies. description: what its header says of it.
+        groups: for each group of parameters that vary together the sets of their values; every combination is meant.
+        drawn: how parameters are drawn instead. runs, seed: how often, and from which seed.
+    """
+
+    path: Path
+    scenario: Path
+    description: str = ""
+    groups: tuple[tuple[Values, ...], ...] = ()
+    drawn: Mapping[str, Drawn] = field(default_factory=dict)
+    runs: int = 1
+    seed: int = 1
+
+    @property
+    def count(self) -> int:
+        """How many sets of values are meant."""
+        return self.runs if self.drawn else math.prod(len(group) for group in self.groups)
+
+    def sets(self, most: int) -> list[dict[str, str]]:
+        """Return the sets of values, at most so many; of more than that an even choice of them."""
+        if self.drawn:
+            rng = np.random.default_rng(self.seed)
+            return [{name: _draw(how, rng) for name, how in self.drawn.items()} for _ in range(min(self.runs, most))]
+        count = self.count
+        wanted = range(count) if count <= most else sorted({round(k) for k in np.linspace(0, count - 1, most)})
+        return [self._combination(k) for k in wanted]
+
+    def _combination(self, k: int) -> dict[str, str]:
+        """Return the k-th combination; the last group changes fastest."""
+        found: dict[str, str] = {}
+        for group in reversed(self.groups):
+            k, at = divmod(k, len(group))
+            found = {**group[at], **found}
+        return found
+
+
+def read_variation(path: Path, *, allow_outside: bool) -> Variation | None:
+    """Read a file that varies a scenario; None for any other file.
+
+    Raises:
+        ExchangeError: it names a scenario that does not exist or lies outside of the project, or a distribution that
+            cannot be drawn.
+    """
+    root = parse_xml(path, "OpenSCENARIO", WHAT, ExchangeError)
+    varied = root.find("ParameterValueDistribution")
+    if varied is None:
+        return None
+    source = Source(path, root, project_roots(path, allow_outside=allow_outside))
+    file = varied.find("ScenarioFile")
+    if file is None or not file.get("filepath"):
+        raise SourceError(f"{path} names no scenario whose parameters it varies")
+    scenario = source.named(file.get("filepath", ""), "the scenario")
+    common = {"path": path, "scenario": scenario, "description": source.description}
+    fixed, random = varied.find("Deterministic"), varied.find("Stochastic")
+    if random is not None:
+        drawn = {
+            e.get("parameterName", "").removeprefix("$"): _drawn(path, e)
+            for e in random.iterfind("StochasticDistribution")
+        }
+        runs = max(round(number(random, "numberOfTestRuns", 1)), 1)
+        return Variation(**common, drawn=drawn, runs=runs, seed=abs(round(number(random, "randomSeed", 1))))  # type: ignore[arg-type]
+    groups = [_group(path, e) for e in fixed] if fixed is not None else []
+    if not groups:
+        raise SourceError(f"{path} varies no parameter")
+    return Variation(**common, groups=tuple(groups))  # type: ignore[arg-type]
+
+
+def _group(path: Path, distribution: Element) -> tuple[Values, ...]:
+    """Return the values of a `<Deterministic...Distribution>`."""
+    if distribution.tag == "DeterministicMultiParameterDistribution":
+        sets = [
+            {
+                a.get("parameterRef", "").removeprefix("$"): a.get("value", "")
+                for a in one.iterfind("ParameterAssignment")
+            }
+            for one in distribution.iterfind("ValueSetDistribution/ParameterValueSet")
+        ]
+        if sets:
+            return tuple(sets)
+    name = distribution.get("parameterName", "").removeprefix("$")
+    values = [e.get("value", "") for e in distribution.iterfind("DistributionSet/Element")]
+    steps = distribution.find("DistributionRange")
+    if steps is not None:
+        values = _steps(path, name, steps)
+    if not values:
+        raise SourceError(f"{path} gives the parameter '{name}' a distribution that is not one of the standard's")
+    return tuple({name: value} for value in values)
+
+
+def _steps(path: Path, name: str, steps: Element) -> list[str]:
+    low, high = _limits(path, name, steps)
+    step = number(steps, "stepWidth")
+    count = math.floor((high - low) / step + 1e-9) + 1 if step > 0 else 0
+    if not 0 < count <= _MOST_STEPS:
+        raise SourceError(f"{path}: the range of '{name}' has no steps, or more than {_MOST_STEPS}")
+    return [f"{round(low + k * step, 9):.10g}" for k in range(count)]
+
+
+def _limits(path: Path, name: str, holder: Element) -> tuple[float, float]:
+    limits = holder.find("Range")
+    if limits is None:
+        raise SourceError(f"{path}: the distribution of '{name}' has no range")
+    return number(limits, "lowerLimit"), number(limits, "upperLimit")
+
+
+def _drawn(path: Path, distribution: Element) -> Drawn:
+    """Return how a `<StochasticDistribution>` draws."""
+    name = distribution.get("parameterName", "").removeprefix("$")
+    kind = next((e for e in distribution if e.tag.endswith(("Distribution", "DistributionSet", "Histogram"))), None)
+    tag = "" if kind is None else kind.tag
+    if kind is not None and tag == "UniformDistribution":
+        low, high = _limits(path, name, kind)
+        return Drawn("uniform", low, high)
+    if kind is not None and tag in ("NormalDistribution", "LogNormalDistribution"):
+        mean, deviation = number(kind, "expectedValue"), math.sqrt(max(number(kind, "variance"), 0.0))
+        ends = mean - _DEVIATIONS * deviation, mean + _DEVIATIONS * deviation
+        if tag == "LogNormalDistribution":
+            ends = math.exp(ends[0]), math.exp(ends[1])
+        low, high = ends if kind.find("Range") is None else _limits(path, name, kind)
+        return Drawn("normal" if tag == "NormalDistribution" else "lognormal", low, high, mean, deviation)
+    if kind is not None and tag == "PoissonDistribution":
+        mean = number(kind, "expectedValue")
+        most = mean + _DEVIATIONS * 2 * math.sqrt(mean) + 1
+        low, high = (0.0, most) if kind.find("Range") is None else _limits(path, name, kind)
+        return Drawn("poisson", low, high, mean)
+    if kind is not None and tag == "ProbabilityDistributionSet":
+        elements = kind.findall("Element")
+        weights = tuple(number(e, "weight") for e in elements)
+        return Drawn("choice", options=tuple(e.get("value", "") for e in elements), weights=weights)
+    if kind is not None and tag == "Histogram":
+        bins = kind.findall("Bin")
+        edges = tuple(f"{low!r} {high!r}" for low, high in (_limits(path, name, e) for e in bins))
+        return Drawn("histogram", options=edges, weights=tuple(number(e, "weight") for e in bins))
+    raise SourceError(
+        f"{path} draws '{name}' from {tag or 'nothing'}, which is not one of the standard's distributions: write a "
+        "NormalDistribution, a UniformDistribution or a ProbabilityDistributionSet"
+    )
+
+
+def _draw(how: Drawn, rng: np.random.Generator) -> str:
+    """Return a value."""
+    if how.options:
+        share = np.array(how.weights) / sum(how.weights)
+        chosen = how.options[int(rng.choice(len(how.options), p=share))]
+        if how.kind == "choice":
+            return chosen
+        low, high = map(float, chosen.split())
+        return repr(float(rng.uniform(low, high)))
+    for _ in range(_MOST_TRIES):
+        if how.kind == "uniform":
+            value = float(rng.uniform(how.low, how.high))
+        elif how.kind == "poisson":
+            value = float(rng.poisson(how.mean))
+        else:
+            value = float(rng.normal(how.mean, how.deviation))
+            value = math.exp(value) if how.kind == "lognormal" else value
+        if how.low <= value <= how.high:
+            return f"{value:.10g}"
+    raise SourceError(f"a distribution gives hardly any value between {how.low:g} and {how.high:g}")
