@@ -41,13 +41,25 @@ class Layer(StrEnum):
     ROAD = "road"
     CYCLEWAY = "cycleway"
     PARKING = "parking"
+    BUS_STOP = "bus_stop"
     MARKING = "marking"
+    EDGE_LINE = "edge_line"
     CROSSING = "crossing"
     STOP_LINE = "stop_line"
     SLIPPERY = "slippery"
     BUILDING = "building"
 
 
+LINES = (Layer.MARKING, Layer.EDGE_LINE, Layer.STOP_LINE)
+"""Layers of lines; the others are of areas."""
+_FAST_MPS = 80 / 3.6 - 0.01
+"""A road on which cars may drive at least so fast has solid lines at its edges. Ours, after Germany's roads outside of
+towns, which have them (guideline RMS) and 100 km/h, or 80 where the road is narrow."""
+_SAME_LINE_M = 1.0
+"""The left sides of both directions of a road that are nearer to each other are its middle line (ours: a median is
+wider)."""
+_INSIDE_M = 0.25
+"""So far inside of the lane its edge line lies. Ours: where the road ends there, the line stands out from the verge."""
 Ground = Mapping[Layer, "BaseGeometry"]
 
 
@@ -84,6 +96,7 @@ def ground_of(network: RoadNetwork, near: Near) -> Ground:
         if lane.kinds == {"pedestrian"} and lane.id not in crossing_ids and lane.edge not in network.walking_areas
     ]
     streets = [lane for lane in lanes if "car" in lane.kinds and not lane.internal]
+    divided, edge_lines = _edge_lines(network, streets)
     signalled = {m.from_lane for m in network.movements if m.tls is not None}
     return {
         Layer.FOOTWAY: shapely.union_all([*map(_polygon, areas), *map(_band, walked)]),
@@ -92,7 +105,11 @@ def ground_of(network: RoadNetwork, near: Near) -> Ground:
             [_band(ln) for ln in lanes if "bicycle" in ln.kinds and "car" not in ln.kinds]
         ),
         Layer.PARKING: shapely.union_all([_band(lane) for lane in lanes if lane.parking]),
-        Layer.MARKING: shapely.union_all([shapely.LineString(line) for line in _between(streets)]),  # each once
+        Layer.BUS_STOP: shapely.union_all([_polygon(s) for s in network.stops.values() if near(s, 0.0)]),
+        Layer.MARKING: shapely.union_all(
+            [shapely.LineString(line) for line in _between(streets, divided)]
+        ),  # each once
+        Layer.EDGE_LINE: shapely.MultiLineString([line for line in edge_lines if len(line) > 1]),
         Layer.CROSSING: shapely.union_all([_band(lane) for lane in lanes if lane.id in crossing_ids]),
         Layer.STOP_LINE: shapely.MultiLineString([stop_line(lane) for lane in streets if lane.id in signalled]),
         Layer.BUILDING: shapely.union_all([_polygon(b) for b in network.buildings if near(b, 0.0)]),
@@ -145,17 +162,50 @@ def _flat(shape: BaseGeometry) -> Iterator[BaseGeometry]:
 def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], near: Near) -> BaseGeometry:
     """Return where vehicles may be; as `RoadNetwork.drivable`, of a part of the map."""
     junctions = shapely.union_all([_polygon(j.polygon) for j in network.junctions.values() if near(j.polygon, 0.0)])
-    bands = [_band(lane) for lane in lanes if "car" in lane.kinds or lane.parking]
+    bands = [_band(lane) for lane in lanes if "car" in lane.kinds or lane.parking or lane.strip]
     road = shapely.union_all([shapely.difference(junctions, shapely.union_all(list(map(_polygon, areas)))), *bands])
     return shapely.buffer(shapely.buffer(road, _CLOSE_GAPS_M, join_style="mitre"), -_CLOSE_GAPS_M)
 
 
-def _between(lanes: Iterable[Lane]) -> Iterable[FloatArray]:
-    """Yield the left sides of lanes: lines between two lanes, and middle lines of roads."""
+def _between(lanes: Iterable[Lane], divided: frozenset[str]) -> Iterable[FloatArray]:
+    """Yield the left sides of lanes: lines between two lanes, and middle lines of roads; `divided`: not of these."""
     for lane in lanes:
-        apart = [lane.shape[0], *(b for a, b in pairwise(lane.shape) if a != b)]
-        if len(apart) > 1:
-            yield np.array(shift_right(apart, -lane.width_m / 2))
+        if lane.id not in divided and len(side := _side(lane, -1)) > 1:
+            yield side
+
+
+def _side(lane: Lane, sign: int, inside_m: float = 0.0) -> FloatArray:
+    """Return a lane's left (-1) or right (1) side, or a line so far inside of it; fewer than two points where the lane
+    has no length."""
+    apart = [lane.shape[0], *(b for a, b in pairwise(lane.shape) if a != b)]
+    moved_m = sign * (lane.width_m / 2 - inside_m)
+    return np.array(shift_right(apart, moved_m)) if len(apart) > 1 else np.empty((0, 2))
+
+
+def _edge_lines(network: RoadNetwork, streets: Sequence[Lane]) -> tuple[frozenset[str], list[FloatArray]]:
+    """Return the lanes whose left side is the edge of a divided road, and the solid lines at the edges of fast roads
+    and of roads with a shoulder."""
+    by_edge: dict[str, list[Lane]] = {}
+    for lane in streets:
+        by_edge.setdefault(lane.edge, []).append(lane)
+    fast = {
+        edge: sorted(lanes, key=lambda lane: lane.index)
+        for edge, lanes in by_edge.items()
+        if lanes[0].speed_mps >= _FAST_MPS or _has_shoulder(network, edge)
+    }
+    inner = [lanes[-1] for lanes in fast.values() if len(_side(lanes[-1], -1)) > 1]
+    tree = shapely.STRtree([shapely.LineString(_side(lane, -1)) for lane in inner])
+    divided = []
+    for k, lane in enumerate(inner):
+        middle = tree.geometries[k].interpolate(0.5, normalized=True)
+        if {*tree.query(middle, "dwithin", _SAME_LINE_M).tolist()} <= {k}:
+            divided.append(lane)
+    right = [_side(lanes[0], 1, _INSIDE_M) for lanes in fast.values()]
+    return frozenset(lane.id for lane in divided), [*right, *(_side(lane, -1, _INSIDE_M) for lane in divided)]
+
+
+def _has_shoulder(network: RoadNetwork, edge: str) -> bool:
+    return any(ln.strip and not ln.kinds and not ln.parking for ln in network.edges[edge].lanes)
 
 
 def stop_line(lane: Lane) -> FloatArray:

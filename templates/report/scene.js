@@ -1,6 +1,6 @@
 // The view from above, on a canvas.
 
-const NAMES = ['ground', 'road', 'mark', 'path', 'crossing', 'building', 'edge', 'cycle', 'slippery', 'ego', 'opponent', 'others', 'label',
+const NAMES = ['ground', 'road', 'mark', 'path', 'crossing', 'stop', 'building', 'edge', 'cycle', 'slippery', 'ego', 'opponent', 'others', 'label',
   'halo', 'shade', 'forecast', 'contact', 'panel', 'line', 'ink', 'muted', 'accent'];
 const colours = () => {
   const style = getComputedStyle(document.documentElement);
@@ -20,12 +20,14 @@ const lined = (lines, close) => {
   return path;
 };
 
+const LINES = ['marking', 'edge_line', 'stop_line'];
+
 // What lies on the ground, by layer: the shapes that every picture of a road shares.
 class Ground {
   constructor(raw) {
     this.paths = {};
     for (const [layer, shapes] of Object.entries(raw)) {
-      this.paths[layer] = lined(shapes.map(pointsOf), layer !== 'marking' && layer !== 'stop_line');
+      this.paths[layer] = lined(shapes.map(pointsOf), !LINES.includes(layer));
     }
     this.walls = raw.building.map(pointsOf)
       .flatMap((outline) => outline.map((point, k) => [...point, ...outline[(k + 1) % outline.length]]));
@@ -51,6 +53,8 @@ class Ground {
     fill('parking', c.road);
     stroke('parking', c.mark, 0.12, []);
     stroke('road', c.mark, 0.12, []);
+    fill('bus_stop', c.stop);
+    stroke('edge_line', c.mark, 0.15, []);
     stroke('marking', c.mark, 0.12, [1.5, 1.5]);
     fill('crossing', c.crossing);
     stroke('stop_line', c.mark, 0.4, []);

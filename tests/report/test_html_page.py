@@ -26,12 +26,10 @@ from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
 from foresee_dsl.story import Moment
 from tests.support import command
+from tests.support.browser import browser, needs_chromium
 from tests.support.small_campaign import campaign, write_project
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 DOCS = Path(__file__).parents[2] / "docs"
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
 
 FOLDERS = ("x<script>window.hacked=1<", "script>`a`|b|&lt;'\u202e*_[c](d)")
 """Names of folders, which test cases are called by; a slash ends a name, so `</script>` takes two."""
@@ -62,12 +60,10 @@ def findings(out: Path) -> list[dict[str, Any]]:
     return found
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield browser
-        browser.close()
+@pytest.fixture(scope="module", name="browser")
+def _browser() -> Iterator[Any]:
+    with browser() as opened:
+        yield opened
 
 
 class Opened:

@@ -10,15 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.report.ground import Layer, ground_of
 from foresee_dsl.report.picture.answer import answer
 from foresee_dsl.report.picture.draw import Drawing, draw
 from foresee_dsl.report.picture.labels import Box, Room
+from foresee_dsl.report.picture.reading import read_subject
 from foresee_dsl.report.picture.svg import svg_of
 
 FORESEE = Path(sys.executable).parent / "foresee"
@@ -268,3 +271,75 @@ def test_a_label_takes_the_nearest_free_place() -> None:
     room.take(Box(0, 0, 100, 60))
     assert room.beside(thing, 20, 10, insist=False) is None
     assert room.beside(thing, 20, 10, insist=True) is not None
+
+
+# ---- roundabouts, motorways, bus stops ------------------------------------------------------------------------------
+
+RING = """foresee 1
+
+scenario s {
+  network n {
+    junction west at (-130 m, 0 m)
+    junction south at (0 m, -200 m)
+    junction north at (0 m, 200 m)
+    roundabout circle at (0 m, 0 m) { radius 90 m }
+    road in from west to circle
+    road out from circle to south
+    road up from circle to north
+  }
+  ego: car.sedan {
+    route [in, ..., out]
+  }
+  end after 20 s
+}
+"""
+
+
+def test_a_roundabout_on_the_way_is_shown_whole(tmp_path: Path) -> None:
+    (tmp_path / "s.foresee").write_text(RING)
+    drawing = draw(str(tmp_path / "s.foresee"))
+    (ring,) = drawing.subject.network.rings.values()
+    left, bottom, right, top = drawing.sheet.frame.bounds
+    low, high = np.min(ring.polygon, axis=0), np.max(ring.polygon, axis=0)
+    assert left <= low[0] and bottom <= low[1] and right >= high[0] and top >= high[1]
+
+
+def test_a_motorway_has_shoulders_and_solid_lines_at_its_edges(root: Path) -> None:
+    network = read_subject(str(root / "tests" / "compile" / "streets" / "motorway.foresee")).network
+    ground = ground_of(network, lambda _points, _wide_m: True)
+    carriageway_m, shoulder_m = 3 * 3.75, 2.5
+    here = shapely.LineString([(-50, -40), (-50, 60)])  # across both directions
+    across = here.intersection(ground[Layer.ROAD])
+    assert across.length == pytest.approx(2 * (carriageway_m + shoulder_m), abs=0.3)
+    assert len(shapely.get_parts(here.intersection(ground[Layer.EDGE_LINE]))) == 4  # both edges of both directions
+    assert len(shapely.get_parts(here.intersection(ground[Layer.MARKING]))) == 4  # two lines between three lanes each
+
+
+def test_a_street_in_a_town_has_no_edge_lines(root: Path) -> None:
+    network = read_subject(str(root / "scenarios" / "networks" / "town.foresee")).network
+    assert ground_of(network, lambda _points, _wide_m: True)[Layer.EDGE_LINE].is_empty
+
+
+def test_bus_stops_are_drawn_where_buses_stand(tmp_path: Path) -> None:
+    """Also behind a zebra crossing, which divides the road into edges of other names."""
+    text = """foresee 1
+
+network n {
+  junction a at (0 m, 0 m)
+  junction b at (190 m, 0 m)
+  road r from a to b { sidewalk 2 m }
+  zebra z on r at 60 m
+  stop market on r at 120 m
+  stop home on r_back at -20 m length 24 m
+  stop nowhere on r at 900 m
+}
+"""
+    (tmp_path / "n.foresee").write_text(text)
+    drawing = draw(str(tmp_path / "n.foresee"))
+    stops = drawing.subject.network.stops
+    assert set(stops) == {"market", "home"}
+    long = {name: shapely.Polygon(outline).bounds for name, outline in stops.items()}
+    assert long["market"][2] == pytest.approx(120, abs=1) and long["market"][2] - long["market"][0] == pytest.approx(15)
+    assert long["home"][0] == pytest.approx(20, abs=1) and long["home"][2] - long["home"][0] == pytest.approx(24)
+    svg = svg_of(drawing.sheet)
+    assert "p-bus_stop" in svg and ">bus stop<" in svg and ">stop market<" in svg

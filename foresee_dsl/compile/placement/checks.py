@@ -12,7 +12,7 @@ from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.spots import Spot, UnsettledError
 from foresee_dsl.compile.placement.starts import OFF_ROUTE_M
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind, path_of
-from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.network import STOP_LENGTH_M, RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.language import model as m
@@ -25,8 +25,6 @@ NEAR_ROAD_M = 30.0
 """Farthest distance, m, of pedestrians, obstacles and path-followers from a lane (ours: farther away is an error)."""
 GOAL_OFF_M = 5.0
 """A goal farther from the ego's centreline than this, m, is on another road (ours: more than a lane's width)."""
-STOP_LENGTH_M = 15.0
-"""Length of a bus stop that does not say its own. Ours: a city bus of 12 m and a door's width on either side."""
 _MOST_NAMED = 20
 """Pairs of actors on top of each other that are named (ours: a screen; 500 actors in one place are 124,750 pairs)."""
 _MOST_COUNTED = 10_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -14,8 +14,9 @@ from foresee_dsl.compile.roads import routing
 from foresee_dsl.compile.roads.polyline import XY, Points, crosses, distance, distance_to, inside, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine, build_line
 from foresee_dsl.compile.roads.topology import Lane, LaneKind, Roundabout, Topology
-from foresee_dsl.language.model import Building, Network
+from foresee_dsl.language.model import Building, BusStop, Network
 from foresee_dsl.language.streets import layout
+from foresee_dsl.language.streets.lines import shift_right
 from foresee_dsl.language.traversal import si_of
 
 if TYPE_CHECKING:
@@ -53,10 +54,11 @@ class NearLane:
 class RoadNetwork(Topology):
     """A road network; compared by identity, so that results can be cached per network.
 
-    `buildings`: outlines of what hides things; the net file has none.
+    `buildings`: outlines of what hides things; the net file has none. `stops`: of the bus stops, by name; likewise.
     """
 
     buildings: tuple[Points, ...] = ()
+    stops: Mapping[str, Points] = field(default_factory=dict)
 
     @classmethod
     def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
@@ -75,7 +77,8 @@ class RoadNetwork(Topology):
         read = {f.name: getattr(topology, f.name) for f in fields(Topology)}
         if written is not None:
             read |= {"parts": layout.parts_of(written), "rings": rings_of(written)}
-        return cls(**read, buildings=buildings)
+        network = cls(**read, buildings=buildings)
+        return network if written is None else replace(network, stops=stops_of(written, network))
 
     route_edges = routing.route_edges
     shortest_route = routing.shortest_route
@@ -232,6 +235,33 @@ def rings_of(network: Network | Path) -> Mapping[str, Roundabout]:
         )
         for name, ring in layout.rings_of(network).items()
     }
+
+
+STOP_LENGTH_M = 15.0
+"""Length of a bus stop that states none. Ours: a city bus of 12 m and a door's width on either side."""
+
+
+_LEAST_STOP_M = 0.5
+"""A shorter stop, cut off by the edge's beginning, has no outline (ours)."""
+
+
+def stops_of(written: Network, network: RoadNetwork) -> Mapping[str, Points]:
+    """Return the outlines of the bus stops of a network written in the language: of the lane's width, m, by name."""
+    found = {}
+    for item in written.body:
+        if isinstance(item, BusStop) and (item.road in network.edges or item.road in network.parts):
+            try:
+                lane, end_m = network.place_on(item.road, si_of(item.at))
+            except routing.RouteError:  # beyond the road's end: an actor that stops there is told so
+                continue
+            length_m = STOP_LENGTH_M if item.length is None else si_of(item.length)
+            begin_m = max(end_m - length_m, 0.0)
+            if end_m - begin_m > _LEAST_STOP_M:
+                marks = (begin_m + (end_m - begin_m) * k / 8 for k in range(9))  # a stop on a bend follows it
+                centre = [(x, y) for x, y, _ in map(lane.line.at, marks)]
+                left, right = (shift_right(centre, side * lane.width_m / 2) for side in (-1, 1))
+                found[item.name] = (*left, *reversed(right))
+    return found
 
 
 def buildings_of(network: Network | Path) -> tuple[Points, ...]:

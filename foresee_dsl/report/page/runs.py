@@ -130,7 +130,7 @@ class Roads:
 
 
 def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> dict[str, Any]:
-    from foresee_dsl.report.ground import Layer, ground_of, lines_of, rings_of, zebra
+    from foresee_dsl.report.ground import LINES, Layer, ground_of, lines_of, rings_of, zebra
 
     near = {(x + i, y + j) for x, y in cells for i in (-1, 0, 1) for j in (-1, 0, 1)}
 
@@ -148,7 +148,7 @@ def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> dict[str, An
     found: dict[str, Any] = {}
     for layer, shape in ground.items():
         finer = zebra(shape) if layer is Layer.CROSSING else shape.simplify(TOLERANCE_M)
-        parts = lines_of(finer) if layer in (Layer.MARKING, Layer.STOP_LINE) else rings_of(finer)
+        parts = lines_of(finer) if layer in LINES else rings_of(finer)
         found[layer.value] = [line(part.tolist()) for part in parts]
     return found
 

@@ -88,10 +88,21 @@ def _concerned(subject: Subject) -> Iterator[FloatArray]:
         yield part_of(way)
     for patch in subject.patches:
         yield patch.outline
+    yield from _rings(subject)
     for zone in subject.zones:
         for outline in zone.outlines:
             if float(np.ptp(outline, axis=0).max()) <= _ZONE_REACH_M:
                 yield outline
+
+
+def _rings(subject: Subject) -> Iterator[FloatArray]:
+    """Yield the outlines of the roundabouts that a way in the picture leads through: each is shown whole."""
+    ways = [part_of(way) for way in subject.ways]
+    for ring in subject.network.rings.values():
+        outline = np.array(ring.polygon)
+        reach = np.hypot(*(outline - ring.centre).T).max()
+        if any((np.hypot(*(way - ring.centre).T) <= reach).any() for way in ways):
+            yield outline
 
 
 def part_of(way: Way) -> FloatArray:

@@ -48,6 +48,8 @@ PAINTS: Mapping[str, Paint] = MappingProxyType(
         "road": Paint("#b9bec5", "#8b9199", "#3b4149", "#59616b"),
         "cycleway": Paint("#cdb3ac", "", "#5a3f3a", ""),
         "parking": Paint("#c9c8bd", "", "#454a44", ""),
+        "bus_stop": Paint("#f2cf3b", "#8a6d00", "#8f7a1e", "#e8c547", 0.75),
+        "edge_line": Paint("", "#ffffff", "", "#aab2bc"),
         "marking": Paint("", "#ffffff", "", "#8d95a0"),
         "crossing": Paint("#ffffff", "", "#aab2bc", ""),
         "stop_line": Paint("", "#ffffff", "", "#aab2bc"),

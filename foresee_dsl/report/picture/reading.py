@@ -339,11 +339,9 @@ def _heads(
 def _stops(model: m.Network | Path, network: RoadNetwork) -> Iterator[Name]:
     """Yield the bus stops of a network that is written in the language."""
     for item in model.body if isinstance(model, m.Network) else ():
-        edge = network.edges.get(item.road) if isinstance(item, m.BusStop) else None
-        if isinstance(item, m.BusStop) and edge is not None:
-            lane, at_m = edge.drivable[0], si_of(item.at)
-            x, y, _ = lane.line.at(at_m if at_m >= 0 else lane.line.length_m + at_m)
-            yield Name("junction", f"stop {item.name}", np.array([(x, y)]), True)
+        if isinstance(item, m.BusStop) and item.name in network.stops:
+            middle = np.array(network.stops[item.name]).mean(axis=0)
+            yield Name("junction", f"stop {item.name}", middle.reshape(1, 2), True)
 
 
 def _names(

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.report.ground import Layer, ground_of, lines_of, rings_of, within, zebra
+from foresee_dsl.report.ground import LINES, Layer, ground_of, lines_of, rings_of, within, zebra
 from foresee_dsl.report.picture.crop import Frame, frame_of
 from foresee_dsl.report.picture.labels import LINE, Box, Room, width_of, wrapped
 from foresee_dsl.report.picture.subject import Body, FloatArray, Name, Patch, Subject, TextPlace, Way, Zone
@@ -151,6 +151,7 @@ _KEYS = (  # what the legend explains: the kind of part, the paint, whether it i
     ("mistake", "mistake", True, (), "mistake"),
     ("crossing", "key-crossing", False, (), "crossing"),
     ("slippery", "slippery", False, (), "slippery"),
+    ("bus_stop", "bus_stop", False, (), "bus stop"),
     ("building", "building", False, (), "building"),
 )
 
@@ -194,7 +195,7 @@ def _ground(network: RoadNetwork, frame: Frame) -> tuple[Part, ...]:
             continue
         if layer is Layer.CROSSING:
             cut = zebra(cut)
-        lined = layer in (Layer.MARKING, Layer.STOP_LINE)
+        lined = layer in LINES
         if layer is not Layer.STOP_LINE:
             cut = shapely.simplify(cut, 0.25 / frame.scale)
         rings = tuple(frame.pixels(ring) for ring in (lines_of(cut) if lined else rings_of(cut)))

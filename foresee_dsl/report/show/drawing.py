@@ -29,6 +29,8 @@ STYLES: dict[Layer | Role, Style] = {
     Layer.CYCLEWAY: Style("#a58a84", "", 0.0),
     Layer.PARKING: Style("#a3a39a", "", 0.0),
     Layer.MARKING: Style("", "#f4f4f0", 0.15, dashed=True),
+    Layer.BUS_STOP: Style("#d9be4a", "#8a6d00", 0.12),
+    Layer.EDGE_LINE: Style("", "#f4f4f0", 0.15),
     Layer.CROSSING: Style("#f4f4f0", "", 0.0),
     Layer.STOP_LINE: Style("", "#f4f4f0", 0.4),
     Layer.SLIPPERY: Style("#a9d4ec", "#3d7ea6", 0.12),
