@@ -36,6 +36,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         group.addoption(f"--foresee-{name}", metavar=metavar, default=None, help=help_)
         parser.addini(f"foresee_{name}", help_, default="")
     group.addoption("--foresee-seed", type=int, metavar="N", default=0, help="seed of all random choices")
+    group.addoption(
+        "--foresee-run-programs", action="store_true", help="start the programs that files record as external drivers"
+    )
     group.addoption("--foresee-allow-outside", action="store_true", help="files may use files outside the project")
 
 
@@ -96,6 +99,7 @@ class ForeseeItem(pytest.Item):
             traces=_traces(self),
             keep_all=bool(_option(self.config, "traces")),
             allow_outside=bool(self.config.getoption("--foresee-allow-outside")),
+            run_programs=bool(self.config.getoption("--foresee-run-programs")),
         )
         result, sections = drive(self.test, wanted)
         self.user_properties += [("verdict", result.rule), *(("trace", file) for file in result.attachments)]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from foresee_dsl.drivers.consent import allowing
 from tests.support.goldens import Golden
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -24,6 +26,13 @@ def _private_cache(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> 
     """Keep compiled networks of the tests apart from the user's, and share them between the workers of one run."""
     base = tmp_path_factory.getbasetemp()
     os.environ["FORESEE_CACHE"] = str((base if worker_id == "master" else base.parent) / "cache")
+
+
+@pytest.fixture(autouse=True)
+def _consent_ends_with_the_test() -> Iterator[None]:
+    """Start no program in a test because another test has consented to it."""
+    with allowing(()):
+        yield
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -22,7 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from foresee_dsl import __version__
 from foresee_dsl.cli.completion import VARIABLE
-from foresee_dsl.cli.options.common import BUG, explain_error
+from foresee_dsl.cli.options.common import BUG, Consenting, explain_error
 from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.cli.options.plain_output import guard_streams
 from foresee_dsl.late_import import import_late
@@ -120,7 +120,7 @@ _SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 def _alone(call: Callable[..., None], name: str, panel: str) -> Any:  # noqa: ANN401 - as above
     alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=_SETTINGS)
-    alone.command(name=name, rich_help_panel=panel)(for_tools(call, name))
+    alone.command(name=name, cls=Consenting, rich_help_panel=panel)(for_tools(call, name))
     return typer.main.get_command(alone)
 
 

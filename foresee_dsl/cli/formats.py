@@ -15,7 +15,14 @@ from typing import Annotated, Any, cast, get_type_hints
 import typer
 from typer.core import TyperGroup
 
-from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, counted, print_json
+from foresee_dsl.cli.options.common import (
+    AllowOutsideOption,
+    Consenting,
+    JsonOption,
+    OutOption,
+    counted,
+    print_json,
+)
 from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.exchange.outcome import Coordinates, ExchangeError, Imported
 from foresee_dsl.plugins import PluginGroup
@@ -40,7 +47,7 @@ class _Formats(TyperGroup):
         if cmd_name not in self.commands:
             return None
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=SETTINGS)
-        alone.command(name=cmd_name)(for_tools(_printing(self._format(cmd_name)), self.document))
+        alone.command(name=cmd_name, cls=Consenting)(for_tools(_printing(self._format(cmd_name)), self.document))
         return typer.main.get_command(alone)
 
     def _format(self, name: str) -> Callable[..., Imported]:

@@ -96,7 +96,11 @@ def view(
 
     if not is_file(Path(address.partition("::")[0])) and is_file(campaign / "campaign.json"):
         address = str(asked(address, campaign, tests=True).file)
-    file = write_view(address, output, driver=driver, seed=seed, allow_outside=allow_outside)
+
+    def say(note: str) -> None:
+        typer.echo(note, err=True)
+
+    file = write_view(address, output, driver=driver, seed=seed, allow_outside=allow_outside, say=say)
     typer.echo(str(file))
     if open_:
         import webbrowser

@@ -205,6 +205,9 @@ def clip(
     after: After = 5.0,
     handover: common.HandoverOption = None,
     out: common.OutOption = Path("clips"),
+    run_programs: Annotated[
+        bool, typer.Option("--run-programs", help="Start the program that the trace names as external driver.")
+    ] = False,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
@@ -218,6 +221,7 @@ def clip(
     from foresee_dsl.campaign.steps.clip import measure_clip
     from foresee_dsl.campaign.steps.forecast import clip_around
     from foresee_dsl.derive.clipping.clip import DRIVES_S
+    from foresee_dsl.drivers.consent import refuse_programs
     from foresee_dsl.drivers.registry import handover_of, load_driver
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.files import write_whole
@@ -232,6 +236,7 @@ def clip(
     case = load_test_case(str(loaded.meta["test_case"]), allow_outside=allow_outside)
     file = out / f"{case_name(case)}_p{rank}.foresee"
     driver, run_seed = str(loaded.meta["driver"]), int(loaded.meta["seed"])
+    refuse_programs([(driver, trace)], "--run-programs starts it", unless=run_programs)
     if handover is None:
         handover = handover_of(load_driver(driver), before - DRIVES_S)
     try:

@@ -136,7 +136,7 @@ def _page(shown: Shown, wish: Wish, up: UpSide, moments: int | None, width: int)
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.sources import parent_of
 
-    parent = parent_of(shown, wish)
+    parent = parent_of(shown, wish, lambda note: typer.echo(note, err=True))
     most = LEAST if parent is not None and width < _BOTH_WIDE else MOST
     return Page(shown, parent, "ego" if up is UpSide.EGO else "north", moments or most)
 

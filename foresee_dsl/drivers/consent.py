@@ -2,12 +2,18 @@
 
 A file that somebody sends must not run a command by being looked at. A driver in another program is recognised by the
 colon in its address (`external:python3 mine.py`); other drivers are packages that the user has installed.
+
+`drivers.registry.load_driver` makes no program that is not allowed here, so that no command can forget to ask. A task
+takes along to its process what was allowed when it was made.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from foresee_dsl.errors import DriverError
@@ -16,7 +22,10 @@ from foresee_dsl.files import read_outside_text
 VARIABLE = "FORESEE_CONFIG"
 """The environment variable that names another configuration file."""
 KEY = "run-programs-in"
+IDEAL = "+ideal"
+"""Follows the name of a driver that gets ideal sensors; its program is the same."""
 _SHOWN = 5
+_ALLOWED: ContextVar[frozenset[str]] = ContextVar("_ALLOWED", default=frozenset())
 
 
 def configuration() -> Path:
@@ -27,26 +36,89 @@ def configuration() -> Path:
     return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "foresee-dsl" / "config.toml"
 
 
-def refuse_programs(named: Iterable[tuple[str, Path]], instead: str) -> None:
-    """Refuse to start programs that files name as drivers, but in folders for which the user's configuration allows it.
+def allow(*addresses: str) -> None:
+    """Allow programs to be started: these drivers' addresses, with any sensors. Other drivers need no consent."""
+    _ALLOWED.set(_ALLOWED.get() | {_program(address) for address in addresses if _is_program(address)})
+
+
+@contextmanager
+def allowing(addresses: Iterable[str]) -> Iterator[None]:
+    """Allow programs within; what is allowed within in addition ends with it, too."""
+    token = _ALLOWED.set(_ALLOWED.get())
+    try:
+        allow(*addresses)
+        yield
+    finally:
+        _ALLOWED.reset(token)
+
+
+def allowed() -> frozenset[str]:
+    """Return the programs that are allowed now."""
+    return _ALLOWED.get()
+
+
+def may_start(address: str) -> bool:
+    """Whether a driver is allowed to be made: it is an installed package, or a program that the user consented to."""
+    return not _is_program(address) or _program(address) in _ALLOWED.get()
+
+
+def ask(address: str) -> None:
+    """Refuse a program that is not allowed.
+
+    Raises:
+        DriverError: it is not; the message says how to allow it.
+    """
+    if not may_start(address):
+        raise DriverError(
+            f"{address} is a program, which starts only with your consent: name it with --driver "
+            f"(in Python: foresee_dsl.drivers.consent.allow({address!r}))"
+        )
+
+
+def without_parent(address: str) -> str:
+    """Return the note on a mutant's trace whose parent is not shown, as running it would start a program."""
+    return (
+        "its parent is not shown: running it would start the program that the trace names as its driver; "
+        f"--driver {shlex.quote(address)} allows it"
+    )
+
+
+def refuse_programs(named: Iterable[tuple[str, Path]], instead: str, *, unless: bool = False) -> None:
+    """Refuse programs that files name as drivers, and allow those in folders for which the user's configuration does.
 
     Args:
         named: drivers' addresses, each with the file that names it. instead: what the user can do.
+        unless: the user has consented to all of them (`--run-programs`).
 
     Raises:
         DriverError: there are programs among the drivers, or the configuration cannot be read.
     """
-    found = dict.fromkeys((address, file) for address, file in named if ":" in address)
-    if not found:
+    programs = dict.fromkeys((address, file) for address, file in named if not may_start(address))
+    if not programs:
         return
-    folders = _granted()
-    refused = sorted({address for address, file in found if not any(_lies_in(file, folder) for folder in folders)})
+    refused = set() if unless else _not_granted(programs)
     if refused:
-        more = f"; and {len(refused) - _SHOWN} more" if len(refused) > _SHOWN else ""
+        shown = sorted(refused)
+        more = f"; and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""
         raise DriverError(
-            f"the files name programs as drivers: {'; '.join(refused[:_SHOWN])}{more}. {instead}; or write "
+            f"the files name programs as drivers: {'; '.join(shown[:_SHOWN])}{more}. {instead}; or write "
             f'`{KEY} = ["FOLDER"]` in {configuration()} if you trust all files of a folder'
         )
+    allow(*(address for address, _ in programs))
+
+
+def _is_program(address: str) -> bool:
+    return ":" in address
+
+
+def _program(address: str) -> str:
+    name, _, argument = address.partition(":")
+    return f"{name.removesuffix(IDEAL)}:{argument}"
+
+
+def _not_granted(programs: Iterable[tuple[str, Path]]) -> set[str]:
+    folders = _granted()
+    return {address for address, file in programs if not any(_lies_in(file, folder) for folder in folders)}
 
 
 def _lies_in(file: Path, folder: Path) -> bool:

@@ -15,6 +15,7 @@ from importlib.metadata import EntryPoint
 from typing import Any
 from urllib.parse import unquote
 
+from foresee_dsl.drivers.consent import IDEAL, ask
 from foresee_dsl.drivers.protocol import Driver, WatchesFirst
 from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.plugins import PluginGroup, package_of
@@ -23,7 +24,6 @@ DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError)
 _ADDRESS = re.compile(r"(.*? via )?(?P<address>[\w+]+:.*)", re.S)
 _OURS = "foresee_dsl."
 """Drivers that are cheap to import, and may have a class method `check` that raises a `DriverError`."""
-_IDEAL = "+ideal"
 REFERENCES = ("idm", "frenetix", "pdm")
 """Ours: the planners that come along."""
 _NOT_IN_TEXTS = ('"', "\n", "\r")
@@ -75,18 +75,18 @@ def driver_names() -> tuple[str, ...]:
 
 def name_in(address: str) -> str:
     """Return the name of the driver that an address means."""
-    return address.partition(":")[0].removesuffix(_IDEAL)
+    return address.partition(":")[0].removesuffix(IDEAL)
 
 
 def sees_all(address: str) -> bool:
     """Whether the driver of this address is given ideal sensors."""
-    return address.partition(":")[0].endswith(_IDEAL)
+    return address.partition(":")[0].endswith(IDEAL)
 
 
 def with_ideal_sensors(address: str) -> str:
     """Return the address of the same driver with ideal sensors."""
     _, colon, argument = address.partition(":")
-    return f"{name_in(address)}{_IDEAL}{colon}{argument}"
+    return f"{name_in(address)}{IDEAL}{colon}{argument}"
 
 
 def find_driver(address: str) -> None:
@@ -109,12 +109,13 @@ def load_driver(address: str) -> Driver:
         address: its name, or its name, a colon, and the text that it is made from.
 
     Raises:
-        DriverError: no such driver (the message has close names and the list), its package is broken, or it wants a
-            text and there is none (or the other way round).
+        DriverError: no such driver (the message has close names and the list), its package is broken, it wants a text
+            and there is none (or the other way round), or it is a program that was not allowed (`drivers.consent`).
     """
     name = name_in(address)
     _, colon, argument = address.partition(":")
     entry = DRIVERS.find(name)
+    ask(address)
     with DRIVERS.loading(entry):
         made = entry.load()
         from_text = getattr(made, "from_argument", None)

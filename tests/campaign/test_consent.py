@@ -15,7 +15,7 @@ from foresee_dsl.campaign.mutate_file import mutate_file
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.cli import app
-from foresee_dsl.drivers.consent import refuse_programs
+from foresee_dsl.drivers.consent import allowing, may_start, refuse_programs
 from foresee_dsl.errors import DriverError
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.printer import print_model
@@ -61,7 +61,9 @@ def test_an_option_or_another_driver_is_consent_enough(campaign: Path) -> None:
 def test_a_line_in_the_configuration_allows_a_folder(campaign: Path, tmp_path: Path) -> None:
     config = tmp_path / "config.toml"
     config.write_text(f'run-programs-in = ["{campaign.parent}"]\n', encoding="utf-8")
-    refuse_programs([(PROGRAM, campaign), ("pdm", tmp_path / "x.foresee")], "ask")
+    with allowing(()):
+        refuse_programs([(PROGRAM, campaign), ("pdm", tmp_path / "x.foresee")], "ask")
+        assert may_start(PROGRAM)
     with pytest.raises(DriverError, match=r"programs as drivers: external:python3 mine.py. ask; or write"):
         refuse_programs([(PROGRAM, campaign), (PROGRAM, tmp_path / "x.foresee")], "ask")
     for wrong in ('run-programs-in = "everywhere"', 'run-programs-in = ["here"]', "run-programs-in = ["):

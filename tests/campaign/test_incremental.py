@@ -18,6 +18,7 @@ from foresee_dsl.campaign.steps.seed import SeedStep
 from foresee_dsl.campaign.storage.maintenance import merge
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.documents import plain
+from foresee_dsl.drivers.consent import allow
 from foresee_dsl.language.project.loading import load_test_cases
 from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
 
@@ -188,6 +189,7 @@ def test_keys_contain_what_a_result_depends_on(tmp_path: Path) -> None:
     program = tmp_path / "mine.py"
     program.write_text("print(1)")
     address = f"external:python3 {program}"
+    allow(address)
     one = driver_identity(address)
     assert driver_identity(address) == one
     program.write_text("print(2)")

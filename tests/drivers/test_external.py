@@ -26,6 +26,7 @@ from foresee_dsl.campaign.regression.expectations import Status
 from foresee_dsl.campaign.regression.verify import verify_files
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
+from foresee_dsl.drivers.consent import allow, allowing
 from foresee_dsl.drivers.external import ExternalDriver, plain, read_control, read_ready, reset_line, step_line
 from foresee_dsl.drivers.external.process import LONGEST_LINE
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, EgoState, Observation, SeenActor
@@ -60,13 +61,16 @@ def program(tmp_path: Path) -> Write:
     def write(text: str) -> str:
         file = tmp_path / f"probe_{len(list(tmp_path.glob('probe_*')))}.py"
         file.write_text(PRELUDE + text, encoding="utf-8")
-        return f"external:{sys.executable} -S {file}"
+        address = f"external:{sys.executable} -S {file}"
+        allow(address)
+        return address
 
     return write
 
 
 @contextlib.contextmanager
 def loaded(address: str) -> Iterator[ExternalDriver]:
+    allow(address)
     driver = load_driver(address)
     assert isinstance(driver, ExternalDriver)
     try:
@@ -223,13 +227,14 @@ def test_odd_objects_are_a_driver_error_or_finite(answer: dict[str, object]) -> 
     ],
 )
 def test_a_wrong_address_is_said_before_anything_runs(address: str, why: str) -> None:
-    with pytest.raises(DriverError, match=why):
+    with allowing([address]), pytest.raises(DriverError, match=why):
         load_driver(address)
 
 
 @pytest.mark.parametrize("setting", ["0", "-1", "nan", "soon", "1e9"])
 def test_a_wrong_deadline_is_said(setting: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORESEE_STEP_DEADLINE_S", setting)
+    allow(EXAMPLE)
     with pytest.raises(DriverError, match="FORESEE_STEP_DEADLINE_S is"):
         load_driver(EXAMPLE)
 
@@ -379,8 +384,10 @@ def test_a_driver_that_is_dropped_takes_its_program_along(program: Write) -> Non
 
 PARENT = """
 import sys, time
+from foresee_dsl.drivers.consent import allow
 from foresee_dsl.drivers.registry import load_driver
 from tests.support.driving import SEDAN, line, mission
+allow({address!r})
 driver = load_driver({address!r})
 driver.reset(mission(line((60, float("inf")))), SEDAN, 0)
 print(driver._program.pid, flush=True)
@@ -423,6 +430,7 @@ def test_the_program_ends_with_its_parent(program: Write, then: str, how: int | 
 
 
 def test_the_documented_example_drives_to_its_goal(tmp_path: Path, scenarios: Path) -> None:
+    allow(EXAMPLE)
     file = town(tmp_path, scenarios, stage="ns_go", end=60)
     result = drive_through(file, EXAMPLE)
     assert result.verdict is Verdict.PASS, result.reason
@@ -480,18 +488,19 @@ def test_a_campaign_goes_on_when_the_program_dies_in_one_test_case(
 
 
 def test_what_is_recorded_is_verified_with_its_program(scenarios: Path, tmp_path: Path) -> None:
-    case = load_test_case(scenarios / "scenario9.foresee::r03")
-    trace = run_test_case(case, EXAMPLE, 0).trace
-    point = load_ranker("proximity").rank(trace)[0]
-    file = tmp_path / "p1.foresee"
-    draft = clip_around(case, trace, point, file, before_s=2.0, after_s=1.0)
-    clip, _, _, found = measure_clip(draft, case, trace, file, driver=EXAMPLE, seed=0)
-    assert found.largest_m < 0.1  # a fresh process knows nothing of the run before, and drives alike
-    file.write_text(print_model(clip), encoding="utf-8")
-    (child,) = mutate_file(file, preset="focused", count=1, driver=EXAMPLE, seed=0)
-    mutant = Path(child.file)
-    mutant.write_text(child.text, encoding="utf-8")
-    assert f'driver "example 1 via {EXAMPLE}"' in child.text
+    with allowing([EXAMPLE]):
+        case = load_test_case(scenarios / "scenario9.foresee::r03")
+        trace = run_test_case(case, EXAMPLE, 0).trace
+        point = load_ranker("proximity").rank(trace)[0]
+        file = tmp_path / "p1.foresee"
+        draft = clip_around(case, trace, point, file, before_s=2.0, after_s=1.0)
+        clip, _, _, found = measure_clip(draft, case, trace, file, driver=EXAMPLE, seed=0)
+        assert found.largest_m < 0.1  # a fresh process knows nothing of the run before, and drives alike
+        file.write_text(print_model(clip), encoding="utf-8")
+        (child,) = mutate_file(file, preset="focused", count=1, driver=EXAMPLE, seed=0)
+        mutant = Path(child.file)
+        mutant.write_text(child.text, encoding="utf-8")
+        assert f'driver "example 1 via {EXAMPLE}"' in child.text
 
     with pytest.raises(DriverError, match=r"name programs as drivers: external:.*--run-programs"):
         verify_files([mutant])

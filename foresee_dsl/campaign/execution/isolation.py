@@ -19,7 +19,7 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from inspect import isgenerator
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext
@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from foresee_dsl.campaign.execution.processes import adopt_orphans, end_started, memory_mb
+from foresee_dsl.drivers.consent import allowed, allowing
 from foresee_dsl.simulate.driver_faults import place_in_dump
 from foresee_dsl.simulate.printed import keep_prints, read_all, shortened
 
@@ -57,6 +58,7 @@ class Task:
         key: by which its giver recognises it.
         shares: what it works with, from what many tasks have in common to what few do (a network, a test case, a clip):
             a process that has worked with the same is warm for it.
+        programs: the drivers in programs that it may start (`drivers.consent`).
     """
 
     name: str
@@ -65,6 +67,7 @@ class Task:
     deadline_s: float | None = None
     key: str = ""
     shares: tuple[str, ...] = ()
+    programs: frozenset[str] = field(default_factory=allowed)
 
 
 Message = tuple[str, int, Any]
@@ -268,11 +271,12 @@ def _run_task(pipe: Connection, number: int, packed: bytes) -> None:
     pipe.send(("started", number, None))
     try:
         task: Task = pickle.loads(packed)  # noqa: S301 - from the process that started this one
-        outcome = task.function(task.argument)
-        if isgenerator(outcome):
-            for part in outcome:
-                pipe.send(("part", number, part))
-            outcome = None
+        with allowing(task.programs):
+            outcome = task.function(task.argument)
+            if isgenerator(outcome):
+                for part in outcome:
+                    pipe.send(("part", number, part))
+                outcome = None
         pipe.send(("done", number, outcome))
     except (Exception, SystemExit) as err:  # an exception is this task's outcome, not this process's end
         pipe.send(("raised", number, f"{type(err).__name__}: {err}"))

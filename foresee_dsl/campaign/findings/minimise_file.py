@@ -51,8 +51,12 @@ def minimise_file(
     settings = wanted.data.get("settings", {})
     recorded, seed = recorded_run(mutant.origin)
     address = driver or recorded
-    if not (driver or run_programs):
-        refuse_programs([(address, Path(wanted.file))], "--run-programs starts it, --driver names another driver")
+    if not driver:
+        refuse_programs(
+            [(address, Path(wanted.file))],
+            "--run-programs starts it, --driver names another driver",
+            unless=run_programs,
+        )
     folder = store_folder or wanted.store
     limit_m = float(settings.get("fidelity_limit_m", CampaignSettings.fidelity_limit_m))
     run_seed = int(settings.get("seed", seed))

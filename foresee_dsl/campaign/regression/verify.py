@@ -98,10 +98,11 @@ def verify_files(
     tests = suite_of(paths)
     if driver:
         find_driver(driver)
-    elif not run_programs:
+    else:
         refuse_programs(
             ((test.driver, test.file) for test in tests),
             "--run-programs starts what the files say, --driver names another driver",
+            unless=run_programs,
         )
     pool = _Pool(driver, jobs, deadlines)
     found = dict(zip(tests, pool.run(tests), strict=True))

@@ -151,11 +151,16 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
         given = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
         (named_in,), paths = paths, list(file.paths)
         drivers = file.drivers if file.drivers and "driver" not in given else drivers
-        if "driver" not in given and not flags.run_programs:
-            refuse_programs(
-                ((address, Path(named_in)) for address in drivers),
-                "--run-programs starts what the file says, --driver names another driver",
-            )
+        for option, names, what in (
+            ("driver", file.drivers, "another driver"),
+            ("against", str(file.given.get("against", "")).split(","), "other reference drivers"),
+        ):
+            if option not in given:
+                refuse_programs(
+                    ((address, Path(named_in)) for address in names),
+                    f"--run-programs starts what the file says, --{option} names {what}",
+                    unless=flags.run_programs,
+                )
         rankers = file.rankers if file.rankers and "ranker" not in given else rankers
         values |= {name: value for name, value in file.given.items() if name not in given}
         if "budget" not in given and file.budget_s is not None:

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from foresee_dsl.cli.completion import drivers
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
@@ -73,6 +74,32 @@ OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into
 PresetOption = Annotated[
     str, typer.Option("--preset", help="How clips are mutated: focused, avoidable, or paper (exactly as in the paper).")
 ]
+
+
+class Consenting(TyperCommand):
+    """A command in which the programs that its options name as drivers may be started; those in files may not."""
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
+        """Run the command."""
+        from foresee_dsl.drivers.consent import allowing
+
+        with allowing(_named_in_options(self, ctx)):
+            return super().invoke(ctx)
+
+
+def _named_in_options(command: TyperCommand, ctx: Any) -> Iterator[str]:  # noqa: ANN401 - as above
+    """Yield the texts that are given on the command line as options, each in whole and cut at its commas.
+
+    Arguments are files, whose names may come from elsewhere.
+    """
+    for parameter in command.params:
+        name = parameter.name or ""
+        source = ctx.get_parameter_source(name)
+        if parameter.param_type_name == "option" and source is not None and source.name == "COMMANDLINE":
+            value = ctx.params.get(name)
+            for text in value if isinstance(value, (list, tuple)) else (value,):
+                if isinstance(text, str):
+                    yield from (text, *(part.strip() for part in text.split(",")))
 
 
 WIDEST = 160

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import posixpath
 import re
 import shutil
@@ -22,6 +23,22 @@ COMMITS = 200
 
 _TIMEOUT_S = 30.0
 """For one call of git (ours: a log of a large repository takes some seconds)."""
+_SETTINGS = (
+    "log.showSignature=false", "gpg.program=false", "gpg.ssh.program=false", "gpg.x509.program=false",
+    "core.fsmonitor=false", f"core.hooksPath={os.devnull}", "core.pager=cat", "core.editor=false", "core.askPass=false",
+    "core.sshCommand=false", "core.gitProxy=false", "core.alternateRefsCommand=false", "credential.helper=",
+    f"core.attributesFile={os.devnull}", "diff.external=", "gc.auto=0", "maintenance.auto=false",
+    "submodule.recurse=false", "protocol.allow=never",
+)  # fmt: skip
+"""What git(1) says of the settings that name programs, as `-c` options: these stand above the repository's own."""
+_ENVIRONMENT = {
+    "GIT_ALLOW_PROTOCOL": "none",  # nothing is fetched: a partial clone's remote may be a command
+    "GIT_NO_LAZY_FETCH": "1",  # the same, from git 2.45 on
+    "GIT_TERMINAL_PROMPT": "0",
+    "GIT_OPTIONAL_LOCKS": "0",
+}
+_PLAIN = ("--no-show-signature", "--no-ext-diff", "--no-textconv", "--no-notes")
+"""Of `git log`: no signatures, and no programs that show differences."""
 _USED = re.compile(r'"([^"\n]+\.(?:foresee|net\.xml|xodr))"')
 """Files that a `.foresee` file may use: every string that looks like one."""
 
@@ -112,7 +129,7 @@ def _commits(root: Path, name: str, used: tuple[str, ...]) -> tuple[tuple[str, s
 
 def _followed(root: Path, name: str) -> list[tuple[int, str, str]]:
     """Return the commits that touch a file, newest first: when, which, and its name in it."""
-    log = ("log", "--follow", f"--max-count={COMMITS}", "--name-only", "--format=%x01%ct %H", "-z", "--", name)
+    log = ("log", *_PLAIN, "--follow", f"--max-count={COMMITS}", "--name-only", "--format=%x01%ct %H", "-z", "--", name)
     entries = (_git(root, *log) or b"").decode(errors="replace").split("\x01")[1:]
     found = []
     for entry in entries:
@@ -150,7 +167,9 @@ def _files_then(root: Path, commit: str, name: str) -> dict[str, bytes]:
     todo = [name]
     while todo:
         file = todo.pop()
-        content = None if file in found or file.startswith(("..", "/")) else _git(root, "show", f"{commit}:{file}")
+        if file in found or file.startswith(("..", "/")):
+            continue
+        content = _git(root, "cat-file", "blob", f"{commit}:{file}")
         if content is None:
             continue
         found[file] = content
@@ -161,14 +180,20 @@ def _files_then(root: Path, commit: str, name: str) -> dict[str, bytes]:
 
 
 def _git(folder: Path, *arguments: str) -> bytes | None:
-    """Return what git prints; None where it refuses, or is not installed."""
+    """Return what git prints; None where it refuses, or is not installed.
+
+    The repository may come from elsewhere, so that nothing which its configuration names is started.
+    """
     program = shutil.which("git")
     if program is None:
         return None
+    settings = (word for setting in _SETTINGS for word in ("-c", setting))
     try:
         done = subprocess.run(  # noqa: S603  (a fixed program, no shell; file names stand behind `--` or `COMMIT:`)
-            [program, "-C", str(folder), *arguments], capture_output=True, check=False, timeout=_TIMEOUT_S
-        )
+            [program, "--no-pager", "--literal-pathspecs", *settings, "-C", str(folder), *arguments],
+            env={**os.environ, **_ENVIRONMENT},
+            stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=_TIMEOUT_S,
+        )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout if done.returncode == 0 else None

@@ -11,6 +11,7 @@ from foresee_dsl.campaign.regression.expectations import Ending, Status, expecte
 from foresee_dsl.campaign.regression.layout import role_of
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.campaign.regression.verify import reached
+from foresee_dsl.drivers.consent import allow, refuse_programs
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase
@@ -29,6 +30,7 @@ class Wanted:
 
     Attributes:
         driver: "" for the one that each file records. traces: where traces are written. keep_all: of passed tests too.
+        run_programs: start the programs that files record as their drivers.
     """
 
     driver: str
@@ -36,6 +38,7 @@ class Wanted:
     traces: Path
     keep_all: bool = False
     allow_outside: bool = False
+    run_programs: bool = False
 
 
 def tests_in(file: str, *, allow_outside: bool = False) -> Iterator[tuple[str, SuiteTest]]:
@@ -65,9 +68,18 @@ def drive(test: SuiteTest, wanted: Wanted) -> tuple[CaseResult, Sections]:
     """Drive once and judge: by what the file expects of the driver, and where it says nothing, it has to pass.
 
     Raises:
-        InputError: the file has mistakes, or an edit of its parent reaches it. DriverError: there is no such driver.
+        InputError: the file has mistakes, or an edit of its parent reaches it.
+        DriverError: there is no such driver, or it is a program that was not allowed.
     """
     case, note = _loaded(test, allow_outside=wanted.allow_outside)
+    if wanted.driver:
+        allow(wanted.driver)
+    else:
+        refuse_programs(
+            [(test.driver, test.file)],
+            "--foresee-run-programs starts what the files say, --foresee-driver names another driver",
+            unless=wanted.run_programs,
+        )
     driver = wanted.driver or test.driver
     seed = wanted.seed or test.seed
     result = run_test_case(case, driver, seed)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
 from foresee_dsl.derive.anticipating import Answer
 from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language.diff.addresses import parent_address
@@ -26,12 +28,19 @@ _NO_FILE_NAME = re.compile(r"[^\w.-]+")
 
 
 def write_view(
-    address: str, file: Path | None = None, *, driver: str = "", seed: int = 0, allow_outside: bool = False
+    address: str,
+    file: Path | None = None,
+    *,
+    driver: str = "",
+    seed: int = 0,
+    allow_outside: bool = False,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Write the page of a file, and return where it is: `file`, or `out/view/NAME.html`.
 
     Args:
         address: a test case, clip or mutant, or a trace's file. driver: of its run; "": the recorded one, or `pdm`.
+        say: gets the note where a trace's parent is not shown because that would start a program.
 
     Raises:
         InputError: the file, or what it builds on, has errors.
@@ -61,7 +70,12 @@ def write_view(
         anticipation=Anticipation(answer=ahead.value, why=_RECORDED) if ahead else None,
     )
     reader = Reader()
-    run = reader.run(outcome, case, trace, _parent(case, driver, seed))
+    parent = None
+    if case.clip is not None and not may_start(driver):
+        say(without_parent(driver))
+    else:
+        parent = _parent(case, driver, seed)
+    run = reader.run(outcome, case, trace, parent)
     found = Found(
         key=outcome.name,
         title=run.title,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,7 @@ from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case,
 from foresee_dsl.campaign.findings.asked import asked
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.language.diff.addresses import parent_address
 from foresee_dsl.language.project.addresses import is_file, parse_address
@@ -104,9 +105,17 @@ def of_address(address: str, wish: Wish) -> Shown:
     return Shown(address, case, run_test_case(case, driver, seed).trace, driver, seed)
 
 
-def parent_of(shown: Shown, wish: Wish) -> Shown | None:
-    """Return the run of a mutant's clip with the same driver and seed; None of what is no mutant."""
+def parent_of(shown: Shown, wish: Wish, say: Callable[[str], None]) -> Shown | None:
+    """Return the run of a mutant's clip with the same driver and seed; None of what is no mutant.
+
+    Args:
+        shown: the mutant's run. wish: what the user asked for.
+        say: gets the note where there is none because its driver is a program that was not allowed.
+    """
     if shown.case.mutant is None:
+        return None
+    if not may_start(shown.driver):
+        say(without_parent(shown.driver))
         return None
     address = parent_address(shown.case.source.as_posix())
     same = replace(wish, driver=shown.driver, seed=shown.seed, allow_outside=True)
