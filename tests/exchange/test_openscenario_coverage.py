@@ -12,6 +12,7 @@ import pytest
 from foresee_dsl.exchange.openscenario.reading import importer
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.roads import Roads
+from foresee_dsl.exchange.openscenario.reading.ways.curves import vertices
 from foresee_dsl.exchange.openscenario.reading.ways.trajectories import read_trajectory
 from foresee_dsl.exchange.outcome import Imported, NotExpressed
 from tests.support import openscenario_files as osc
@@ -119,7 +120,9 @@ POSITIONS = {
     "RelativeLanePosition": '<RelativeLanePosition entityRef="Ego" dLane="1" ds="1"/>',
     "RoutePosition": f"<RoutePosition>{_ROUTE}<InRoutePosition><FromLaneCoordinates pathS='10' laneId='-1'/>"
                      "</InRoutePosition></RoutePosition>",
-    "TrajectoryPosition": '<TrajectoryPosition s="1"/>',
+    "TrajectoryPosition": "<TrajectoryPosition s='1'><TrajectoryRef><Trajectory name='t' closed='false'><Shape>"
+                          f"<Polyline><Vertex>{_AT}</Vertex><Vertex>{_AT.replace('200', '300')}</Vertex></Polyline>"
+                          "</Shape></Trajectory></TrajectoryRef></TrajectoryPosition>",
     "GeoPosition": '<GeoPosition latitudeDeg="1" longitudeDeg="1"/>',
 }  # fmt: skip
 _CONTROLS = "".join(
@@ -178,6 +181,11 @@ def test_every_action_is_in_the_table_and_is_taken_over_or_lost_as_it_says(tmp_p
     ways = ("FollowTrajectory", "AcquirePosition")  # an actor has one way, and the third of them the ego
     car = osc.group("Target-1", *(event for event in events if not any(way in event for way in ways)))
     car += osc.group("Ego", *(event for event in events if "AcquirePosition" in event))
+    asked = '<ByValueCondition><{0}Condition {1}Ref="{2}" value="1" rule="equalTo"/></ByValueCondition>'
+    car += osc.group("Target-1", *(
+        osc.event(name, osc.speed_action("3"), osc.condition(asked.format(kind, kind.lower(), name)))
+        for kind, name in (("Parameter", "pace"), ("Variable", "v"))
+    ))  # a variable that nothing asks for makes no difference  # fmt: skip
     rider = osc.group("walker", *(event for event in events if "FollowTrajectory" in event))
     done = imported(tmp_path, osc.scenario(events=car + rider))
     everything = {**PRIVATE, **GLOBAL}
@@ -209,7 +217,9 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
     file = tmp_path_factory.mktemp("road") / "straight.xodr"
     file.write_text(osc.XODR)
     ego = ElementTree.fromstring('<Position><LanePosition roadId="1" laneId="-2" s="50"/></Position>')
-    return Places(Roads(file), {"Ego": ego})
+    line_of = lambda trajectory, places: [vertex.pose for vertex in vertices(trajectory, places)]  # noqa: E731
+    referred = lambda holder, tag: None if holder is None else holder.find(f".//{tag}")  # noqa: E731
+    return Places(Roads(file), {"Ego": ego}, referred, line_of=line_of)
 
 
 def _taken(name: str, work: object) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -44,12 +44,13 @@ _AT_ONCE = (
 
 @dataclass
 class TriggerBuilder:
-    """Makes triggers of events; `plain_controllers` are properties of those that only follow lanes."""
+    """Makes triggers of events; `only_end` are variables that nothing asks for but what ends the storyboard."""
 
     states: Mapping[str, EntityState]
     losses: Losses
     places: Places
     network: RoadNetwork
+    only_end: Set[str] = frozenset()
     _used: set[str] = field(default_factory=set)
 
     def whens(self, events: Sequence[Event]) -> Iterator[m.When]:
@@ -101,6 +102,11 @@ class TriggerBuilder:
                 return self._time_of(what, state, event)
             if kind.tag == "GlobalAction" and inner is not None and inner.find("DeleteEntityAction") is not None:
                 return self._leaves(inner.get("entityRef", ""))
+            if inner is not None and tag in ("ParameterAction", "VariableAction"):
+                changed = inner.get("parameterRef") or inner.get("variableRef") or ""
+                if changed in self.only_end:
+                    self.losses.leave(f"actions: {tag} (of what only ends the storyboard)", event.title)
+                    return []
             if kind.tag != "PrivateAction" or inner is None:
                 raise NotExpressed(f"actions: {tag}")
             if state is None:

@@ -40,7 +40,16 @@ from foresee_dsl.exchange.openscenario.reading.merging import Part, merged, shap
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.roads import Roads
 from foresee_dsl.exchange.openscenario.reading.source import Source, declared_names, network_file, read_source
-from foresee_dsl.exchange.openscenario.reading.storyboard import arrange, at_once, begins_at, read_events
+from foresee_dsl.exchange.openscenario.reading.storyboard import (
+    Event,
+    arrange,
+    asked_for,
+    at_once,
+    begins_at,
+    changing,
+    read_events,
+)
+from foresee_dsl.exchange.openscenario.reading.ways.curves import vertices
 from foresee_dsl.exchange.outcome import (
     Coordinates,
     ExchangeError,
@@ -358,6 +367,7 @@ class _Import:
             mirrored,
             source.minor,
             self.inits.earlier,
+            line_of=lambda trajectory, places: [vertex.pose for vertex in vertices(trajectory, places)],
         )
         self._fill_places()
         self.states: dict[str, EntityState] = {}
@@ -380,7 +390,7 @@ class _Import:
         built = {ref: self.entities[ref] for ref in states}
         reader = self._reader(dataclasses.replace(self._reader(), entities=built))
         arrange(self.events, reader)
-        builder = TriggerBuilder(states, self.losses, self.places, self.network)
+        builder = TriggerBuilder(states, self.losses, self.places, self.network, self._only_end())
         for when in builder.whens([*self.inits.events, *self.events]):
             self._add(when)
         self._add(m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego")))
@@ -424,14 +434,24 @@ class _Import:
         """Return a reader of conditions, with what is known of the actors' ways by now."""
         if base is not None:
             return dataclasses.replace(base, ways=self._ways)
-        values, changing = self.source.variables()
+        values = self.source.variables()
         beginnings = {
             self.entities[ref].name: Beginning(
                 middle, speed, self.entities[ref].spec.length_m, self.entities[ref].spec.width_m
             )
             for ref, (middle, speed) in self._beginnings(with_ego=True).items()
         }
-        return ConditionReader(self.entities, self.places, self.losses, {}, values, changing, beginnings)
+        return ConditionReader(
+            self.entities, self.places, self.losses, {}, values, changing(self._all_events), beginnings
+        )
+
+    @property
+    def _all_events(self) -> list[Event]:
+        return [*self.inits.events, *self.events]
+
+    def _only_end(self) -> frozenset[str]:
+        """Return the variables that actions change and that nothing asks for but what ends the storyboard."""
+        return changing(self._all_events) - asked_for(self._all_events)
 
     def _fill_places(self) -> None:
         """Take places and speeds of what happens at once, and of entities that only have a trajectory."""

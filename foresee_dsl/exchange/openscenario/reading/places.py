@@ -39,6 +39,7 @@ class Places:
         mirrored: coordinates are left-handed, as CARLA's are. minor: of the standard's version.
         earlier: what entities are told before their last place, which may be relative to that.
         moving: entities that may leave the place where they begin.
+        line_of: the poses along a `<Trajectory>`.
     """
 
     roads: Roads | None
@@ -51,6 +52,7 @@ class Places:
     minor: int = 2
     earlier: Mapping[str, Sequence[Element]] = field(default_factory=dict)
     moving: Set[str] = frozenset()
+    line_of: Callable[[Element, Places], Sequence[Pose]] = lambda trajectory, places: ()  # noqa: ARG005 - knows none
     _working: list[str] = field(default_factory=list)
 
     def initial(self, entity: str) -> Pose:
@@ -75,6 +77,8 @@ class Places:
             moved, _ = self._roads(kind).moved(base, number(kind, "ds"))
             where = self._roads(kind).on_reference(moved.road, moved.s, base.t + self._left(kind, "dt"))
             return self._turned(where, kind)
+        if kind.tag == "TrajectoryPosition":
+            return self._turned(self._along_trajectory(kind), kind)
         return self._on_lane(kind, self.road_place(position))
 
     def by_mover(self, position: Element) -> ByMover | None:
@@ -130,7 +134,7 @@ class Places:
             return self._further_on(kind)
         if kind.tag == "RoutePosition":
             return self._along_route(kind)
-        if kind.tag not in ("WorldPosition", "RoadPosition", *_RELATIVE):
+        if kind.tag not in ("WorldPosition", "RoadPosition", "TrajectoryPosition", *_RELATIVE):
             raise NotExpressed(f"positions: {kind.tag}")
         found = self._roads(kind).locate(self.pose(position))
         if found is None:
@@ -208,6 +212,21 @@ class Places:
         moved, turned = roads.moved(RoadPlace(base.road, roads.within(base.road, base.s), base.lane), ds)
         lane = lane_beside(moved.lane, -lanes if turned else lanes)
         return self._with_t(roads, RoadPlace(moved.road, moved.s, lane, -offset if turned else offset))
+
+    def _along_trajectory(self, kind: Element) -> Pose:
+        """Return a place so far along a trajectory, and so far to its left."""
+        trajectory = self.referred(kind.find("TrajectoryRef"), "Trajectory")
+        line = self.line_of(trajectory, self) if trajectory is not None else ()
+        if len(line) < 2:
+            raise NotExpressed("positions: TrajectoryPosition (no trajectory)")
+        left = max(number(kind, "s"), 0.0)
+        for k, (a, b) in enumerate(itertools.pairwise(line)):
+            step = math.hypot(b.x - a.x, b.y - a.y)
+            if step > 0 and (left <= step or k == len(line) - 2):
+                towards = Pose(a.x, a.y, math.atan2(b.y - a.y, b.x - a.x))
+                return towards.ahead(min(left, step)).beside(number(kind, "t", 0.0) * (-1 if self.mirrored else 1))
+            left -= step
+        raise NotExpressed("positions: TrajectoryPosition (no trajectory)")
 
     def _along_route(self, kind: Element) -> RoadPlace:
         """Return a place so far along a route."""

@@ -85,14 +85,12 @@ class Source:
         found = self.entry(reference) if reference is not None else holder.find(tag)
         return found if found is not None and found.tag == tag else None
 
-    def variables(self) -> tuple[dict[str, str], frozenset[str]]:
-        """Return the values of parameters and variables, and the names of those that actions change."""
+    def variables(self) -> dict[str, str]:
+        """Return the values of parameters and variables at the beginning."""
         values = dict(self.values)
         for item in self.root.iterfind("VariableDeclarations/VariableDeclaration"):
             values[item.get("name", "").removeprefix("$")] = item.get("value", "")
-        actions = (e for tag in ("ParameterAction", "VariableAction") for e in self.root.iter(tag))
-        changing = frozenset(e.get("parameterRef") or e.get("variableRef") or "" for e in actions)
-        return values, changing
+        return values
 
     @property
     def minor(self) -> int:

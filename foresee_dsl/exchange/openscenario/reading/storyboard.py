@@ -104,6 +104,24 @@ def _event(element: Element, refs: tuple[str, ...], parts: set[tuple[str, str]],
     )
 
 
+def changing(events: Sequence[Event]) -> frozenset[str]:
+    """Return the parameters and variables that actions change, also those of maneuvers in catalogues."""
+    actions = (e for event in events for kind in event.actions for e in (kind, *kind.iter()))
+    return frozenset(
+        e.get("parameterRef") or e.get("variableRef") or ""
+        for e in actions
+        if e.tag in ("ParameterAction", "VariableAction")
+    )
+
+
+def asked_for(events: Sequence[Event]) -> frozenset[str]:
+    """Return the parameters and variables that the triggers of events and of their acts ask for."""
+    triggers = [event.trigger for event in events if event.trigger is not None]
+    triggers += [t for event in events if event.act is not None for t in event.act.iterfind("StartTrigger")]
+    conditions = (e for t in triggers for tag in ("ParameterCondition", "VariableCondition") for e in t.iter(tag))
+    return frozenset(e.get("parameterRef") or e.get("variableRef") or "" for e in conditions)
+
+
 def arrange(events: Sequence[Event], reader: ConditionReader) -> None:
     """Find out when each event starts, and attach each event that waits for the end of another to that one.
 
