@@ -11,17 +11,16 @@ from itertools import groupby
 
 import numpy as np
 
-from foresee_dsl.campaign.driving import longest_s, made, sensors_of
+from foresee_dsl.campaign.driving import driven, longest_s, made
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
-from foresee_dsl.compile import compile_test_case, placement_mistakes
+from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict, passes
-from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
 HARD_BRAKING_MPS2 = 3.0
@@ -184,9 +183,14 @@ def _broken(case: TestCase, driver: str, broken: Broken) -> DriverRun:
 
 def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEADLINES) -> DriverRun:
     """Run one case with one driver."""
-    case, timed = load_test_case(address), _Timed(made(driver, deadlines))
-    result = run(compile_test_case(case), timed, seed=seed, meta={"driver": driver}, sensors=sensors_of(driver),
-                 deadlines=deadlines)  # fmt: skip
+    case, drivers = load_test_case(address), list[_Timed]()
+
+    def make() -> Driver:
+        drivers.append(_Timed(made(driver, deadlines)))
+        return drivers[0]
+
+    result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines)
+    (timed,) = drivers
     return DriverRun(
         case=case.id,
         family=case.family,

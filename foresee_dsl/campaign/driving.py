@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from foresee_dsl import __version__
+from foresee_dsl.campaign.execution.processes import end_below_this
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.scene import DEFAULT_END_S
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
+from foresee_dsl.drivers.external.process import kept_programs
+from foresee_dsl.drivers.process_state import put_back, seed_globals
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
 from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.model import End, Origin, Quantity
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSettings
@@ -22,8 +29,37 @@ from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSetting
 def run_test_case(case: TestCase, driver: str, seed: int, *, deadlines: Deadlines | None = DEADLINES) -> RunResult:
     """Compile a test case and simulate it with a fresh driver."""
     meta = {"test_case": case.id, "meaning": case.meaning, "tool": __version__, "seed": seed, "driver": driver}
-    return run(compile_test_case(case), made(driver, deadlines), seed=seed, meta=meta, sensors=sensors_of(driver),
-               deadlines=deadlines)  # fmt: skip
+    return driven(case, lambda: made(driver, deadlines), driver, seed, meta=meta, deadlines=deadlines)
+
+
+def driven(
+    case: TestCase,
+    make: Callable[[], Driver],
+    driver: str,
+    seed: int,
+    *,
+    meta: Mapping[str, Any],
+    deadlines: Deadlines | None = DEADLINES,
+) -> RunResult:
+    """Compile a test case and simulate it with the driver that `make` returns; put back what that changes here.
+
+    `driver`: its address, which says what its sensors can do. `meta`: goes into the trace's.
+    """
+    bundle = compile_test_case(case)
+    with put_back(seed) as changed:
+        made_driver = make()
+        seed_globals(seed)  # what its package draws when it is imported differs from process to process
+        try:
+            result = run(bundle, made_driver, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines)
+        finally:
+            changed.extend(_left_behind())
+    return replace(result, notes=replace(result.notes, changed=tuple(changed))) if changed else result
+
+
+def _left_behind() -> list[str]:
+    """End the processes that a driver has left behind, where this process is a worker and all below it are such."""
+    left = printed_here() is not None and end_below_this(kept_programs())
+    return ["left processes behind"] if left else []
 
 
 def sensors_of(driver: str) -> SensorSettings:
@@ -63,8 +99,9 @@ class _NotMade:
 
 
 def notes_of(result: RunResult) -> DriverNotes | None:
-    """Return what is stored of a run's notes: none of a run that passed."""
-    return result.notes if result.verdict is not Verdict.PASS and result.notes != DriverNotes() else None
+    """Return what is stored of a run's notes: of a run that passed, what the driver changed of its process."""
+    notes = result.notes if result.verdict is not Verdict.PASS else DriverNotes(changed=result.notes.changed)
+    return notes if notes != DriverNotes() else None
 
 
 def recorded_run(origin: Origin | None) -> tuple[str, int]:

@@ -29,7 +29,7 @@ class CampaignFolder:
 
     def __init__(self, out: Path) -> None:
         self.out = out
-        self.work = out / f".work-{os.getpid()}"
+        self.work = out.absolute() / f".work-{os.getpid()}"  # workers read there, whatever folder a driver goes to
 
     @contextmanager
     def working(self) -> Iterator[Path]:

@@ -21,6 +21,7 @@ from foresee_dsl import __version__
 from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_of
 from foresee_dsl.campaign.steps.step import Step
 from foresee_dsl.derive.operators import OPERATORS
+from foresee_dsl.drivers.process_state import put_back
 from foresee_dsl.drivers.registry import DRIVERS, load_driver, name_in
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Learned
@@ -53,7 +54,8 @@ def driver_identity(address: str) -> str:
     Raises:
         DriverError: there is no such driver.
     """
-    driver = load_driver(address)
+    with put_back(0):
+        driver = load_driver(address)
     weights = str(getattr(driver, "weights_hash", "") or "")
     argument = address.partition(":")[2]
     return json.dumps([address, driver.version, weights, _plugin(DRIVERS, name_in(address)), _files_named(argument)])

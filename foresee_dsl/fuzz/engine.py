@@ -236,6 +236,7 @@ class _Fuzzing:
     def _handle(self, update: Update) -> None:
         seed, number, job = self._running.pop(update.task.key)
         outcome, broken = update.value, isinstance(update.value, Broken)
+        ended_outside = isinstance(update.value, Broken) and update.value.how == "killed"
         if isinstance(update.value, Broken):
             verdict, reason = broken_verdict(update.value)
             outcome = Outcome("", "broke", verdict, "", reason, 0.0, 0.0, 0.0, Quality())
@@ -247,7 +248,8 @@ class _Fuzzing:
             verdict=outcome.verdict.value, reason=outcome.reason, broken=broken, simulated_s=outcome.duration_s,
             wall_s=outcome.wall_s,
         )  # fmt: skip
-        self._tell(self._store.add(row), new=True)
+        # A process that was ended from outside gave no result: the next fuzzing runs it again.
+        self._tell(row if ended_outside else self._store.add(row), new=True)
         seed.take(number, outcome)
 
     def _tell(self, row: Row, *, new: bool) -> None:

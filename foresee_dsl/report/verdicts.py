@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from rich.text import Text
 
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.simulate.results.verdict import EXPECTATION, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, Verdict
 
 WHOLE = 100_000
 """Characters of a line that is shown whole: a path, a line that a driver printed."""
@@ -24,6 +24,17 @@ def ending(verdict: Verdict, broken: Sequence[str] = ()) -> Text:
     if verdict is Verdict.PASS and broken:
         return Text(EXPECTATION, style="bold red")
     return Text(verdict.value, style=verdict.style)
+
+
+def changed_lines(notes: Iterable[DriverNotes | None]) -> list[str]:
+    """Return a line for each thing that the driver changed of its process in runs with these notes."""
+    listed = [one for one in notes if one is not None]
+    counts = Counter(phrase for one in listed for phrase in one.changed)
+    often = (f" in {counted(count, 'run')}" if len(listed) > 1 else "" for count in counts.values())
+    return [
+        f"the driver {safe(phrase, WHOLE)}{runs}; that was undone, and what came next ran in a fresh process"
+        for phrase, runs in zip(counts, often, strict=True)
+    ]
 
 
 def verdicts_line(

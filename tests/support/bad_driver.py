@@ -18,7 +18,7 @@ class Bad:
     name, version = "bad", "1"
 
     def __init__(self, how=""):
-        self.how, self.inner = how, IdmDriver()
+        self.how, self.inner, self.forked = how, IdmDriver(), False
         if how == "init":
             raise ValueError("no licence")
 
@@ -37,10 +37,10 @@ class Bad:
 
     def step(self, observation):
         if observation.time_s >= 0.5:
-            self.go_wrong()
+            self.go_wrong(observation.time_s)
         return self.inner.step(observation)
 
-    def go_wrong(self):
+    def go_wrong(self, observation_s):
         if self.how == "raise":
             raise ValueError("no \\x1b[31midea")
         if self.how == "loop":
@@ -54,6 +54,39 @@ class Bad:
             os._exit(0)
         if self.how == "sys_exit":
             sys.exit(0)
+        if self.how == "chdir":
+            os.chdir("/")
+        if self.how == "environ":
+            os.environ.clear()
+        if self.how == "random":
+            numpy.random.default_rng = numpy.random.Generator = None
+        if self.how == "strict":
+            numpy.seterr(all="raise")
+            warnings.simplefilter("error")
+        if self.how == "global":
+            self.inner.deadline_s = numpy.random.random() + random.random()
+        if self.how == "kill":
+            os.kill(os.getpid(), 9)
+        if self.how == "group":
+            os.killpg(0, 15)
+        if self.how in ("forks", "forks_and_dies") and not self.forked:
+            self.forked = True
+            for number in range(50):
+                if not os.fork():
+                    with open("forked", "a") as file:
+                        file.write(f"{os.getpid()} ")
+                    if number % 2:
+                        os.setsid()
+                    while True:
+                        time.sleep(1)
+        if self.how == "clones" and not self.forked:
+            self.forked = True
+            os.fork()  # both of them drive on
+        if self.how == "forks_and_dies" and observation_s >= 0.8:
+            os._exit(3)
+
+
+import random, time, warnings, numpy  # down here, so that the lines above keep their numbers
 """
 
 

@@ -123,7 +123,7 @@ class DaskExecutor(Executor):
                 self._queue.push(number, (-1, number), self._tasks[number].shares)
             else:
                 task = self._tasks.pop(number)
-                yield Update(task, Broken(task, f"lost with its Dask worker {DEATHS} times: {why}"))
+                yield Update(task, Broken(task, f"lost with its Dask worker {DEATHS} times: {why}", "killed"))
 
 
 def run_batch(packed: bytes, memory_mb: float) -> bytes:

@@ -352,7 +352,13 @@ def _row(made: Made, *, broken: bool = False) -> Row:
 
 
 def _broken_row(node: Node, broken: Broken) -> Row | None:
-    """Return the row of a run that gave no result; None where no run broke, but a forecast or a mutation."""
+    """Return the row of a run that gave no result.
+
+    None where no run broke, but a forecast or a mutation; and where the process was ended from outside: that is no
+    result, and the next campaign runs it.
+    """
+    if broken.how == "killed":
+        return None
     verdict, reason = broken_verdict(broken)
     record = node.step.broken(node.case, node.file, verdict, reason)
     if record is None:

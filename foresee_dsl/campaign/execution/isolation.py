@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import multiprocessing
+import multiprocessing.connection
 import os
 import pickle
 import select
@@ -28,12 +29,21 @@ from multiprocessing.reduction import DupFd
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from foresee_dsl.campaign.execution.processes import adopt_orphans, end_started, memory_mb
+from foresee_dsl.campaign.execution.processes import (
+    adopt_orphans,
+    end_orphans,
+    end_session,
+    end_started,
+    memory_mb,
+    parent_of,
+    started_by,
+)
 from foresee_dsl.drivers.consent import allowed, allowing
+from foresee_dsl.drivers.process_state import changes_here
 from foresee_dsl.simulate.driver_faults import place_in_dump
 from foresee_dsl.simulate.printed import keep_prints, read_all, shortened
 
-PRELOAD = ("foresee_dsl.campaign.execution.preloading",)
+PRELOAD = ("foresee_dsl.campaign.execution.fork_server", "foresee_dsl.campaign.execution.preloading")
 """Imported once in the fork server, so that a new worker starts warm."""
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
@@ -71,8 +81,8 @@ class Task:
 
 
 Message = tuple[str, int, Any]
-"""What a worker reports of the task with this number: `started`, `part` (with a value), `done` (with a value), `raised`
-(with the exception in words)."""
+"""What a worker reports of the task with this number: `started`, `part` (with a value), `changed` (with what a driver
+has changed of the process, in phrases), `done` (with a value), `raised` (with the exception in words)."""
 
 
 class Worker:
@@ -109,6 +119,10 @@ class Worker:
         """When (on the monotonic clock) it began what it does now, or its last part."""
         self.finished = 0
         """How many tasks it has ended so far."""
+        self.changed: tuple[str, ...] = ()
+        """What a driver has changed of the process, which ends after that task."""
+        self._server = 0 if forked else parent_of(self.pid)
+        _running.add(self.pid)
         self.warm: list[tuple[str, ...]] = []
         """What the tasks that it was given last share with others, the latest first."""
 
@@ -116,6 +130,14 @@ class Worker:
     def pid(self) -> int:
         """Its process's number."""
         return self._process.pid or 0
+
+    @property
+    def watched(self) -> tuple[Connection | int, ...]:
+        """For `multiprocessing.connection.wait`: one is ready when there is a message, or when the process is gone.
+
+        The connection alone does not tell the latter, where a process that a driver started has it open, too.
+        """
+        return self.connection, self._process.sentinel
 
     @property
     def idle(self) -> bool:
@@ -150,7 +172,11 @@ class Worker:
             elif message[0] in ("done", "raised"):
                 self.current = None
                 self.finished += 1
+            elif message[0] == "changed":
+                self.changed = message[2]
             yield message
+        if not self.connection.poll() and multiprocessing.connection.wait([self._process.sentinel], 0):
+            raise EOFError
 
     def overdue(self) -> bool:
         """Whether what it does now has taken longer than it may, by so much that it does not end it itself."""
@@ -162,14 +188,18 @@ class Worker:
         0 where the system does not tell (no Linux)."""
         return memory_mb(self.pid, limit_mb)
 
+    def started(self) -> int:
+        """Return how many processes it has started that still run."""
+        return len(started_by(self.pid))
+
     def left_behind(self) -> LeftBehind:
         """Return what a process that broke has left: what was printed, and whether and where it hung or crashed."""
         stack = read_all(self._stacks.descriptor).decode("utf-8", "replace")
         printed = shortened(read_all(self._output.descriptor))
         return LeftBehind(printed, stack.startswith("Timeout "), place_in_dump(stack), stack)
 
-    def kill(self, *, gone: bool = False) -> str:
-        """End the process now, or one that is `gone`, and return how it had ended."""
+    def kill(self, *, gone: bool = False) -> Ending:
+        """End the process now, or one that is `gone`, with all that it has started; return how it had ended."""
         if gone:
             self._process.join(_REPORTED_S)
         else:
@@ -182,7 +212,40 @@ class Worker:
         self._lifeline.close()
         self.connection.close()
         self._process.join(5)
-        return _ending(code)
+        _running.discard(self.pid)
+        end_session(self.pid)
+        end_orphans(self._server, _running)
+        return Ending.of(code)
+
+
+_running: set[int] = set()
+"""The numbers of all worker processes that this process has started and not ended."""
+
+
+class Ending(NamedTuple):
+    """How a process ended. `outside`: by a signal that nothing in a process sends by itself."""
+
+    text: str
+    outside: bool = False
+
+    @classmethod
+    def of(cls, code: int | None) -> Ending:
+        """Return what an exit code means."""
+        if code is None:
+            return cls("its process broke off the connection")
+        if code >= 0:
+            return cls(f"its process died with exit code {code}")
+        try:
+            name = signal.Signals(-code).name
+        except ValueError:
+            name = f"signal {-code}"
+        meaning = {"SIGSEGV": " (a crash inside a library)", "SIGABRT": " (a library gave up)"}.get(name, "")
+        outside = name in _FROM_OUTSIDE
+        return cls(f"its process {'was ended by' if outside else 'died of'} {name}{meaning}", outside)
+
+
+_FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
+"""What `kill`, a terminal that closes, a batch system and the kernel send, the last when memory is short."""
 
 
 class LeftBehind(NamedTuple):
@@ -232,24 +295,25 @@ def forkserver() -> ForkServerContext:
     return context
 
 
-def _ending(code: int | None) -> str:
-    if code is None:
-        return "its process broke off the connection"
-    if code >= 0:
-        return f"its process died with exit code {code}"
-    try:
-        name = signal.Signals(-code).name
-    except ValueError:
-        name = f"signal {-code}"
-    meaning = {"SIGSEGV": " (a crash inside a library)", "SIGABRT": " (a library gave up)", "SIGKILL": " (killed from "
-               "outside, as when memory runs out)"}.get(name, "")  # fmt: skip
-    return f"its process died of {name}{meaning}"
+class _Reports:
+    """The worker's end of its pipe, which only the worker itself writes to."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe, self._pid = pipe, os.getpid()
+
+    def send(self, message: Message) -> None:
+        """Send a message; a fork that a driver made, and that came to the end of the run as well, ends here."""
+        if os.getpid() != self._pid:
+            os._exit(0)
+        self._pipe.send(message)
 
 
 def _serve(pipe: Connection, lifeline: Connection, output: SharedFile, stacks: SharedFile, *others: Connection) -> None:
     """Work until the starter has nothing more, or is gone; `others` are the starter's ends, which a fork has too."""
     for other in others:
         other.close()
+    with contextlib.suppress(PermissionError):  # it leads a session already
+        os.setsid()  # what a driver sends to its process group reaches the worker, not the campaign
     end_with(lifeline.fileno())
     adopt_orphans()
     keep_prints(output.descriptor, stacks.descriptor)
@@ -258,46 +322,55 @@ def _serve(pipe: Connection, lifeline: Connection, output: SharedFile, stacks: S
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     with contextlib.suppress(OSError):  # where memory runs out, a worker goes first, not the starter
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+    reports = _Reports(pipe)
     while True:
         try:
             batch: list[tuple[int, bytes]] = pipe.recv()
         except (EOFError, OSError):
             return
         for number, packed in batch:
-            _run_task(pipe, number, packed)
+            if _run_task(reports, number, packed):
+                return  # its starter gives the rest to another process
 
 
-def _run_task(pipe: Connection, number: int, packed: bytes) -> None:
-    pipe.send(("started", number, None))
+def _run_task(reports: _Reports, number: int, packed: bytes) -> bool:
+    """Run a task and report it; return whether a driver has changed this process, in which no other task is to run."""
+    reports.send(("started", number, None))
+    result: Message
     try:
         task: Task = pickle.loads(packed)  # noqa: S301 - from the process that started this one
         with allowing(task.programs):
             outcome = task.function(task.argument)
             if isgenerator(outcome):
                 for part in outcome:
-                    pipe.send(("part", number, part))
+                    reports.send(("part", number, part))
                 outcome = None
-        pipe.send(("done", number, outcome))
+        result = "done", number, outcome
     except (Exception, SystemExit) as err:  # an exception is this task's outcome, not this process's end
-        pipe.send(("raised", number, f"{type(err).__name__}: {err}"))
+        result = "raised", number, f"{type(err).__name__}: {err}"
+    if changed := changes_here():
+        reports.send(("changed", number, changed))
+    reports.send(result)
+    return bool(changed)
 
 
 def end_with(descriptor: int) -> None:
     """End this process (by SIGKILL) with the one that started it, whatever ends that one.
 
     The starter keeps the writing end of a pipe that nothing is ever written to; when it ends, also by SIGKILL, the
-    kernel closes that end. On Linux the kernel then sends the signal: a thread that waits for the end of the pipe would
-    get no turn while a library keeps Python's lock. `descriptor` is the reading end, this process's own.
+    kernel closes that end. On Linux the kernel then sends the signal, to the whole process group, which this process
+    leads: a thread that waits for the end of the pipe would get no turn while a library keeps Python's lock.
+    `descriptor` is the reading end, this process's own.
     """
     set_signal = getattr(fcntl, "F_SETSIG", None)
     if set_signal is None:  # not Linux: as good as a thread can do it
         threading.Thread(target=_wait_and_exit, args=(descriptor,), daemon=True).start()
         return
-    fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(descriptor, fcntl.F_SETOWN, -os.getpid())
     fcntl.fcntl(descriptor, set_signal, signal.SIGKILL)
     fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
     if select.select([descriptor], [], [], 0)[0]:  # closed before the kernel was asked to tell
-        os.kill(os.getpid(), signal.SIGKILL)
+        os.killpg(os.getpid(), signal.SIGKILL)
 
 
 def _wait_and_exit(descriptor: int) -> None:

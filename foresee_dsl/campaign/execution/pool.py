@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, Literal, Self
 
-from foresee_dsl.campaign.execution.isolation import Task, Worker
+from foresee_dsl.campaign.execution.isolation import Ending, Task, Worker
+from foresee_dsl.campaign.execution.processes import MOST
 from foresee_dsl.campaign.execution.task_queue import Priority, TaskQueue
 from foresee_dsl.campaign.settings import Limits, Shard
 
@@ -26,6 +27,7 @@ BATCH = 8
 workers without work at the end."""
 _TICK_S = 0.1
 """Interval at which deadlines and memory are checked. Ours: a process allocates some 200 MB in that time."""
+_OUTSIDE = ": sent from outside, as by `kill`, or by the system when memory runs out, so it does not count as a crash"
 _STARTS = 5
 """How many processes in a row may die before they begin a task, until the pool gives up. Ours: one may be hit by a
 kill, five mean that none can start."""
@@ -34,11 +36,11 @@ kill, five mean that none can start."""
 @dataclass(frozen=True)
 class Broken:
     """A task that gave nothing: its process died (`crash`), it took too long (`timeout`) or too much memory (`memory`),
-    or it raised."""
+    or it raised; or its process was ended from outside each time (`killed`), which says nothing about the task."""
 
     task: Task
     reason: str
-    how: Literal["crash", "timeout", "memory", "raised"] = "crash"
+    how: Literal["crash", "timeout", "memory", "raised", "killed"] = "crash"
     output: str = ""
     """What its process had printed."""
 
@@ -117,6 +119,10 @@ class WorkerPool(Executor):
         self._memory_mb = memory_mb
         self._most_deaths, self._once = deaths, once
         self._deaths: Counter[int] = Counter()
+        self._kills: Counter[int] = Counter()
+        """How many times a task's process was ended from outside."""
+        self._spoilt: set[int] = set()
+        """Tasks that raised in a process that a driver had changed, and are run once more."""
         self._workers: list[Worker] = []
         self._failed_starts = 0
         self._checked_s = 0.0
@@ -137,9 +143,12 @@ class WorkerPool(Executor):
         """See `Executor`; `stop` is called ten times a second."""
         while self._tasks and not stop():
             self._hand_out()
-            busy = {worker.connection: worker for worker in self._workers if not worker.idle}
-            for ready in multiprocessing.connection.wait(list(busy), timeout=_TICK_S):
-                worker = next(w for connection, w in busy.items() if connection is ready)
+            busy = {id(one): worker for worker in self._workers if not worker.idle for one in worker.watched}
+            watched = [one for worker in self._workers if not worker.idle for one in worker.watched]
+            for ready in multiprocessing.connection.wait(watched, timeout=_TICK_S):
+                worker = busy[id(ready)]
+                if worker not in self._workers:
+                    continue  # both of what is watched were ready, and it is dealt with
                 received = list(self._receive(worker))
                 self._hand_out()  # a process has its next task before this one looks at what the last one gave
                 yield from received
@@ -164,7 +173,7 @@ class WorkerPool(Executor):
     def _hand_out(self) -> None:
         while self._queue:
             worker = next((w for w in self._workers if w.idle), None)
-            if worker is not None and worker.finished and self._deaths[self._queue.first]:
+            if worker is not None and worker.finished and self._suspect(self._queue.first):
                 self._drop(worker)  # a suspect runs in a process that nothing else has run in
                 worker = None
             if worker is None:
@@ -196,13 +205,13 @@ class WorkerPool(Executor):
     def _batch(self, worker: Worker) -> list[tuple[int, Task]]:
         """Take the next tasks off the queue: few when few are left; a suspect alone."""
         size = max(1, min(BATCH, math.ceil(len(self._queue) / (2 * self._jobs))))
-        most = 1 if self._deaths[self._queue.first] else size
+        most = 1 if self._suspect(self._queue.first) else size
         return [(number, self._tasks[number]) for number in self._queue.take(most, worker.warm)]
 
     def _requeue(self, numbers: Iterable[int]) -> None:
         for number in numbers:
             # Before all others. Suspects last of these: the innocent rest of their batch need not wait for them.
-            self._queue.push(number, (-1, self._deaths[number], 0), self._tasks[number].shares)
+            self._queue.push(number, (-1, self._suspect(number), 0), self._tasks[number].shares)
 
     def _receive(self, worker: Worker) -> Iterator[Update]:
         try:
@@ -213,20 +222,35 @@ class WorkerPool(Executor):
                 elif what == "done":
                     yield self._ended(number, value)
                 elif what == "raised":
-                    yield self._ended(number, Broken(self._tasks[number], value, "raised"))
+                    yield from self._raised(number, value, worker)
         except EOFError:
             yield from self._died(worker)
+        else:
+            if worker.changed and worker.current is None:
+                self._drop(worker)
+
+    def _raised(self, number: int, error: str, worker: Worker) -> Iterator[Update]:
+        """Note that a task raised; in a process that a driver had changed the tool may have, so it is run once more."""
+        if worker.changed and number not in self._spoilt:
+            self._spoilt.add(number)
+            self._requeue([number])
+            return
+        if worker.changed:
+            error += f" (before that, the driver {'; it '.join(worker.changed)})"
+        yield self._ended(number, Broken(self._tasks[number], error, "raised"))
 
     def _ended(self, number: int, value: object) -> Update:
         self._deaths.pop(number, None)
+        self._kills.pop(number, None)
+        self._spoilt.discard(number)
         return Update(self._tasks.pop(number), value)
 
     def _died(self, worker: Worker) -> Iterator[Update]:
         culprit = worker.current
-        how = self._drop(worker, gone=True)
+        ending = self._drop(worker, gone=True)
         if culprit is None:
             if not worker.finished:
-                self._note_failed_start(how)
+                self._note_failed_start(ending.text)
             return
         number, task = culprit
         left = worker.left_behind()
@@ -235,14 +259,21 @@ class WorkerPool(Executor):
             reason = f"did not come back from a library in time{at}; --step-deadline allows more (with --retry)"
             yield self._ended(number, Broken(task, reason, "timeout", left.output))
             return
-        self._deaths[number] += 1
-        if self._deaths[number] < self._most_deaths:
+        counted, most = (self._kills, DEATHS) if ending.outside else (self._deaths, self._most_deaths)
+        counted[number] += 1
+        times = f", {most} times" if most > 1 else ""
+        if counted[number] < most:
             self._requeue([number])
+        elif ending.outside:
+            yield self._ended(number, Broken(task, f"{ending.text}{times}{_OUTSIDE}", "killed", left.output))
         else:
-            times = f", {self._most_deaths} times" if self._most_deaths > 1 else ""
-            yield self._ended(number, Broken(task, f"{how}{at}{times}", output=left.output))
+            yield self._ended(number, Broken(task, f"{ending.text}{at}{times}", output=left.output))
 
-    def _drop(self, worker: Worker, *, gone: bool = False) -> str:
+    def _suspect(self, number: int) -> int:
+        """Return how many processes have ended at a task; one that has any runs alone in a process of its own."""
+        return self._deaths[number] + self._kills[number]
+
+    def _drop(self, worker: Worker, *, gone: bool = False) -> Ending:
         """End a worker; what it had not begun goes back into the queue. Return how it ended."""
         self._workers.remove(worker)
         self._requeue(number for number, _ in worker.waiting)
@@ -261,6 +292,10 @@ class WorkerPool(Executor):
             self._drop(worker)
             reason = f"took longer than {task.deadline_s:g} s of wall time and was ended; --deadline allows more"
             yield self._ended(number, Broken(task, reason, "timeout", worker.left_behind().output))
+        elif worker.started() > MOST:
+            self._drop(worker)
+            reason = f"started more than {MOST:,} processes and was ended"
+            yield self._ended(number, Broken(task, reason, "memory", worker.left_behind().output))
         elif worker.memory_mb(self._memory_mb) > self._memory_mb:
             alone = not worker.finished
             self._drop(worker)

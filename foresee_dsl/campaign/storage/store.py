@@ -91,7 +91,7 @@ class Store:
             OSError: the folder cannot be made or written to.
         """
         self.folder = folder
-        self.blobs = Blobs(folder / "blobs")
+        self.blobs = Blobs(folder.absolute() / "blobs")  # workers read there, whatever folder a driver goes to
         self.damaged: dict[str, str] = {}
         """Results that were changed on the disk and count as missing: their names by key."""
         self.rescued: int | None = None

@@ -210,11 +210,13 @@ def _references(names: str | None, driver: str) -> tuple[str, ...]:
 
 def _make_once(driver: str) -> Driver:
     """Make a driver, whose version goes into the keys of a campaign; where it raises, show its own code."""
+    from foresee_dsl.drivers.process_state import put_back
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.errors import DriverError
 
     try:
-        return load_driver(driver)
+        with put_back(0):
+            return load_driver(driver)
     except DriverError as err:
         if err.__cause__ is None:
             raise

@@ -31,6 +31,11 @@ _TICK_S = 0.05
 _GUARD = ("/bin/sh", "-c", 'trap "" HUP INT TERM; read -r _; kill -KILL 0')
 
 
+def kept_programs() -> tuple[int, ...]:
+    """Return the processes of programs that stay for the next run."""
+    return ()
+
+
 class Program:
     """A running program. `exchange` sends a line and returns the one that answers it."""
 

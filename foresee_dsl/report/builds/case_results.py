@@ -17,6 +17,7 @@ from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
+from foresee_dsl.report.verdicts import changed_lines
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunResult, Verdict
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ def of_case_run(one: CaseRun, driver: str, seed: int, trace: Path | None = None)
 
 def _notes(notes: DriverNotes) -> tuple[str, ...]:
     printed = ("the driver printed:", *notes.output.rstrip().splitlines()) if notes.output.strip() else ()
-    return (*notes.traceback.splitlines(), *printed)
+    return (*notes.traceback.splitlines(), *changed_lines([notes]), *printed)
 
 
 def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...]:

@@ -25,7 +25,7 @@ from foresee_dsl.report.careful_drivers import ANTICIPATING, R157, answers_of
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.raw_numbers import raw_numbers
 from foresee_dsl.report.terminal.tables import duration
-from foresee_dsl.report.verdicts import WHOLE, counted, verdicts_line, without_verdict
+from foresee_dsl.report.verdicts import WHOLE, changed_lines, counted, verdicts_line, without_verdict
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
@@ -67,6 +67,11 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
     _print_others(console, result, findings, out)
     _print_broken(console, result)
     _print_breaking(console, result)
+    notes = [seed.notes for seed in result.seeds]
+    notes += [clip.notes for clip in result.clips]
+    notes += [child.notes for clip in result.clips for child in clip.children]
+    for changed in changed_lines(notes):
+        console.print(_indented(Text(changed, style="yellow")))
     if not result.failed and not result.broken:
         _print_nearest(console, result, out)
     if raw:
@@ -103,8 +108,10 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
         yield text
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
-    elif not result.failed:
+    elif not result.failed and not result.broken:
         yield Text("no failures", style="bold green")
+    if result.broken:
+        yield Text(f"{counted(len(result.broken), 'step')} could not be done", style="bold red")
     failed = [seed for seed in result.seeds if not seed.passed]
     breaking = sum(map(_passed, failed))
     yield verdicts_line([s.verdict for s in result.seeds], [s.reason for s in failed], breaking=breaking)

@@ -12,7 +12,7 @@ from foresee_dsl.campaign.execution.runs import CaseRun
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.tables import plain_table, print_run_details
 from foresee_dsl.report.unfired import unfired_lines
-from foresee_dsl.report.verdicts import WHOLE, counted, ending, verdicts_line, without_verdict
+from foresee_dsl.report.verdicts import WHOLE, changed_lines, counted, ending, verdicts_line, without_verdict
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 _LINES = 30
@@ -35,9 +35,11 @@ def print_case_run(console: Console, one: CaseRun, trace: Path | None) -> None:
 
 
 def print_notes(console: Console, notes: DriverNotes) -> None:
-    """Print a driver's traceback and what it printed."""
+    """Print a driver's traceback, what it changed of its process, and what it printed."""
     for line in notes.traceback.splitlines():
         console.print(Text(f"  {safe(line, WHOLE)}", style="red" if line[:1].strip() else "default"), soft_wrap=True)
+    for line in changed_lines([notes]):
+        console.print(Text(f"  {line}", style="yellow"), soft_wrap=True)
     if notes.output.strip():
         console.print(Text("  the driver printed:", style="dim"))
         lines = notes.output.rstrip().splitlines()

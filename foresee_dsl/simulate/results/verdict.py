@@ -164,11 +164,13 @@ class DriverNotes:
     Attributes:
         output: what it printed, where its process keeps that (`simulate.printed`).
         traceback: of its exception, the frames of its own code. hang: what it was ended in.
+        changed: what it changed of the process that ran it, as phrases that follow "the driver"; it was put back.
     """
 
     output: str = ""
     traceback: str = ""
     hang: Hang | None = None
+    changed: tuple[str, ...] = ()
 
 
 NO_NOTES = DriverNotes()

@@ -1,0 +1,11 @@
+"""Imported in the fork server alone: what workers leave behind becomes its child, where their starter finds it."""
+
+from __future__ import annotations
+
+import warnings
+
+from foresee_dsl.campaign.execution.processes import adopt_orphans
+
+adopt_orphans()
+# Python's fork server (3.11 to 3.13) reaps such a process as it should, but warns that it did not start it.
+warnings.filterwarnings("ignore", message="forkserver: waitpid returned unexpected pid")
