@@ -271,6 +271,18 @@ def test_what_happens_at_once_is_how_it_begins_and_a_trajectory_is_a_start(tmp_p
     assert whens(scenario)[-1].startswith("when time >= 0 s { only changes speed to 10 m/s over")
 
 
+def test_an_actor_begins_where_its_spline_does(tmp_path: Path) -> None:
+    spline = """<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false"><Shape>
+      <ClothoidSpline><Segment curvatureStart="0" curvatureEnd="0" length="80"><PositionStart>
+      <LanePosition roadId="1" laneId="-1" s="200"/></PositionStart></Segment></ClothoidSpline></Shape></Trajectory>
+      </TrajectoryRef><TimeReference><None/></TimeReference></FollowTrajectoryAction></RoutingAction>"""
+    init = f'<Private entityRef="Only"><PrivateAction>{spline}</PrivateAction>{osc.speed("9")}</Private>'
+    _, scenario = imported(tmp_path, osc.scenario(entities=osc._CAR.format(name="Only", catalogue="Cars"), init=init))
+    only = next(actor for actor in scenario.actors if actor.name == "only")
+    assert only.state is not None
+    assert only.state.at.x.si == pytest.approx(200 + _FRONT_M)
+
+
 def test_a_loop_is_driven_round(tmp_path: Path) -> None:
     ring = """<OpenDRIVE><header revMajor="1" revMinor="4" name="ring" version="1"/>
       <road name="r" length="251.327" id="1" junction="-1">

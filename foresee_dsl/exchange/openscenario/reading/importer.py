@@ -37,7 +37,7 @@ from foresee_dsl.exchange.openscenario.reading.handedness import is_left_handed
 from foresee_dsl.exchange.openscenario.reading.inits import Inits
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.merging import Part, merged, shape_of
-from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.openscenario.reading.places import Places, positions_of
 from foresee_dsl.exchange.openscenario.reading.roads import Roads
 from foresee_dsl.exchange.openscenario.reading.source import Source, declared_names, network_file, read_source
 from foresee_dsl.exchange.openscenario.reading.storyboard import (
@@ -461,7 +461,7 @@ class _Import:
         self.places.moving = frozenset({ego, *moved, *(ref for ref, speed in self.inits.speeds.items() if speed)})
         for ref, routing in self._routing().items():
             trajectory = trajectory_of(self.source, routing) if routing.tag == "FollowTrajectoryAction" else None
-            first = trajectory.find("Shape//Position") if trajectory is not None else None
+            first = next(positions_of(trajectory), None) if trajectory is not None else None
             if first is not None and ref not in self.inits.positions:
                 self.inits.positions[ref] = first
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import TypeVar
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -112,7 +112,7 @@ class Places:
 
     def stay(self, element: Element) -> None:
         """Raise `NotExpressed` where a position in an element goes with an entity that may have moved."""
-        for position in element.iter("Position"):
+        for position in positions_of(element):
             self.later(position)
 
     def later(self, position: Element) -> Pose:
@@ -267,6 +267,11 @@ class Places:
 
 
 _RELATIVE = ("RelativeWorldPosition", "RelativeObjectPosition", "RelativeRoadPosition")
+
+
+def positions_of(element: Element) -> Iterator[Element]:
+    """Yield the positions in an element, in its order."""
+    return (e for e in element.iter() if e.tag in ("Position", "PositionStart"))
 
 
 def lane_beside(lane: int, by: int) -> int:
