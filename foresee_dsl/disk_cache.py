@@ -7,7 +7,6 @@ of the code, of Python or of a library never reads it: all of these are part of 
 from __future__ import annotations
 
 import hashlib
-import io
 import os
 import pickle
 import sys
@@ -55,15 +54,14 @@ def load(file: Path | None) -> Any:  # noqa: ANN401 - any value that was stored
     return pickle.loads(content[_SUM_BYTES:])  # noqa: S301 - our own, whole, and in the user's own folder
 
 
-def store(file: Path | None, value: object, pickler: type[pickle.Pickler] = pickle.Pickler) -> None:
+def store(file: Path | None, value: object) -> None:
     """Store a value (not None) in an entry; one that another process stored is replaced."""
     if file is None:
         return
-    data = io.BytesIO()
-    pickler(data, pickle.HIGHEST_PROTOCOL).dump(value)
+    data = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
     with suppress(OSError):
         with replacing(file) as temporary:
-            temporary.write_bytes(hashlib.sha256(data.getbuffer()).digest() + data.getbuffer())
+            temporary.write_bytes(hashlib.sha256(data).digest() + data)
         _tidy(file.parent)
 
 

@@ -7,25 +7,22 @@ Heavy imports happen inside the commands, so that help is quick. A new command i
 from __future__ import annotations
 
 import gc
-import inspect
 import os
 import sys
 import warnings
 from collections.abc import Callable
 from importlib import import_module
-from importlib.util import find_spec
-from types import CodeType, MappingProxyType
+from types import MappingProxyType
 from typing import Annotated, Any, cast
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
 from foresee_dsl import __version__
 from foresee_dsl.cli.completion import VARIABLE
 from foresee_dsl.cli.options.common import BUG, Consenting, explain_error
 from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.cli.options.plain_output import guard_streams
-from foresee_dsl.late_import import import_late
 
 COMMANDS = (
     ("Write", "init", "writing.init.init"),
@@ -76,7 +73,6 @@ class _Commands(TyperGroup):
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
         super().__init__(**settings)
         self.commands = dict.fromkeys(self._table, cast("Any", None))  # the names, for "did you mean"
-        self._listing = False
 
     _table = MappingProxyType({name: (panel, function) for panel, name, function in COMMANDS})
 
@@ -87,32 +83,11 @@ class _Commands(TyperGroup):
             return None
         panel, function = self._table[cmd_name]
         module, _, attribute = f"foresee_dsl.cli.{function}".rpartition(".")
-        if self._listing:
-            return TyperCommand(cmd_name, callback=None, help=_help_of(module, attribute), rich_help_panel=panel)
         if self.commands[cmd_name] is None:
             call = getattr(import_module(module), attribute)
             grouped = isinstance(call, typer.Typer)
             self.commands[cmd_name] = _group(call, panel) if grouped else _alone(call, cmd_name, panel)
         return self.commands[cmd_name]
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
-        """Print the help, which needs one line of each command."""
-        self._listing = True
-        try:
-            super().format_help(ctx, formatter)
-        finally:
-            self._listing = False
-
-
-def _help_of(module: str, function: str) -> str | None:
-    """Return a command's docstring from its module's code, without running it: that was a third of the help's time."""
-    spec = find_spec(module)
-    code = getattr(spec.loader, "get_code", lambda _: None)(module) if spec is not None else None
-    for part in code.co_consts if code is not None else ():
-        if isinstance(part, CodeType) and part.co_name == function and isinstance(part.co_consts[0], str):
-            return inspect.cleandoc(part.co_consts[0])
-    found = getattr(import_module(module), function)  # a group, or a loader that has no code
-    return found.info.help if isinstance(found, typer.Typer) else inspect.getdoc(found)
 
 
 _SETTINGS = {"help_option_names": ["-h", "--help"]}
@@ -181,8 +156,6 @@ def main() -> None:
     # Pydantic 2.14 would look through all that is installed for plug-ins of its own: a fiftieth of a check's work. Who
     # has one sets the variable to nothing.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    # Pydantic imports this for them nevertheless: another thirtieth.
-    import_late("importlib.metadata", functions=["entry_points"])
     guard_streams()
     warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
     try:

@@ -19,7 +19,6 @@ import numpy as np
 from foresee_dsl.drivers.protocol import ActorClass, FloatArray, Observation, SeenActor, SignalColour
 from foresee_dsl.kernels import tracks as kernel
 from foresee_dsl.kernels.arrays import Records
-from foresee_dsl.kernels.direct import direct
 
 COAST_S = 1.5
 """Ours: an object that is not seen any more is predicted for this long. The sensors give it its old number within 1 s;
@@ -130,7 +129,6 @@ class Tracker:
         self._places: dict[int, int] = {}
         self._measured_s: float | None = None
         self._some_lost = False
-        self._follow = direct(kernel.follow)
 
     def update(self, observation: Observation) -> Tracks:
         """Take in an observation, and return all tracks at its `time_s`.
@@ -156,7 +154,7 @@ class Tracker:
         # All that mostly happens, in one call.
         self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, math.exp(-passed_s / FADES_S)
         which, gains = np.array(found, dtype=np.int64), _gains(round(passed_s, 3))
-        table, lost_s = self._follow(self._state, self._sightings, which, seen.measured, self._scan, gains)
+        table, lost_s = kernel.follow(self._state, self._sightings, which, seen.measured, self._scan, gains)
         if lost_s <= COAST_S:
             return Tracks(table, *self._named)
         self._drop(measured_s)

@@ -14,7 +14,7 @@ from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission
 from foresee_dsl.errors import DriverLateError, SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
-from foresee_dsl.kernels.direct import direct
+from foresee_dsl.kernels.compiling import ensure
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
@@ -70,6 +70,7 @@ def run(
     Raises:
         SimulationError: the scene cannot be set up in SUMO.
     """
+    ensure()
     files = printed_here()
     if files is not None:
         files.begin()
@@ -128,7 +129,6 @@ class _Run:
         squares = self._squares = squares_of(self._simulation.network)
         ego = self._simulation.ego
         footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
-        self._drives_on = direct(drives_on)
         self._around = sizes, footprint, squares.left, squares.bottom, squares.cell, squares.known
         self._judge = Judge(
             ids=[actor.id for actor in others],
@@ -185,7 +185,7 @@ class _Run:
             not arrived
             and states.item(SPEED) >= STANDS_MPS
             and time_s < self._bundle.scene.end_s - STEP_S / 2
-            and self._drives_on(states, *self._around)
+            and drives_on(states, *self._around)
         ):
             self._judge.moves()
             self._expectations.look(time_s, ego_hit=False)

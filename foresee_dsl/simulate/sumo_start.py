@@ -6,12 +6,10 @@ import math
 import os
 import re
 import tempfile
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.late_import import import_late
 from foresee_dsl.simulate.moved_bodies import GHOST_TYPE
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -22,23 +20,6 @@ _VEHICLE_TYPE = re.compile(r'^ *<vType id="([^"]+)"[^>]*/>\n', re.MULTILINE)
 """A vehicle type in a state that SUMO saved."""
 _SUMO_SEED = 42
 """SUMO's own random numbers decide nothing here (sigma and speedDev are 0); fixed to be sure."""
-
-
-def prepare_libsumo() -> None:
-    """Let `import libsumo.libsumo` import its functions alone. The package imports traci and sumolib, too, which is a
-    third of its start; a later `import libsumo` does so.
-
-    What the package tells SUMO is told here: where its data are.
-    """
-    data = find_spec("sumo_data")
-    home = next(iter(data.submodule_search_locations or ()), None) if data is not None else None
-    if home is None:  # not as libsumo 1.28 comes: its package may know
-        return
-    if not os.environ.get("SUMO_HOME"):
-        os.environ["SUMO_HOME"] = home
-    if not os.environ.get("PROJ_LIB") and not os.environ.get("PROJ_DATA"):
-        os.environ["PROJ_LIB"] = os.environ["PROJ_DATA"] = str(Path(home) / "data" / "proj")
-    import_late("libsumo")
 
 
 def options(bundle: SumoBundle) -> list[str]:

@@ -24,7 +24,7 @@ from foresee_dsl.errors import SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.moved_bodies import MATCH_M, MovedBodies, degrees, edge_and_index
 from foresee_dsl.simulate.signals import Signals
-from foresee_dsl.simulate.sumo_start import EmptyState, options, prepare_libsumo
+from foresee_dsl.simulate.sumo_start import EmptyState, options
 from foresee_dsl.simulate.trace import STEP_S
 
 if TYPE_CHECKING:
@@ -388,13 +388,11 @@ class World:
 
 
 def _import_libsumo() -> ModuleType:
-    prepare_libsumo()
     try:
-        import libsumo._libsumo  # first, or the next would ask the package for it
-        import libsumo.libsumo as functions
+        import libsumo
     except ImportError as err:
         raise SimulationError(f"libsumo cannot be loaded: {err}; `foresee doctor` says what to install") from err
-    module: ModuleType = functions
+    module: ModuleType = libsumo
     return module
 
 

@@ -9,8 +9,8 @@ import subprocess
 import sys
 from dataclasses import astuple, replace
 from pathlib import Path
-from typing import cast
 
+import numba
 import numpy as np
 import pytest
 from numba import njit
@@ -21,10 +21,9 @@ from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
 from foresee_dsl.kernels import boxes as box_kernels
-from foresee_dsl.kernels import machine_code
-from foresee_dsl.kernels.arrays import Records
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, Kernel, compiled
-from foresee_dsl.kernels.machine_code import state_of
+from foresee_dsl.kernels import compiling
+from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, state_of
 from foresee_dsl.kernels.pdm import proposals, right_of_way
 from foresee_dsl.kernels.pdm import route as route_kernels
 from foresee_dsl.kernels.pdm.prediction import TIMES_S
@@ -112,61 +111,46 @@ def test_a_kernel_takes_its_types_and_no_others() -> None:
     frozen = np.array([3.0])
     frozen.flags.writeable = False
     for wrong in (np.array([[3.0]]), np.array([3]), np.array([3.0, 4.0, 5.0])[::2], frozen, [3.0], 3.0):
-        with pytest.raises(TypeError, match="argument 0 of scaled is not"):
+        with pytest.raises(TypeError, match="No matching definition"):
             scaled(wrong, 2.0)
     with pytest.raises(TypeError):
         scaled(np.array([3.0]))  # type: ignore[call-arg]
 
 
-def test_a_run_s_kernels_need_no_numba_and_do_with_it() -> None:
-    """As a driver's own numba and scipy would come after them."""
+def test_a_second_process_reads_kernels_from_the_cache_and_gets_the_same_bits(tmp_path: Path) -> None:
     code = """
 import sys
 import numpy as np
-from foresee_dsl.kernels import boxes, machine_code
-a, b = np.array([[0.0, 0.0, 0.0, 4.0, 2.0]]), np.array([[10.0, 0.0, 0.0, 4.0, 2.0]])
-assert boxes.gaps(a, b).tolist() == [6.0]
-assert boxes.gaps.py_func.__name__ == "gaps" and len(machine_code.stored()) > 40
-assert not {"numba", "scipy"} & set(sys.modules)
-import numba, scipy.linalg
-assert (numba.njit(lambda a, b: np.dot(a, b))(np.eye(2), np.ones((2, 2))) == 1).all()
-@numba.njit
-def nearest(a, b):
-    return boxes.gaps(a, b).min()
-assert nearest(a, b) == boxes.gaps(a, b)[0] == 6.0
+from foresee_dsl.kernels import boxes
+rng = np.random.default_rng(3)
+sys.stdout.write(boxes.gaps(*rng.uniform(-9, 9, (2, 50, 5))).tobytes().hex())
+sys.stderr.write(str(sum(boxes.gaps.dispatcher.stats.cache_misses.values())))
 """
-    subprocess.run([sys.executable, "-c", code], check=True)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    first, second = (
+        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, env=environment) for _ in range(2)
+    )
+    assert (first.stderr, second.stderr) == (b"1", b"0")
+    assert first.stdout == second.stdout != b""
 
 
-def test_numba_s_own_and_the_stored_machine_code_give_the_same_bits() -> None:
-    rng = np.random.default_rng(3)
-    tables = [rng.uniform(-9, 9, (50, 5)) for _ in range(2)]
-    for kernel in (box_kernels.gaps, box_kernels.overlaps_of):
-        made = cast("Kernel", kernel)
-        assert made.entry is not made.dispatcher
-        assert made.entry(*tables).tobytes() == made.dispatcher(*tables).tobytes()
+def test_a_driver_s_own_numba_function_may_call_a_kernel() -> None:
+    @njit
+    def nearest(a: FloatArray, b: FloatArray) -> float:
+        return float(box_kernels.gaps(a, b).min())
+
+    a, b = np.array([[0.0, 0.0, 0.0, 4.0, 2.0]]), np.array([[10.0, 0.0, 0.0, 4.0, 2.0]])
+    assert nearest(a, b) == box_kernels.gaps(a, b)[0] == 6.0
 
 
-def test_machine_code_that_cannot_be_read_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = machine_code._file()
-    assert file is not None and file.exists()
-    whole = file.read_bytes()
-    for content in (b"", whole[:1000], whole[:5000] + b"?" + whole[5001:]):
-        damaged = tmp_path / file.name
-        damaged.write_bytes(content)
-        monkeypatch.setattr(machine_code, "_file", lambda damaged=damaged: damaged)
-        assert machine_code.stored.__wrapped__() == {}
-        assert not damaged.exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("sys.platform", "win32"), ("platform.machine", lambda: "riscv64"), ("_TRIED", ("0.99.",) * 3)]
-)
-def test_where_it_was_not_tried_numba_loads_each_kernel(
-    name: str, value: object, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(f"foresee_dsl.kernels.machine_code.{name}", value)
-    assert machine_code._file.__wrapped__() is None
+def test_all_kernels_are_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first process compiles them, and the next sees that there is nothing to do."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    compiled_all: list[bool] = []
+    monkeypatch.setattr(compiling, "load", lambda: compiled_all.append(True))
+    for _ in range(2):
+        compiling.ensure.__wrapped__()
+    assert compiled_all == [True]
 
 
 def test_a_kernel_is_compiled_anew_when_any_of_the_kernels_files_changes(tmp_path: Path) -> None:
@@ -177,8 +161,6 @@ def test_a_kernel_is_compiled_anew_when_any_of_the_kernels_files_changes(tmp_pat
         state_of.cache_clear()
         states.append(state_of(tmp_path))
     assert len(set(states)) == 4 and states[-1] == states[-2]
-    file = machine_code._file()
-    assert file is not None and file.name.endswith(f"-{state_of(Path(str(machine_code.__file__)).parent)}")
 
 
 def test_offsets_are_rounded_as_python_does() -> None:

@@ -9,7 +9,6 @@ from decimal import Decimal
 from pathlib import Path
 
 import pytest
-from lark import Lark
 from lark.lexer import PatternStr
 
 from foresee_dsl.errors import InputError, Span
@@ -18,8 +17,7 @@ from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model import TAKEN
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.syntax.grammar import LarkPickler, grammar_text, statement_parser
-from foresee_dsl.language.syntax.packed import pack
+from foresee_dsl.language.syntax.grammar import statement_parser
 
 ROOT = Path(__file__).parents[2]
 CASES = ROOT / "tests" / "cases" / "language"
@@ -281,18 +279,6 @@ def test_the_language_loads_nothing_heavy():
         "assert not heavy, heavy"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
-
-
-def test_packed_tables_are_those_that_lark_made():
-    built = Lark(grammar_text(), parser="lalr", lexer="contextual", start=["file"], lexer_callbacks={"COMMENT": str})
-    states, rules = dict(built.parser.parser._parse_table.states), list(built.rules)
-    trees = dict(built.parser.parser.parser.callbacks)
-    pack(built, LarkPickler)
-    packed = built.parser.parser._parse_table.states
-    assert {state: packed[state] for state in states} == states
-    assert list(built.rules) == rules
-    assert built.rules[:2] == rules[:2]
-    assert set(built.parser.parser.parser.callbacks) == set(trees)
 
 
 def test_a_model_made_by_hand_knows_its_units():

@@ -7,7 +7,7 @@ from contextlib import suppress
 from importlib import import_module
 
 from foresee_dsl.campaign import steps
-from foresee_dsl.kernels import machine_code
+from foresee_dsl.kernels import compiling
 
 MODULES = (
     *(f"{steps.__name__}.{found.name}" for found in pkgutil.iter_modules(steps.__path__)),
@@ -19,4 +19,5 @@ MODULES = (
 for _name in MODULES:
     with suppress(Exception):  # the task that needs it reports why it does not load
         import_module(_name)
-machine_code.stored()
+compiling.ensure()
+compiling.load()

@@ -236,11 +236,9 @@ def compare(base: Side, new: Side) -> Comparison:
 
 def exact_p(one: int, other: int) -> float:
     """Return the exact two-sided p of a split into two counts, were both equally probable (McNemar's exact test)."""
-    if not one + other:
-        return 1.0
-    from scipy.stats import binomtest
-
-    return float(binomtest(one, one + other).pvalue)
+    total = one + other
+    tail = sum(math.comb(total, k) for k in range(min(one, other) + 1))
+    return min(1.0, 2 * tail / float(2**total))
 
 
 def _by_key(side: Side) -> dict[str, Ran]:

@@ -17,7 +17,6 @@ from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation, signal_brakings, write_state
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
-from foresee_dsl.kernels.direct import direct
 from foresee_dsl.kernels.pdm.decision import decide, hold
 
 
@@ -48,7 +47,6 @@ class _State:
         self._plan: _Plan | None = None
         self._vehicle, self._basis = vehicle, _Basis()
         self._road = route.points, route.coarse, route.foes, route.paths, route.junctions
-        self._hold, self._decide = direct(hold), direct(decide)
         self._braking = signal_brakings(route, self._strongest_mps2, {})
         self._explained: tuple[_Basis | None, tuple[Reason, ...]] = (None, ())
 
@@ -59,11 +57,11 @@ class _State:
         route, egos, plan = self._route, self._egos, self._plan
         write_state(self._numbers, observation.ego)
         if plan is not None and measured_s == plan.measured_s:
-            return Control(*self._hold(egos, route.points, route.coarse, plan.offset_m, plan.acceleration_mps2))
+            return Control(*hold(egos, route.points, route.coarse, plan.offset_m, plan.acceleration_mps2))
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         if signals != self._basis.signals:
             self._braking = signal_brakings(route, self._strongest_mps2, signals)
-        offset, acceleration, answer = self._decide(egos, tracks.table, *self._road, self._braking)
+        offset, acceleration, answer = decide(egos, tracks.table, *self._road, self._braking)
         self._plan = _Plan(measured_s, offset, acceleration)
         self._basis = _Basis(observation, tracks, signals)
         return Control(*answer)

@@ -19,10 +19,9 @@ from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.bicycle import BicycleLimits, VehicleState, step
 from foresee_dsl.kernels.boxes import wheels
-from foresee_dsl.kernels.direct import direct
 from foresee_dsl.kernels.records import dtype_of
 
-_STATE, _step = dtype_of(VehicleState), direct(step)
+_STATE = dtype_of(VehicleState)
 
 GRAVITY_MPS2 = 9.81
 """Standard gravity, to the figures that `VehicleLimits` is defined with."""
@@ -138,7 +137,7 @@ class Bicycle:
 
         `control`: within its ranges (`checked`).
         """
-        _step(state, self._limits, control.steer, control.throttle, control.brake, dt)
+        step(state, self._limits, control.steer, control.throttle, control.brake, dt)
 
     def steer_for(self, curvature: float) -> float:
         """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""

@@ -12,7 +12,6 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.bicycle import VehicleState
-from foresee_dsl.kernels.direct import direct
 from foresee_dsl.kernels.path_following import (
     CELL_M,
     NO_LANE,
@@ -29,8 +28,6 @@ from foresee_dsl.simulate.actors.moved_actors import PathActor, StandIn
 from foresee_dsl.simulate.actors.path_followers import PathFollower
 from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.trace import STEP_S
-
-_advance, _find_seen = direct(advance), direct(find_seen)
 
 _MATCH_M = 5.0
 """A lane this near to a place on the road is the lane there. Ours."""
@@ -145,9 +142,7 @@ class PathGroup:
         for actor in self._with_stops:
             actor.follower.stop_m = actor.red_light()
         records, sights = self._records, self._sights
-        self._found = _advance(
-            records, self._states, self._along, self._lines, self._bends, self._cells, sights, STEP_S
-        )
+        self._found = advance(records, self._states, self._along, self._lines, self._bends, self._cells, sights, STEP_S)
 
     def show(self) -> None:
         """Let SUMO's vehicles see those on the road, or about to step on it, in the next step."""
@@ -179,7 +174,7 @@ class PathGroup:
         """Return the fields of what `find_seen` finds; `move` has done so already, but before the first frame."""
         found, self._found = self._found, None
         if found is None:
-            found = _find_seen(self._records, self._states, self._lines, self._cells, self._sights)
+            found = find_seen(self._records, self._states, self._lines, self._cells, self._sights)
         while found:
             sights: list[tuple[int, int, int, float, float, float, float, float]] = self._sights[:found].tolist()
             n, lane, cell, *_ = sights[-1]
@@ -187,5 +182,5 @@ class PathGroup:
                 return sights
             known = self._lanes.look_up(self._actors[n].follower, cell)
             self._cells[self._records["cells_begin"][n] + cell] = known[cell]
-            found = _find_seen(self._records, self._states, self._lines, self._cells, self._sights)
+            found = find_seen(self._records, self._states, self._lines, self._cells, self._sights)
         return []

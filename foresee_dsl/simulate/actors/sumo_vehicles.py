@@ -24,15 +24,12 @@ from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.kernels import sumo_traffic
 from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.bicycle import VehicleState
-from foresee_dsl.kernels.direct import direct
 from foresee_dsl.kernels.lines import vertices
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.bend_speeds import LaneBends
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
-
-_follow, _slow_for_bends = direct(sumo_traffic.follow), direct(sumo_traffic.slow_for_bends)
 
 ROUNDING_M = 1e-2
 """An offset from the lane that rounding in a description can explain; it is corrected at once."""
@@ -321,7 +318,7 @@ class SumoTraffic:
             if lane != self._vehicles[number].lane:
                 self._vehicles[number].lane = lane
                 self._set_lane(number, lane)
-        _follow(self._seen, numbers, self._records, self._states, self._table.vertices, STEP_S)
+        sumo_traffic.follow(self._seen, numbers, self._records, self._states, self._table.vertices, STEP_S)
         return left
 
     def drop(self, vehicle: str) -> None:
@@ -340,7 +337,7 @@ class SumoTraffic:
 
     def _update_limits(self) -> list[int]:
         """Compute what each may drive; return those for which it is another speed than SUMO was told."""
-        found = _slow_for_bends(
+        found = sumo_traffic.slow_for_bends(
             self._driven, self._records, self._states, self._table.vertices, self._bends.points, self._changed, STEP_S
         )
         changed: list[int] = self._changed[:found].tolist() if found else []

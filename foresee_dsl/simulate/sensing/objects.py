@@ -12,7 +12,6 @@ import numpy as np
 from foresee_dsl.drivers.protocol import ActorClass, SeenActor
 from foresee_dsl.drivers.tracking import ObjectTable
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.direct import direct
 from foresee_dsl.kernels.object_list import ScanSettings, measured
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.kernels.sight import SightLimits
@@ -102,7 +101,6 @@ class ObjectList:
         self._poses = np.empty((2, 3))
         self._noise = Streams(seed, names, (slow, slow, slow, slow, 1.0, 1.0), max(frames_of(noise.slow_s), 1))
         self._tracks = Tracks(seed, frames_of(settings.forgets_s))
-        self._measured = direct(measured)
 
     def measure(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
         """Return the objects that are seen, the nearest first; arguments as of `table`."""
@@ -130,7 +128,7 @@ class ObjectList:
         walls, noise = self._sight.walls.near(ego[0], ego[1]), self._noise
         poses, states = self._poses, np.ascontiguousarray(states)
         poses[0], poses[1] = ego, estimated
-        return self._measured(frame, poses, states, self._bodies, walls, noise.keys, noise.scales, self._settings)
+        return measured(frame, poses, states, self._bodies, walls, noise.keys, noise.scales, self._settings)
 
 
 @lru_cache(maxsize=16)

@@ -12,7 +12,6 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.kernels.arrays import Records
-from foresee_dsl.kernels.direct import direct
 from foresee_dsl.kernels.lines import project, vertices
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
@@ -40,7 +39,6 @@ class Progress:
         self._vertices: dict[str, Records] = {}
         self._last: dict[str, tuple[int, float, float]] = {}
         self._spans: dict[tuple[str, str], tuple[float, float] | None] = {}
-        self._project = direct(project)
 
     def of(self, actor: Actor, frame: int) -> tuple[float, float]:
         """Return the length along its line of an actor's centre, and how far it is to the left of it; NaN without a
@@ -57,7 +55,7 @@ class Progress:
             points = self._vertices.get(actor.id)
             if points is None:
                 points = self._vertices[actor.id] = vertices(line.points, line.s, line.heading)
-            s, lateral = self._project(actor.x, actor.y, last[1] if last is not None else math.nan, points)
+            s, lateral = project(actor.x, actor.y, last[1] if last is not None else math.nan, points)
         self._last[actor.id] = (frame, s, lateral)
         return s, lateral
 

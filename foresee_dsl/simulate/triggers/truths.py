@@ -16,7 +16,6 @@ from functools import partial
 from typing import NamedTuple
 
 from foresee_dsl.kernels.conditions import UNSURE, beside_area, gap_within, time_to_touch
-from foresee_dsl.kernels.direct import direct
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import parts, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
@@ -114,8 +113,8 @@ def _pair(measure: m.Measure, bound: float, pair: tuple[Actor, Actor], condition
     one, other = (conditions.rows[actor.id] for actor in pair)
     table = conditions.states, conditions.sizes, one, other
     if measure.what == "ttc":
-        return partial(_ttc, *pair, partial(direct(time_to_touch), *table))
-    gap_m = partial(direct(gap_within), *table)
+        return partial(_ttc, *pair, partial(time_to_touch, *table))
+    gap_m = partial(gap_within, *table)
     if measure.what == "headway":
         return partial(_headway, *pair, gap_m, bound)
     return partial(_gap, *pair, gap_m, bound)
@@ -170,9 +169,7 @@ def _cost_of(item: m.Condition | m.Measure, conditions: Conditions) -> _Cost:
 
 def _in_junction(actor: Actor, junction: str, conditions: Conditions) -> Truth:
     area, borders, bounds = conditions.outlines.of(junction)
-    beside = partial(
-        direct(beside_area), conditions.states, conditions.sizes, conditions.rows[actor.id], borders, bounds
-    )
+    beside = partial(beside_area, conditions.states, conditions.sizes, conditions.rows[actor.id], borders, bounds)
 
     def inside() -> bool | None:
         if not actor.present:
