@@ -67,6 +67,13 @@ def test_the_first_campaign_finds_a_failure_of_each_case() -> None:
         assert (CHILDREN / f"main_street_{name}.foresee").is_file()
 
 
+def test_the_first_hour_shows_the_finding_that_there_is(root: Path) -> None:
+    text = Path("out/findings/main_street_steps_out_p1_m1/main_street_steps_out_p1_m1.foresee").read_text()
+    change = next(line.strip() for line in text.splitlines() if "change " in line)
+    for page in ("first-hour.md", "ci.md"):
+        assert change in (root / "docs" / page).read_text(), change
+
+
 def test_init_overwrites_nothing(project: Path) -> None:
     before = {file: file.read_bytes() for file in project.rglob("*") if file.is_file()}
     done = foresee("init", expect=1)
@@ -227,6 +234,9 @@ def test_pytest_and_verify_run_the_same_tests_of_a_kept_suite_and_exit_alike(tmp
     foresee("keep", *(f"main_street_{name}" for name in FOUND[1:]), "scenarios/main_street.foresee::steps_out", "--to",
             suite)  # fmt: skip
     assert (suite / "parents").is_dir()
+    findings = {one["name"]: one for one in checked(Path("out/campaign.json").read_text())["findings"]}
+    index = (suite / "README.md").read_text()  # tells the form that is kept, not the mutant that failed first
+    assert findings["main_street_steps_out_p1_m1"]["minimised"]["sentence"] in index
     for driver in ("pdm", "idm", "recorded"):
         verified = foresee("verify", suite, *(("--driver", driver) if driver != "recorded" else ()), "--jobs", "2",
                            "--json", expect=None)  # fmt: skip

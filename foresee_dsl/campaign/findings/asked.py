@@ -59,6 +59,12 @@ class Asked:
         return str(told or (found.get("sentence") if found.get("name") == self.name else "") or "")
 
     @property
+    def sentence_minimised(self) -> str:
+        """What happens in its minimised form, "" where no campaign tells."""
+        found = self.finding or {}
+        return str((found.get("minimised") or {}).get("sentence") or "") if found.get("name") == self.name else ""
+
+    @property
     def reason(self) -> str:
         """How its run ended, "" where no campaign tells."""
         return str(self._own.get("reason") or "")

@@ -64,7 +64,8 @@ def _child(found: Asked, *, full: bool) -> Source:
     case = load_test_case(file)
     origin = case.mutant.origin if case.mutant is not None else None
     text = read_outside(file).decode("utf-8")
-    return Source(file.stem, a.absolute(file), text, case, small is not None, found.sentence, recorded_in(origin))
+    sentence = found.sentence if small is None else found.sentence_minimised or found.sentence
+    return Source(file.stem, a.absolute(file), text, case, small is not None, sentence, recorded_in(origin))
 
 
 def _test_case(address: str, found: Asked | None = None) -> Source:
