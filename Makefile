@@ -8,6 +8,8 @@ SEEDS ?= scenarios/campaign.foresee
 OUT ?= out
 JOBS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() or 1)')
 ARGS ?=
+# Distributions of their own, in the order in which they are installed.
+PLUGINS := $(patsubst plugins/%/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
 
 # Some containers set it; without bytecode every start of the tool compiles eighty modules.
 unexport PYTHONDONTWRITEBYTECODE
@@ -37,6 +39,7 @@ types: $(VENV)/.installed-dev
 
 imports: $(VENV)/.installed-dev
 	@$(BIN)/lint-imports --no-logo
+	@for plugin in $(PLUGINS); do $(BIN)/lint-imports --no-logo --config plugins/$$plugin/pyproject.toml || exit 1; done
 
 unit: $(VENV)/.installed-dev  ## the tests alone (ARGS="-k name")
 	@$(BIN)/pytest -n $$(( $(JOBS) + 1 )) $(ARGS)  # one more: tests wait for processes, browsers and servers
@@ -62,7 +65,7 @@ clean:  ## remove what was made (the environment too)
 	rm -rf $(VENV) $(OUT) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 
 # A half-made environment is made anew: the stamp is only written when everything is in.
-$(VENV)/.installed: pyproject.toml
+$(VENV)/.installed: pyproject.toml $(wildcard plugins/*/pyproject.toml)
 	@echo "setting up $(VENV) (once; a minute or two)"
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "foresee-dsl needs Python 3.11 or newer; set PYTHON=")'
 	@if command -v uv >/dev/null 2>&1; then \
@@ -71,7 +74,10 @@ $(VENV)/.installed: pyproject.toml
 	else \
 	  $(PYTHON) -m venv $(VENV) && \
 	  install="$(BIN)/python -m pip install --quiet --disable-pip-version-check"; \
-	fi && { $$install -e '.[frenetix,learned]' 2>/dev/null || $$install -e '.[frenetix]'; }
+	fi && { $$install -e '.[learned]' $(PLUGINS:%=-e plugins/%) 2>/dev/null || $$install -e . && \
+	  for plugin in $(PLUGINS); do \
+	    $$install -e plugins/$$plugin || echo "the plug-in $$plugin cannot be installed here; all else works"; \
+	  done; }
 	@$(BIN)/python -c 'import frenetix' 2>/dev/null || echo "the driver frenetix is left out: its package has wheels for Python up to 3.12 on x86_64 Linux and macOS only; all else works"
 	@$(BIN)/python -c 'import onnxruntime' 2>/dev/null || echo "the drivers fusion and fusion_safe are left out: onnxruntime has no wheel for this machine; all else works"
 	@touch $@

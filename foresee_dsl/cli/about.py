@@ -206,12 +206,28 @@ def _whole_line() -> str:
 
 
 _REINSTALL = "run: pip install --force-reinstall 'eclipse-sumo==1.28.*' 'libsumo==1.28.*'"
+
+
+def _plug_ins() -> str:
+    """Name the distributions beside this one that its extras name, and what installs those that are missing."""
+    found = []
+    for line in metadata.requires("foresee-dsl") or ():
+        name, extra = line.partition(";")[0].strip(), line.partition("extra == ")[2].strip(" '\"")
+        if name.startswith("foresee-") and extra:
+            try:
+                found.append(f"{name} {metadata.version(name)}")
+            except metadata.PackageNotFoundError:
+                found.append(f"{name} is not installed: pip install 'foresee-dsl[{extra}]'")
+    return "; ".join(sorted(found))
+
+
 _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("libsumo and netconvert agree", _versions_agree, _REINSTALL),
     ("netconvert runs", _netconvert, _REINSTALL),
     ("libsumo loads", _libsumo, _REINSTALL + " (on Debian: apt-get install libgomp1 if a library is missing)"),
     ("grammar and catalogue", _grammar, "reinstall foresee-dsl: its data files are missing"),
     ("cache folder", _cache, "set FORESEE_CACHE to a folder that you may write to"),
+    ("plug-ins", _plug_ins, "reinstall foresee-dsl"),
     ("drivers", _drivers, "uninstall or repair the package that is named"),
     ("a bundled scenario runs", _whole_line, "run `foresee run` on it with FORESEE_DEBUG=1 and report what it says"),
 )

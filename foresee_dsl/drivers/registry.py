@@ -22,8 +22,9 @@ from foresee_dsl.plugins import PluginGroup, package_of
 
 DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError)
 _ADDRESS = re.compile(r"(.*? via )?(?P<address>[\w+]+:.*)", re.S)
-_OURS = "foresee_dsl."
-"""Drivers that are cheap to import, and may have a class method `check` that raises a `DriverError`."""
+_OURS = "foresee_"
+"""How the modules of this package and of the plug-ins beside it begin: their drivers are cheap to import, and may have
+a class method `check` that raises a `DriverError`."""
 REFERENCES = ("idm", "frenetix", "pdm")
 """Ours: the planners that come along."""
 _NOT_IN_TEXTS = ('"', "\n", "\r")

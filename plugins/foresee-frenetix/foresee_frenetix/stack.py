@@ -8,11 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.drivers.frenetix import settings as cfg
-from foresee_dsl.drivers.frenetix.behaviour import FOLLOWS_S, Behaviour, Patience, State, decide
-from foresee_dsl.drivers.frenetix.choice import at_frames, choose, is_free, joined
-from foresee_dsl.drivers.frenetix.plan import Frenet, Plan, Pose, angle_between, braking_plan
-from foresee_dsl.drivers.frenetix.planner import Planner, ends
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situation, to_centre, write_state
 from foresee_dsl.drivers.protocol import (
@@ -31,6 +26,11 @@ from foresee_dsl.kernels.pdm.decision import pedals
 from foresee_dsl.kernels.pdm.prediction import match, predict
 from foresee_dsl.kernels.pdm.proposals import decay_length
 from foresee_dsl.kernels.pdm.route import near_foes
+from foresee_frenetix import settings as cfg
+from foresee_frenetix.behaviour import FOLLOWS_S, Behaviour, Patience, State, decide
+from foresee_frenetix.choice import at_frames, choose, is_free, joined
+from foresee_frenetix.plan import Frenet, Plan, Pose, angle_between, braking_plan
+from foresee_frenetix.planner import Planner, ends
 
 STOPS_MPS2 = 0.3
 """Asked for by any stop or leader, also of a standing ego, so that it is told from a free road. Ours."""

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from foresee_dsl.drivers.frenetix import settings as cfg
-from foresee_dsl.drivers.frenetix.behaviour import STRIDE, Behaviour
-from foresee_dsl.drivers.frenetix.plan import MOTION, TIMES_S, Motion, Plan
-from foresee_dsl.drivers.frenetix.planner import STANDS_MPS, Candidates
 from foresee_dsl.drivers.pdm.situation import Situation
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.arrays import BoolArray, Records
 from foresee_dsl.kernels.pdm.records import ROLLED
 from foresee_dsl.kernels.pdm.scoring import conflicts
+from foresee_frenetix import settings as cfg
+from foresee_frenetix.behaviour import STRIDE, Behaviour
+from foresee_frenetix.plan import MOTION, TIMES_S, Motion, Plan
+from foresee_frenetix.planner import STANDS_MPS, Candidates
 
 LEAVES_M = 0.05
 """Ours: tolerance for rounding and smoothing of the lanes' edges."""

@@ -14,9 +14,6 @@ from frenetix.trajectory_functions import cost_functions as costs
 from frenetix.trajectory_functions import feasability_functions as feasibility
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.frenetix import settings as cfg
-from foresee_dsl.drivers.frenetix.behaviour import Behaviour
-from foresee_dsl.drivers.frenetix.plan import MOTION, TIMES_S, Frenet, Motion, Plan, angle_between, place
 from foresee_dsl.drivers.pdm.route import Route
 from foresee_dsl.drivers.pdm.situation import Situation, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
@@ -24,6 +21,9 @@ from foresee_dsl.kernels.arrays import BoolArray
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.proposals import FAR_M
 from foresee_dsl.kernels.pdm.route import GRID_M
+from foresee_frenetix import settings as cfg
+from foresee_frenetix.behaviour import Behaviour
+from foresee_frenetix.plan import MOTION, TIMES_S, Frenet, Motion, Plan, angle_between, place
 
 logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects
 FRAMES = len(TIMES_S)

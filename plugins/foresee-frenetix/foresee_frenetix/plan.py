@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.pdm.route import Route
 from foresee_dsl.drivers.protocol import FloatArray
+from foresee_frenetix import settings as cfg
 
 TIMES_S = np.arange(round(cfg.HORIZON_S / cfg.PLAN_STEP_S) + 1) * cfg.PLAN_STEP_S
 """[T] the frames of every plan."""

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foresee_frenetix import FrenetixDriver
+from foresee_frenetix.plan import TIMES_S, Frenet, braking_plan
+from foresee_frenetix.planner import make_window, window_number
 
-from foresee_dsl.drivers.frenetix import FrenetixDriver
-from foresee_dsl.drivers.frenetix.plan import TIMES_S, Frenet, braking_plan
-from foresee_dsl.drivers.frenetix.planner import make_window, window_number
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.protocol import Driver, EgoState, JunctionPassage, Mission, Observation
 from foresee_dsl.drivers.registry import describe_drivers, load_driver
@@ -74,7 +74,7 @@ def test_without_its_package_it_is_listed_with_what_to_install(monkeypatch: pyte
     ],
 )
 def test_how_long_a_stop_takes(v: float, a: float, way: float, by_hand: float | None) -> None:
-    from foresee_dsl.drivers.frenetix.planner import stop_time, travel
+    from foresee_frenetix.planner import stop_time, travel
 
     state = Frenet(0.0, v, a, 0.0, 0.0, 0.0)
     time = stop_time(state, way)

@@ -1,4 +1,4 @@
-"""What the tests share: a private cache, the repository's folders, small helpers."""
+"""What the tests, those of the plug-ins too, share: a private cache, the repository's folders, small helpers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import settings
 from foresee_dsl.drivers.consent import allowing
 from tests.support.goldens import Golden
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent
 SCENARIOS = ROOT / "scenarios"
 CARLA = ROOT.parent / "shared" / "data" / "carla"
 

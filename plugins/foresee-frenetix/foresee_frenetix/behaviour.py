@@ -11,8 +11,6 @@ from enum import StrEnum
 
 import numpy as np
 
-from foresee_dsl.drivers.frenetix import settings as cfg
-from foresee_dsl.drivers.frenetix.plan import TIMES_S
 from foresee_dsl.drivers.idm.traffic import read_others, walkers
 from foresee_dsl.drivers.pdm.situation import Situation, signal_brakings
 from foresee_dsl.drivers.protocol import FloatArray
@@ -21,6 +19,8 @@ from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.prediction import TIMES_S as PREDICTED_S
 from foresee_dsl.kernels.pdm.proposals import find_leaders, find_offsets, find_passable
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
+from foresee_frenetix import settings as cfg
+from foresee_frenetix.plan import TIMES_S
 
 STRIDE = round(TIMES_S[1] / PREDICTED_S[1])
 """A plan's frame is every so many frames of a prediction."""

@@ -16,7 +16,7 @@ from foresee_dsl.drivers.protocol import Mission, VehicleLimits
 from foresee_dsl.errors import DriverUnavailableError
 
 if TYPE_CHECKING:
-    from foresee_dsl.drivers.frenetix.stack import Stack
+    from foresee_frenetix.stack import Stack
 
 MISSING = (
     "the driver frenetix needs the package frenetix 0.4.0 (LGPL-3.0), which is not installed: "
@@ -48,7 +48,7 @@ class FrenetixDriver(BundledDriver["Stack"]):
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
         """Forget everything and start a new mission; the seed is not used."""
-        from foresee_dsl.drivers.frenetix.stack import Stack
+        from foresee_frenetix.stack import Stack
 
         self._state = Stack(mission, vehicle)
 
