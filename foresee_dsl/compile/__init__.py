@@ -97,7 +97,7 @@ class _Found:
 def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
     """Return the lints that need the network, each once, without those that comments of the file allow.
 
-    Only cases with a condition about a place or a junction, or with a slippery patch, are looked at, and neither clips
+    Only cases with a condition about a place or a junction, a slippery patch or a path are looked at, and neither clips
     nor mutants.
     """
     from foresee_dsl import disk_cache
@@ -109,7 +109,8 @@ def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
     for case in cases:
         statements = (item for item in case.scenario.body if isinstance(item, m.When | m.Expect | m.Slippery))
         on_the_ground = (isinstance(part, m.Within | m.Slippery) for item in statements for part in walk(item))
-        if case.snapshot or not any(on_the_ground):
+        paths = (item for actor in case.scenario.actors for item in actor.body if isinstance(item, m.AnyPath))
+        if case.snapshot or not (any(on_the_ground) or any(True for _ in paths)):
             continue
         clear = disk_cache.entry("reach", (case.meaning, tool_version()))
         if disk_cache.load(clear):

@@ -29,8 +29,9 @@ from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Un
 from foresee_dsl.compile.placement.starts import Starts
 from foresee_dsl.compile.placement.statements import WHEELS, item, items, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import XY
+from foresee_dsl.compile.roads.polyline import XY, line_of
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.compile.roads.walkways import Walk, walkways
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -121,7 +122,7 @@ class SceneBuilder:
         """Return what is allowed and hardly meant, where everybody can be placed; errors as of `place`."""
         placed, _, _ = self.place()
         found = (*never_near(self._case.scenario, placed, self._names.places, self._network), *self._off_road())
-        return tuple(dict.fromkeys(found))
+        return tuple(dict.fromkeys((*found, *self._beside_all_roads(placed))))
 
     def build(self) -> Scene:
         """Return the scene, with background traffic, of which what finds no room is left out; errors as of `place`."""
@@ -186,6 +187,19 @@ class SceneBuilder:
                 message = f"{patch.name} lies beside the road: the nearest lane is {away:.1f} m from its middle"
                 help_ = "put it on a lane, such as `20 m along ego.route`, or make it larger"
                 yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
+
+    def _beside_all_roads(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
+        """Yield the paths that touch no lane and no sidewalk: whoever follows one meets nobody."""
+        for actor in placed:
+            path = path_of(self._actors[actor.id])
+            if path is None or not actor.path:
+                continue
+            kinds: tuple[LaneKind, ...] = ("car", "bus", "bicycle", "pedestrian")
+            away = min(self._network.distance_to_lanes(x, y, kind) for x, y in line_of(actor.path).xy for kind in kinds)
+            if away > actor.model.width_m / 2:
+                message = f"the path of {actor.id} comes to no road: the nearest lane is {away:.1f} m from it"
+                help_ = "lead it onto a road, such as `path [20 m along ego.route offset -5 m, 20 m along ego.route]`"
+                yield Problem(actor.id, path.kind, codes.BESIDE_ALL_ROADS, message, help_)
 
     @property
     def slippery(self) -> tuple[SlipperyPatch, ...]:

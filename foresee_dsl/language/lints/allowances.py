@@ -34,7 +34,7 @@ class _Allowance:
     needed: bool = field(default=False)
 
 
-_ON_THE_NETWORK = frozenset({"FS330"})
+_ON_THE_NETWORK = frozenset({"FS330", "FS331", "FS332"})
 """Lints that show only once the network is built: whether a comment allows one is not known before."""
 
 

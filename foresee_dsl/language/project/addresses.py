@@ -99,6 +99,9 @@ def missing(path: Path) -> InputError:
     if is_folder(path):
         example = f"write `{shown(path)}/NAME{SUFFIX}`"
         return mistake(c.BAD_ADDRESS, f"'{shown(path)}' is a folder, but one file is needed", example, shown(path))
+    if os.path.lexists(path):
+        what = "this link leads nowhere" if not path.exists() else "this is not an ordinary file"
+        return mistake(c.MISSING_FILE, f"'{shown(path)}': {what}", "name a text file", shown(path))
     return mistake(c.MISSING_FILE, f"no file or folder '{shown(path)}'", near_files(path), shown(path))
 
 

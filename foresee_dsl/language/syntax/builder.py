@@ -95,8 +95,10 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextErr
         case "string_pattern_mismatch":
             found = _wrong_text(node, field, text, place)
         case "too_short":
-            help = f"give at least {limits.get('min_length', 1)}"
-            found = TextError("FS014", f"{_what(node)} needs more in `{field}`", help, place)
+            least = limits.get("min_length", 1)
+            what = {"points": "places", "edges": "edges"}.get(field, field)
+            message = f"`{_what(node)}` needs at least {least} {what}"
+            found = TextError("FS014", message, f"write {least} or more, with `,` between them", place)
         case "string_too_long" | "string_too_short":
             most = limits.get("max_length")
             help = f"use at most {most} characters" if most else "write something between the quotes"
@@ -119,6 +121,13 @@ _NOUNS = {
 def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
     known = form_of(node.kind, field).words
     help = did_you_mean(word, known) or f"known are {', '.join(known)}"
+    if node.kind is m.Expected and field == "failure":
+        help = (
+            "F1 is off the road or into an object, F2 into a pedestrian, F3 frontal, F4 lateral, F5 rear; "
+            "others are stuck and timeout"
+        )
+    elif field == "what" and node.kind in (m.Ignores, m.IgnoresRule) and not help.startswith("did"):
+        help = f"write `ignores priority at {word}` or `ignores signals at {word}`"
     noun = _NOUNS.get(field, field)
     return TextError("FS012", f"unknown {noun} '{_short(word)}'", help, place)
 

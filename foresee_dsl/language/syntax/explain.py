@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.keywords import KEYWORDS, USAGE, words_of
+from foresee_dsl.language.keywords import KEYWORDS, USAGE
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES
 from foresee_dsl.language.syntax.expected import (
@@ -28,6 +28,7 @@ from foresee_dsl.language.syntax.expected import (
 from foresee_dsl.language.syntax.foreign import foreign
 from foresee_dsl.language.syntax.foreign_words import CODE, OF_ROADS, UNSUPPORTED
 from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, statement_parser
+from foresee_dsl.language.syntax.phrases import phrase
 from foresee_dsl.language.units import UNITS
 
 _WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.', re.DOTALL)
@@ -91,7 +92,9 @@ class Refusal:
         self.code, self.message, self.help = self._explain(error)
 
     def _explain(self, error: UnexpectedInput) -> tuple[str, str, str]:
-        other = foreign(self._text, self._rule, self.start) if len(self._text) <= REACH else None
+        short = len(self._text) <= REACH
+        other = phrase(self._text, self._rule, self._reads) if short else None
+        other = other or (foreign(self._text, self._rule, self.start) if short else None)
         then = _THEN.match(self._text) if self._rule == "action" and len(self._text) <= REACH else None
         if other is None and then is not None and self._reads(then["rest"]):
             self.start, self.end = 0, len(self._text)
@@ -321,14 +324,24 @@ class Refusal:
         usual = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else setting)
         if self._rule == "action" and word not in ("wait", "then"):
             verb = re.match(r"[^\W\d]\w*\s+([^\W\d]\w*)", self._text)
-            usual = USAGE.get(verb[1], ACTION_USAGE) if verb is not None and verb[1] in _actions() else ACTION_USAGE
+            usual = _usage_of(verb[1]) if verb is not None else ACTION_USAGE
         return next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), usual)
 
 
 @cache
-def _actions() -> frozenset[str]:
-    """The words of actions."""
-    return frozenset(words_of("action"))
+def _usages() -> Mapping[str, str]:
+    """How each action is written, by its verb: the first example of its class's docstring."""
+    found: dict[str, str] = {}
+    for kind in m.ITEMS:
+        verb = re.match(r"\{actor\} (\w+)", kind.pattern)
+        example = re.match(r"`([^`]+)`", kind.__doc__ or "")
+        if verb is not None and example is not None and not issubclass(kind, m.Phrase):
+            found.setdefault(verb[1], " ".join(example[1].split()))
+    return found
+
+
+def _usage_of(verb: str) -> str:
+    return _usages().get(verb, ACTION_USAGE)
 
 
 def _either(words: Sequence[str]) -> str:

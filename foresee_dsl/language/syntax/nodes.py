@@ -25,6 +25,14 @@ _Child = _Tree | Token | None
 _BEHIND_SPEED = re.compile(r"(\w+)\.speed")
 _BEHIND_DOT = re.compile(r"\{actor\}\.\]?(\w+)")
 """What stands behind an actor's name and a dot in a pattern."""
+_MEANT_PROPERTIES = {
+    **dict.fromkeys(("velocity", "v", "pace", "vel", "speed_mps"), "speed"),
+    **dict.fromkeys(("accel", "deceleration", "decel", "a", "braking"), "acceleration"),
+    **dict.fromkeys(("lateral_offset", "y_offset"), "offset"),
+    **dict.fromkeys(("arrival", "time_to", "tta"), "eta"),
+}
+"""What properties are called elsewhere."""
+_PLACES_OF_ACTORS = ("x", "y", "position", "pos", "location", "place", "lane", "road", "edge", "junction")
 _READ_OFF = ("speed", "acceleration", "offset")
 """Measures of one actor that take no argument."""
 MAX_DEPTH = 40
@@ -252,7 +260,7 @@ class NodeMaker:
     def _assignment(self, tree: _Tree) -> Node:
         return self._made(tree, [_word_of_ref(child) for child in tree.children])
 
-    def _dotted(self, token: Token, node: Node, name: str, properties: tuple[str, ...]) -> str:
+    def _dotted(self, token: Token, node: Node, name: str, properties: tuple[str, ...], argument: str = "") -> str:
         """Split `ego.route`: put the actor into field `name`, return the property, which must be one of some."""
         actor, _, found = str(token).partition(".")
         node.fields[name] = actor
@@ -260,17 +268,25 @@ class NodeMaker:
         dot = whole.column + len(actor)
         node.places[name] = Span(whole.line, whole.column, whole.line, dot)
         if properties and found not in properties:
-            self._unknown_property(actor, found, properties, Span(whole.line, dot + 1, whole.line, whole.end_column))
+            self._unknown_property(
+                actor, found, properties, Span(whole.line, dot + 1, whole.line, whole.end_column), argument
+            )
         return found
 
-    def _unknown_property(self, actor: str, found: str, properties: tuple[str, ...], place: Span) -> None:
+    def _unknown_property(
+        self, actor: str, found: str, properties: tuple[str, ...], place: Span, argument: str = ""
+    ) -> None:
         if found in (*m.BETWEEN_ACTORS, "distance") and "speed" in properties:
-            other = next((name for name in self._actors() if name != actor), "lead")
+            other = argument or next((name for name in self._actors() if name != actor), "lead")
             whole = Span(place.line, place.column - len(actor) - 1, place.line, place.end_column)
             help = f"did you mean `{found}({actor}, {other})`?"
             self._error("FS006", f"`{actor}.{found}`: this is between two", help, whole)
             return
-        self._error("FS006", f"unknown property '{found}' of '{actor}'", did_you_mean(found, properties), place)
+        help = did_you_mean(_MEANT_PROPERTIES.get(found, found), properties) or f"known are {', '.join(properties)}"
+        if found in _PLACES_OF_ACTORS and "eta" in properties:
+            places = (f"{actor} within 5 m of (20 m, 0 m)", f"{actor} in junction j4", f"{actor} in lane 1")
+            help = f"ask for a place, such as `{'` or `'.join(places)}`"
+        self._error("FS006", f"unknown property '{found}' of '{actor}'", help, place)
 
     def _actors(self) -> Iterator[str]:
         """Yield the names of the actors, the ego last."""
@@ -285,7 +301,8 @@ class NodeMaker:
         first = _token(tree.children[0])
         if first.type == "DOTTED":
             argument = tree.children[1]
-            what = self._dotted(first, node, "actor", (*_READ_OFF, "eta"))
+            named = str(argument) if isinstance(argument, Token) else ""
+            what = self._dotted(first, node, "actor", (*_READ_OFF, "eta"), named)
             if argument is None and what == "eta":
                 self._error("FS003", "'eta' needs a junction", "write it like `ego.eta(j4)`", node.span)
             elif argument is not None and what in _READ_OFF:
@@ -373,6 +390,19 @@ class NodeMaker:
     def _weather(self, tree: _Tree) -> Node:
         node = self._made(tree, ())
         for setting in _trees(tree.children):
+            word, value = setting.children
+            if (
+                isinstance(value, Tree)
+                and value.data == "ref"
+                and span_of(value).column == span_of(_token(word)).end_column
+            ):
+                # The lexer divides `rainy` into a keyword and a name.
+                written = f"{word}{value.children[0]}"
+                help = f"did you mean `{word} 0.5`?"
+                self._error(
+                    "FS004", f"'{written}' is said of the weather by a number from 0 to 1", help, span_of(setting)
+                )
+                continue
             self._put_setting(node, setting)
         return node
 

@@ -36,6 +36,8 @@ _OF_WHAT_IS_THERE = (
 """Errors that stay errors whatever the statements that were not read hold."""
 _TAKEN = "FS049"
 _USES = 2
+_OF_THE_NETWORK = tuple([word] for word in ("road", "junction", "roundabout", "on_ramp", "off_ramp", "zebra", "bump"))
+"""First words of what a network has, each of which is one statement with the lines of its block."""
 _CALLED = re.compile(r"called (\S+)$")
 _QUOTED = re.compile(r"'([^']+)'")
 
@@ -55,6 +57,7 @@ def with_certain(
     statements = list(_flat(scan(text, lines)[0]))
     broken = [_around(d, statements, lines) for d in found]
     unread = frozenset(word for raw in broken if raw is not None for word in _definable(raw, text))
+    unread |= {word for raw in broken if raw is not None for word in _around_it(raw, statements, text)}
     node = _whole(nodes[0])
     builder = Builder(partial=True)
     model = builder.build(node) if node is not None else None
@@ -124,6 +127,14 @@ def _definable(raw: Raw, text: str) -> Iterator[str]:
     for inner in _flat(raw.block or ()):
         words = _first_words(inner, text)
         if len(words) > _USES:
+            yield from words
+
+
+def _around_it(broken: Raw, statements: Sequence[Raw], text: str) -> Iterator[str]:
+    """The names that the statements around one could define: a road with an error in its block is not read either."""
+    for raw in statements:
+        words = _first_words(raw, text)
+        if raw.block is not None and raw.start < broken.start < raw.close and words[:1] in _OF_THE_NETWORK:
             yield from words
 
 

@@ -10,6 +10,9 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
+_HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then)\b")
+"""How statements begin whose block can be told by its indentation: what happens in it can stand nowhere else."""
+_NEXT_LINE = re.compile(r"(?:\n[ \t]*(?:#[^\n]*)?)*\n(?P<indent> +)(?=[^\s#}])")
 _LIST_REACH = 2000
 """How many characters ahead the end of a list is looked for, which may be lines further down (ours: a path of some
 thirty points)."""
@@ -61,6 +64,8 @@ class _Frame:
     raw: Raw
     indent: int
     found: list[Raw] = field(default_factory=list)
+    without_brace: bool = False
+    """Its brace was forgotten: the indentation tells where it ends."""
 
 
 def scan(text: str, lines: Lines) -> tuple[list[Raw], list[TextError]]:
@@ -110,9 +115,11 @@ class _Scanner:
         if piece[0] == "#":
             return
         if piece == "\n":
-            self._line_start, self._first_on_line = at + 1, -1
             if not (self._in_list and self._list_continues(at)):
+                if self._current is not None:
+                    self._open_without_brace(self._current, at)
                 self._end()
+            self._line_start, self._first_on_line = at + 1, -1
             return
         if self._first_on_line < 0:
             self._first_on_line = at
@@ -137,6 +144,8 @@ class _Scanner:
     def _word(self, start: int, end: int) -> Raw:
         if self._current is None:
             indent = self._indent(start)
+            while self._stack[-1].without_brace and indent is not None and indent <= self._stack[-1].indent:
+                self._stack.pop().raw.close = start
             while self._trusting and indent is not None and len(self._stack) > 1 and indent <= self._stack[-1].indent:
                 self._unclosed(start)
             if self._after_brace and len(self.errors) < MOST:
@@ -154,8 +163,35 @@ class _Scanner:
         self._stack.append(_Frame(raw, self._first_on_line - self._line_start, raw.block))
         self._end()
 
+    def _open_without_brace(self, raw: Raw, at: int) -> None:
+        """Open the block of a trigger whose brace was forgotten (or is Python's `:`), where the next line is indented
+        further than it."""
+        if raw.block is not None or _HAS_BLOCK.match(self._text, raw.start, raw.end) is None:
+            return
+        ahead = _NEXT_LINE.match(self._text, at)
+        indent = self._first_on_line - self._line_start
+        if ahead is None or len(ahead["indent"]) <= indent or raw.start != self._first_on_line:
+            return
+        colon = self._text[raw.end - 1] == ":"
+        place = self._lines.span(raw.end - colon, raw.end + (not colon))
+        message = "a block stands in braces" if colon else "the `{` of this block is missing"
+        help = "write `{` instead" if colon else "write `{` at the end of this line"
+        closing = re.compile(rf"(?:\n[ \t]*(?:#[^\n]*)?)*(?:\n {{{indent + 1},}}[^\n]*|\n[ \t]*)*\n {{{indent}}}\}}")
+        if closing.match(self._text, at) is None:
+            help += ", and a `}` below the block"
+        elif colon:
+            help = "did you mean `{`?"
+        self.errors.append(TextError("FS003", message, help, place))
+        raw.end -= colon
+        while raw.end > raw.start and self._text[raw.end - 1] == " ":
+            raw.end -= 1
+        raw.block, raw.open = [], raw.end
+        self._stack.append(_Frame(raw, indent, raw.block, without_brace=True))
+
     def _close(self, at: int) -> None:
         indent = self._indent(at)
+        while self._stack[-1].without_brace and indent is not None and indent < self._stack[-1].indent:
+            self._stack.pop().raw.close = at
         while self._trusting and indent is not None and len(self._stack) > 2 and indent < self._stack[-1].indent:
             self._unclosed(at)
         self._end()
