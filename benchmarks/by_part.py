@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from foresee_dsl.campaign.profiling.clock import Clock, Measurement, Part
-from foresee_dsl.campaign.profiling.seams import RUNS, installed
+from foresee_dsl import measuring
+from foresee_dsl.campaign.profiling.clock import Clock, Measurement
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.pdm import PdmDriver
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.runner import run
 
 OF_STEPS = tuple(part for part in Part if part.simulates and part is not Part.DRIVER_BEGINS)
@@ -20,13 +21,14 @@ def measured(bundle: SumoBundle, rounds: int) -> Measurement:
     run(bundle, PdmDriver(), seed=0)
     clock = Clock(exactly=True)
     found = []
-    with installed(clock, RUNS):
-        from foresee_dsl.simulate.runner import run as timed  # the one that is measured
-
+    measuring.start(clock)
+    try:
         for _ in range(rounds):
             clock.take()
-            timed(bundle, PdmDriver(), seed=0)
+            run(bundle, PdmDriver(), seed=0)
             found.append(clock.take())
+    finally:
+        measuring.start(None)
     return min(found, key=lambda one: sum(one.spent[part].cpu_ns for part in OF_STEPS if part in one.spent))
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from benchmarks.by_part import measured, microseconds_a_step
 from benchmarks.sections import table
-from foresee_dsl.campaign.profiling.clock import Part
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.measuring import Part
 
 NUMBERS = (10, 100, 1000)
 A_BLOCK = 10

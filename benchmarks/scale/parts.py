@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from benchmarks import library
 from benchmarks.by_part import added, measured, microseconds_a_step
 from benchmarks.sections import table
-from foresee_dsl.campaign.profiling.clock import Measurement, Part
+from foresee_dsl.campaign.profiling.clock import Measurement
+from foresee_dsl.measuring import Part
 
 ROUNDS = 3
 

@@ -29,6 +29,7 @@ from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.trace import Trace
 
 
@@ -47,6 +48,7 @@ class Assembly(NamedTuple):
     minimised: tuple[Minimised, ...]
 
 
+@Part.FOLDER.measured
 def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
     """Collect the results of all steps that have one.
 

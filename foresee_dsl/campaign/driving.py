@@ -20,6 +20,7 @@ from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_addr
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.model import End, Origin, Quantity
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
@@ -67,6 +68,7 @@ def sensors_of(driver: str) -> SensorSettings:
     return IDEAL if sees_all(driver) else STANDARD
 
 
+@Part.START.measured
 def made(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
     """Make a driver for a run; one whose code raises while it is made raises the same in its `reset`.
 

@@ -15,6 +15,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.lock import only_writer
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.documents import plain
+from foresee_dsl.measuring import Part
 
 _PARTS = ("children", "findings", "traces")
 
@@ -49,6 +50,7 @@ class CampaignFolder:
             finally:
                 shutil.rmtree(self.work, ignore_errors=True)
 
+    @Part.FOLDER.measured
     def publish(self, result: CampaignResult, traces: Mapping[str, tuple[str, str]], blobs: Blobs) -> None:
         """Write what failed, as it was found and made smaller, the traces, and `campaign.json`; put all in place.
 

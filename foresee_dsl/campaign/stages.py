@@ -28,6 +28,7 @@ from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Step, Work, run_
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 
@@ -66,6 +67,7 @@ def _next(node: Node, row: Row) -> Iterator[type[AnyStep]]:
 class Stages:
     """The steps of one campaign."""
 
+    @Part.ENGINE.measured
     def __init__(
         self,
         cases: Sequence[TestCase],
@@ -99,10 +101,12 @@ class Stages:
         self.rounds = self._rounds(shard) if settings.allocation == "adaptive" and settings.children else ()
         """The rounds of each part in which children are allocated."""
 
+    @Part.ENGINE.measured
     def row(self, node: Node) -> Row | None:
         """Return the result of a step, if there is one."""
         return self._store.get(node.step.key) if self._store is not None else None
 
+    @Part.ENGINE.measured
     def has_more_time(self, node: Node, row: Row, limits: Limits) -> bool:
         """Return whether a run was ended because it took too long, and would now be given more time."""
         if not (row.broken and row.verdict == Verdict.TIMEOUT):
@@ -114,6 +118,7 @@ class Stages:
         now = {"reset": limits.deadlines.for_reset_s, "step": limits.deadlines.for_step_s}
         return hang.limit_s < now.get(hang.call, self._deadline_s(node, limits))
 
+    @Part.ENGINE.measured
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from one with this result."""
         if node not in self._after:
@@ -129,6 +134,7 @@ class Stages:
                 self._passed.add(node)
         return self._after[node]
 
+    @Part.ENGINE.measured
     def choose(self, names: Container[str]) -> tuple[Node, ...]:
         """Return the steps that follow from the chosen ones of all that were looked at; `walk` then ends with them.
 
@@ -182,6 +188,7 @@ class Stages:
         same = (step for step in _NEXT[node.step.kind] if step.same_task)
         return node.step, *(new for step in same for new in step.following(node.step, None, self._campaign))
 
+    @Part.ENGINE.measured
     def task(self, node: Node, files: CaseFiles, limits: Limits) -> Task:
         """Return what a worker has to do for a step whose result is missing."""
         trace = self._trace(node.over(node.step.reads)) if node.step.reads else None

@@ -38,6 +38,7 @@ from foresee_dsl.cli.options.common import (
 )
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
 from foresee_dsl.cli.options.profiling import profiling
+from foresee_dsl.measuring import Part
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -93,7 +94,7 @@ def campaign(
     foresee campaign scenarios/scenario7.foresee::r02
     foresee campaign nightly.foresee --jobs 8[/dim]
     """
-    profiler = ctx.with_resource(profiling(campaign=True)) if profile else None
+    profiler = ctx.with_resource(profiling()) if profile else None
     from contextlib import ExitStack
     from functools import partial
 
@@ -120,9 +121,10 @@ def campaign(
         executor=run_by if profiler is None else profiler.executor(run_by),
         stop=(lambda: stop() or first_failure.name != "") if fail_fast else stop,
     )
-    cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
-    if mistakes := placement_mistakes(cases):
-        raise InputError(mistakes)  # before there is a store
+    with Part.READING:
+        cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
+        if mistakes := placement_mistakes(cases):
+            raise InputError(mistakes)  # before there is a store
     if profiler is not None:
         profiler.ready()
     ctx.with_resource(only_writer(flags.out, "--out"))  # until the pages are written

@@ -13,6 +13,7 @@ from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
 from foresee_dsl.cli.options.profiling import profiling
+from foresee_dsl.measuring import Part
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -67,7 +68,7 @@ def run(
     foresee run scenarios/scenario7.foresee --fail-fast[/dim]
     """
     del strict  # scripts name it
-    profiler = ctx.with_resource(profiling(runs=debug)) if profile else None
+    profiler = ctx.with_resource(profiling()) if profile else None
     from foresee_dsl.campaign.execution.runs import run_cases, run_here
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.drivers.deadlines import Deadlines
@@ -78,9 +79,10 @@ def run(
     from foresee_dsl.report.terminal.runs import print_case_run, print_case_runs
 
     find_driver(driver)  # an unknown name is reported before anything runs
-    cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
-    if mistakes := placement_mistakes(cases):
-        raise InputError(mistakes)
+    with Part.READING:
+        cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
+        if mistakes := placement_mistakes(cases):
+            raise InputError(mistakes)
     deadlines = Deadlines(step_deadline, deadline)
     if profiler is not None:
         profiler.ready()

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.measuring import Part
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,6 +23,7 @@ _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
 """What may differ where several test cases have one mistake, such as a length."""
 
 
+@Part.COMPILE.measured
 def compile_test_case(case: TestCase) -> SumoBundle:
     """Compile a test case: its network (from the cache where it is known), vehicle types, signals and scene.
 

@@ -1,6 +1,6 @@
 """Ends a driver that hangs: in an endless loop by a signal's handler, in a library that none reaches with its process.
 
-The loop of a run pays two additions a step. A timer's signal looks from time to time whether the driver is still in the
+A timer's signal looks from time to time whether the driver is still in the
 same call. Only the main thread gets signals: elsewhere nothing is watched. A debugger that traces the run stops the
 watch.
 """
@@ -8,6 +8,7 @@ watch.
 from __future__ import annotations
 
 import faulthandler
+import resource
 import signal
 import sys
 import threading
@@ -15,6 +16,7 @@ import time
 from types import FrameType
 from typing import Self
 
+from foresee_dsl import measuring
 from foresee_dsl.drivers.deadlines import RESET_VARIABLE, Deadlines
 from foresee_dsl.simulate.driver_faults import DriverHangs
 from foresee_dsl.simulate.printed import printed_here
@@ -26,27 +28,59 @@ _GRACE_S = 2.0
 """How much longer a process may take to come back from a library. Ours: two looks."""
 
 
+class Call:
+    """The call of the driver that is under way: `with watch.call("step"): ...`.
+
+    Attributes:
+        name: `reset`, `step` or `close`; empty between two calls. number: how many have begun: 1 in the reset, 2 in the
+            first step.
+    """
+
+    def __init__(self) -> None:
+        self.name = self._next = ""
+        self.number = 0
+
+    def __call__(self, name: str) -> Self:
+        """Name the call that begins."""
+        self._next = name
+        return self
+
+    def __enter__(self) -> None:
+        """The driver begins to work."""
+        self.number += 1
+        self.name = self._next
+        if (clock := measuring.clock()) is not None:
+            clock.begin_decision(first=self.name != "step" or self.number == 2)
+
+    def __exit__(self, *_: object) -> None:
+        """The driver has answered, or raised."""
+        self.name = ""
+        if (clock := measuring.clock()) is not None:
+            clock.end()
+
+
 class Watch:
     """Watches one run.
 
     Attributes:
-        calls: counted up by the run before and after each call of the driver, so it is odd while the driver works: 1 in
-            `reset`, 3 in the first step, 5 in the second.
+        call: of the driver.
     """
 
     def __init__(self, deadlines: Deadlines | None, simulated_s: float) -> None:
         """Watch nothing when there are no deadlines."""
-        self.calls = 0
+        self.call = Call()
         self._limits = None
         if deadlines is not None and threading.current_thread() is threading.main_thread():
             steps_s = deadlines.for_reset_s, deadlines.for_first_step_s, deadlines.for_step_s
             self._limits = (*steps_s, deadlines.for_run_s(simulated_s))
         self._began_s = self._since_s = time.monotonic()
         self._seen = 0
+        self._programs_ns = 0
         self._raised = False
 
     def __enter__(self) -> Self:
         """Begin."""
+        self._programs_ns = _programs_ns()
         if self._limits is not None:
             tick_s = min(_TICK_S, *(limit / 4 for limit in self._limits))
             self._before = signal.signal(signal.SIGALRM, self._look)
@@ -55,6 +89,8 @@ class Watch:
 
     def __exit__(self, *_: object) -> None:
         """End, and put things back as they were."""
+        if (clock := measuring.clock()) is not None:
+            clock.add_programs(_programs_ns() - self._programs_ns)  # an external driver's program has ended by now
         if self._limits is not None:
             signal.setitimer(signal.ITIMER_REAL, 0)
             signal.signal(signal.SIGALRM, self._before)
@@ -72,25 +108,32 @@ class Watch:
             return
         now_s = time.monotonic()
         reset_s, first_s, step_s, run_s = self._limits
-        if self.calls != self._seen:
-            self._seen, self._since_s = self.calls, now_s
-        limit_s = reset_s if self.calls < 3 else first_s if self.calls == 3 else step_s
+        call = self.call
+        if call.number != self._seen:
+            self._seen, self._since_s = call.number, now_s
+        limit_s = reset_s if call.number < 2 else first_s if call.number == 2 else step_s
         files = printed_here()
         if files is not None:
             files.trim()
             if not self._raised:  # once it was told to end, it has the grace that is left
                 files.end_after(min(limit_s, max(0.0, self._began_s + run_s - now_s)) + _GRACE_S)
-        if self.calls % 2 == 0:
+        if not call.name:
             return
         if now_s - self._began_s >= run_s:
             self._raised = True
             raise DriverHangs(f"the run took longer than {run_s:g} s of wall time", "--deadline", Hang("run", run_s))
         if now_s - self._since_s >= limit_s:
             self._raised = True
-            reset = self.calls < 3
-            call = "its reset" if reset else f"step {(self.calls - 1) // 2}"
+            reset = call.name == "reset"
+            what = f"step {call.number - 1}" if call.name == "step" else f"its {call.name}"
             raise DriverHangs(
-                f"the driver took longer than {limit_s:g} s of wall time for {call}",
+                f"the driver took longer than {limit_s:g} s of wall time for {what}",
                 RESET_VARIABLE if reset else "--step-deadline",
                 Hang("reset" if reset else "step", limit_s),
             )
+
+
+def _programs_ns() -> int:
+    """Return the CPU time of programs that this process started and that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return round((used.ru_utime + used.ru_stime) * 1e9)

@@ -10,6 +10,7 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import PlacedActor, Signal
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.states import IntArray, StateTable
 from foresee_dsl.simulate.signals import Signals
 from foresee_dsl.simulate.trace import FIELDS, SPEED, STEP_S, ActorInfo, Event, Trace
@@ -35,6 +36,7 @@ class Recorder:
         self._shown: list[tuple[int, list[int], list[float]]] = []  # from which frame on; stages; when they began
         self.events: list[Event] = []
 
+    @Part.RECORDING.measured
     def event(self, time_s: float, actor: str, what: str, detail: dict[str, Any] | None = None) -> None:
         """Note something that changed how an actor behaves."""
         self.events.append(Event(round(time_s, 6), actor, what, detail or {}))
@@ -76,6 +78,7 @@ class Recorder:
         self._until_s = min((until for *_, until in shown), default=math.inf)
         self._shown.append((len(self._now_s), [stage for stage, *_ in shown], [since for _, since, _ in shown]))
 
+    @Part.RECORDING.measured
     def trace(self, waypoints: FloatArray, meta: dict[str, Any], director: DirectorRecord) -> Trace:
         """Return the run so far."""
         t, a, s = len(self._rows), len(self._actors), len(self._signals)

@@ -15,6 +15,7 @@ from foresee_dsl.errors import DriverLateError, SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.kernels.compiling import ensure
+from foresee_dsl.measuring import Part, count_run
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
@@ -74,11 +75,14 @@ def run(
     files = printed_here()
     if files is not None:
         files.begin()
-    with Watch(deadlines, bundle.scene.end_s) as watch:
+    with Part.LOOP, Watch(deadlines, bundle.scene.end_s) as watch:
         try:
-            result = _Run(bundle, driver, seed, dict(meta or {}), sensors, watch).go()
+            with Part.PLACING:
+                prepared = _Run(bundle, driver, seed, dict(meta or {}), sensors, watch)
+            result = prepared.go()
         finally:
             fault = _closed(driver, watch)
+    count_run(result.duration_s)
     printed = files.text() if files is not None else ""
     if fault is None and not printed:
         return result
@@ -91,9 +95,8 @@ def _closed(driver: Driver, watch: Watch) -> Fault | None:
     if not isinstance(driver, Closing):
         return None
     try:
-        watch.calls = (watch.calls | 1) + 2  # a call like any other
-        driver.close()
-        watch.calls = 0
+        with watch.call("close"):
+            driver.close()
     except (Exception, SystemExit, DriverHangs) as err:
         return fault_of(err)
     return None
@@ -143,9 +146,8 @@ class _Run:
     def go(self) -> RunResult:
         watch, steps = self._watch, 0
         try:
-            watch.calls += 1
-            self._driver.reset(self._mission, self._simulation.ego.limits, self._seed)
-            watch.calls += 1
+            with watch.call("reset"):
+                self._driver.reset(self._mission, self._simulation.ego.limits, self._seed)
         except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
             failed = self._broken(err)
             self._director.step()
@@ -153,21 +155,25 @@ class _Run:
             return self._finish(failed, steps)
         watch.starts()
         while True:
-            self._director.step()
-            states = self._recorder.frame(self._world.signals)
-            observation = self._sensing.observe(states)
-            decision = self._look(states)
+            with Part.DIRECTOR:
+                self._director.step()
+            with Part.RECORDING:
+                states = self._recorder.frame(self._world.signals)
+            with Part.SENSING:
+                observation = self._sensing.observe(states)
+            with Part.JUDGING:
+                decision = self._look(states)
             if decision is not None:
                 return self._finish(decision, steps)
             try:
-                watch.calls += 1
-                answer = self._driver.step(observation)
-                watch.calls += 1
+                with watch.call("step"):
+                    answer = self._driver.step(observation)
                 control = Control(*checked(answer))
             except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
                 return self._finish(self._broken(err), steps)
             try:
-                left = self._simulation.step(control)
+                with Part.ACTORS:
+                    left = self._simulation.step(control)
             except SimulationError as err:
                 World.close_shared()  # the next run begins with a fresh SUMO
                 decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator broke: {err}")
@@ -246,7 +252,6 @@ class _Run:
         return f"{scene} (the driver: {own})" if own else scene
 
     def _broken(self, err: BaseException) -> Decision:
-        self._watch.calls = 0  # the driver is not called any more
         time_s, fault = self._simulation.time_s, fault_of(err)
         self._notes = DriverNotes(traceback=fault.traceback)
         if isinstance(err, DriverHangs):
@@ -281,7 +286,9 @@ class _Run:
             "reason": reason,
             **self._meta,
         }
-        trace = self._recorder.trace(_waypoints(self._bundle), meta, self._director.record())
+        with Part.DIRECTOR:
+            record = self._director.record()
+        trace = self._recorder.trace(_waypoints(self._bundle), meta, record)
         return RunResult(
             verdict=decision.verdict,
             time_s=decision.time_s,

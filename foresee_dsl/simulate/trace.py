@@ -16,6 +16,7 @@ from pydantic import TypeAdapter
 from typing_extensions import TypedDict
 
 from foresee_dsl.files import replacing
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.npz import TooLargeError, read_arrays
 from foresee_dsl.simulate.triggers.record import DirectorRecord
 
@@ -142,6 +143,7 @@ class Trace:
         return int(np.clip(round(time_s / STEP_S), 0, self.frames - 1))
 
     @cached_property
+    @Part.RECORDING.measured
     def digest(self) -> str:
         """Hash over everything but `meta` and `director`: equal for equal runs."""
         h = hashlib.sha256()
@@ -152,6 +154,7 @@ class Trace:
         h.update(json.dumps(self._header(meta=False), sort_keys=True).encode())
         return "sha256:" + h.hexdigest()[:16]
 
+    @Part.RECORDING.measured
     def save(self, path: Path) -> None:
         """Write the trace as a compressed `.npz`: the arrays, and JSON texts: `director`, and `header` with the rest.
 
@@ -160,6 +163,7 @@ class Trace:
         with replacing(path) as temporary:
             temporary.write_bytes(self.packed())
 
+    @Part.RECORDING.measured
     def packed(self) -> bytes:
         """Return what `save` writes."""
         buffer = io.BytesIO()

@@ -22,6 +22,7 @@ import numpy as np
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.moved_bodies import MATCH_M, MovedBodies, degrees, edge_and_index
 from foresee_dsl.simulate.signals import Signals
 from foresee_dsl.simulate.sumo_start import EmptyState, options
@@ -124,7 +125,8 @@ class World:
             cls.close_shared()
             atexit.unregister(cls.close_shared)
             atexit.register(cls.close_shared)
-            world = cls._current = cls(bundle)
+            with Part.START:
+                world = cls._current = cls(bundle)
         world.reset(bundle)
         return world
 
@@ -161,8 +163,10 @@ class World:
     def step(self) -> None:
         """Let SUMO simulate one step of 0.05 s; a `SimulationError` where it breaks."""
         try:
-            self._sumo.simulation.step(0)
-            self.signals.look()
+            with Part.SUMO:
+                self._sumo.simulation.step(0)
+            with Part.WORLD:
+                self.signals.look()
         except self._errors as err:
             raise SimulationError(f"SUMO stopped: {err}") from err
 

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from foresee_dsl.campaign.profiling import seams
-from foresee_dsl.campaign.profiling.clock import EVERY, Clock, Measurement, Part, Spent
+from foresee_dsl import measuring
+from foresee_dsl.campaign.profiling.clock import EVERY, Clock, Measurement, Spent
 from foresee_dsl.campaign.profiling.profile import Profile
+from foresee_dsl.measuring import Part
 from foresee_dsl.report.terminal.profile import driver_sentence, print_profile
-from foresee_dsl.simulate.world import World
 from tests.support.first_project import checked, foresee
 from tests.support.small_campaign import published, write_project
 
@@ -44,25 +44,30 @@ def parts(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def test_every_function_that_is_measured_is_there() -> None:
-    assert seams.missing((*seams.STEPS, *seams.CAMPAIGN)) == []
-
-
-def test_what_is_measured_is_as_it_was_afterwards() -> None:
-    before = dict(vars(World))
-    with seams.installed(Clock(), seams.RUNS):
-        assert vars(World)["step"] is not before["step"]
-    assert dict(vars(World)) == before
+def test_without_a_clock_nothing_is_counted_and_with_one_blocks_nest() -> None:
+    with Part.COMPILE:
+        assert measuring.clock() is None
+    clock = Clock(Part.REST)
+    measuring.start(clock)
+    try:
+        with Part.COMPILE:
+            Part.START.measured(lambda: sum(range(3000)))()
+            assert clock.part is Part.COMPILE
+        with Part.PLACING, Part.SUMO:
+            assert clock.part is Part.PLACING, "what SUMO does before the first frame"
+    finally:
+        measuring.start(None)
+    assert set(clock.take().spent) == {Part.REST, Part.COMPILE, Part.START, Part.PLACING, Part.MEASURING}
 
 
 def test_a_part_has_its_own_time_alone_and_all_of_them_the_whole() -> None:
     clock = Clock(Part.REST)
     for _ in range(2 * EVERY):
-        before = clock.decide(begins=False)
-        inside = clock.enter(Part.SENSING)
+        clock.begin_decision(first=False)
+        clock.begin(Part.SENSING)
         sum(range(3000))
-        clock.enter(inside)
-        clock.enter(before)
+        clock.end()
+        clock.end()
     found = clock.take()
     assert found.decisions == 2 * EVERY
     assert set(found.spent) == {Part.REST, Part.DRIVER, Part.SENSING, Part.MEASURING}

@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 from foresee_dsl.campaign.allocation.rounds import Round, Rounds, awaited_by
 from foresee_dsl.campaign.assembly import assemble
-from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, RunOptions, Update
+from foresee_dsl.campaign.execution.pool import Broken, Executor, RunOptions, Update
+from foresee_dsl.campaign.execution.pool import Part as TaskPart
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.findings.representatives import choose_representatives
 from foresee_dsl.campaign.folder import CampaignFolder
@@ -33,6 +34,7 @@ from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 _MENDED = 3
@@ -119,6 +121,7 @@ class Ran(NamedTuple):
     stopped: bool
 
 
+@Part.ENGINE.measured
 def run_missing(
     stages: Stages,
     *,
@@ -282,7 +285,7 @@ class _Run:
         self._executor.add([task], (int(turn > 0), *apart, turn))
 
     def _handle(self, update: Update) -> None:
-        if isinstance(update.value, Part):
+        if isinstance(update.value, TaskPart):
             self._add(_row(update.value.value), update.value.value.trace)
             return
         node = self._running.pop(update.task.key)

@@ -9,6 +9,7 @@ from foresee_dsl.derive import anticipating
 from foresee_dsl.derive.anticipating import Anticipation
 from foresee_dsl.derive.preventability import Preventability, Replayed, assess_bundle
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import Story, tell
 
@@ -30,6 +31,7 @@ NOTHING = Explained()
 """Of a run that did not fail."""
 
 
+@Part.EXPLAIN.measured
 def explained(case: TestCase, result: RunResult) -> Explained:
     """Return of a failure whether it was preventable, and its story."""
     if not result.verdict.is_failure:

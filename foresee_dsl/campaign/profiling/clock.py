@@ -5,60 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from types import MappingProxyType
 
-
-class Part(Enum):
-    """A part of the tool that time is counted for.
-
-    Attributes:
-        number: its place in this list. title: what it does, for people. own: CPU time is read at its beginning and end.
-        simulates: it is at work between the first frame of a run and the last.
-    """
-
-    DRIVER = "driver", "driver: decisions", "simulates"
-    DRIVER_BEGINS = "driver_begins", "driver: reset, first step, close", "own simulates"
-    REFERENCES = "references", "reference drivers' decisions", "simulates"
-    PIPE = "pipe", "writing and reading a program's lines", "simulates"
-    SUMO = "sumo", "SUMO's own step", "simulates"
-    WORLD = "world", "telling and reading SUMO", "simulates"
-    ACTORS = "actors", "ego and other actors", "simulates"
-    DIRECTOR = "director", "director: triggers, conditions", "simulates"
-    SENSING = "sensing", "sensing", "simulates"
-    PICTURES = "pictures", "pictures for the driver", "simulates"
-    JUDGING = "judging", "judging", "simulates"
-    RECORDING = "recording", "recording", "simulates"
-    LOOP = "loop", "the loop around these", "simulates"
-    MEASURING = "measuring", "the profile itself", ""
-    PLACING = "placing", "placing everybody in SUMO", "own"
-    COMPILE = "compile", "compiling", "own"
-    FORECAST = "forecast", "forecast", "own"
-    CLIP = "clip", "clips: cutting, comparing", "own"
-    MUTATE = "mutate", "mutants: drawing, writing", "own"
-    EXPLAIN = "explain", "failures: models, stories", "own"
-    MINIMISE = "minimise", "minimising findings", "own"
-    STORE = "store", "store: results, traces", "own"
-    FOLDER = "folder", "writing the campaign's folder", "own"
-    ENGINE = "engine", "deciding what is next", "own"
-    HANDING = "handing", "handing tasks to workers", "own"
-    READING = "reading", "reading and checking scenarios", "own"
-    START = "start", "start-up: Python, imports, SUMO", "own"
-    REST = "rest", "the rest (reports, pages)", "own"
-    IDLE = "idle", "waiting", "own"
-
-    def __new__(cls, name: str, title: str, flags: str) -> Part:
-        """Make one; its value is its name in JSON."""
-        made = object.__new__(cls)
-        made._value_ = name
-        made.number = len(cls.__members__)
-        made.title, made.own, made.simulates = title, "own" in flags, "simulates" in flags
-        return made
-
-    number: int
-    title: str
-    own: bool
-    simulates: bool
+from foresee_dsl.measuring import Part
 
 
 @dataclass(frozen=True)
@@ -121,6 +70,7 @@ class Clock:
     def __init__(self, part: Part = Part.IDLE, *, exactly: bool = False) -> None:
         """Begin with a part. `exactly`: CPU time is read at each change, for benchmarks on a busy machine."""
         self.part = part
+        self._before: list[Part] = []
         self._always = exactly
         self.refers = False
         self.runs = self.decisions = 0
@@ -144,19 +94,38 @@ class Clock:
             self._share_out()
         return before
 
-    def decide(self, *, begins: bool) -> Part:
-        """Count for the driver from now on, which is asked for a decision; return the part before.
+    def begin(self, part: Part) -> None:
+        """Count for a part from now on, until `end`."""
+        if part.simulates and self.part is Part.PLACING:  # SUMO steps there too, before the first frame
+            part = Part.PLACING
+        self._before.append(self.enter(part))
 
-        `begins`: it is the first of a run, or the driver is reset or closed.
-        """
+    def end(self) -> None:
+        """Count for the part again that was at work before the last `begin`."""
+        if self._before:  # else it began before this clock did
+            self.enter(self._before.pop())
+
+    def begin_decision(self, *, first: bool) -> None:
+        """Count for the driver, which is asked for a decision, until `end`; `first`: the first of a run, a reset, or a
+        close."""
         if self.refers:
-            return self.enter(Part.REFERENCES)
-        if begins:
-            return self.enter(Part.DRIVER_BEGINS)
-        self.decisions += 1
-        self._exactly = self._asked % EVERY == 0
-        self._asked += 1
-        return self.enter(Part.DRIVER)
+            self.begin(Part.REFERENCES)
+        elif first:
+            self.begin(Part.DRIVER_BEGINS)
+        else:
+            self.decisions += 1
+            self._exactly = self._asked % EVERY == 0
+            self._asked += 1
+            self.begin(Part.DRIVER)
+
+    def add_programs(self, cpu_ns: int) -> None:
+        """Count the CPU time of the driver's programs: they worked while the driver waited for them."""
+        self.add(Part.REFERENCES if self.refers else Part.DRIVER, cpu_ns=cpu_ns)
+
+    def count_run(self, simulated_s: float) -> None:
+        """Count a run that is over."""
+        self.runs += 1
+        self.simulated_s += simulated_s
 
     def add(self, part: Part, *, cpu_ns: int = 0, wall_ns: int = 0) -> None:
         """Count time that this clock did not see."""

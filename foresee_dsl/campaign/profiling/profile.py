@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-from foresee_dsl.campaign.profiling.clock import Measurement, Part, Spent
+from foresee_dsl.campaign.profiling.clock import Measurement, Spent
+from foresee_dsl.measuring import Part
 
 _NS = 1e-9
 

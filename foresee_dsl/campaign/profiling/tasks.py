@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from inspect import isgenerator
 from pathlib import Path
 from typing import Any, TypeVar
 
+from foresee_dsl import measuring
 from foresee_dsl.campaign.execution.pool import Executor, RunOptions, Task, Update
 from foresee_dsl.campaign.execution.pool import Part as TaskPart
-from foresee_dsl.campaign.profiling import seams
-from foresee_dsl.campaign.profiling.clock import Clock, Measurement, Part
+from foresee_dsl.campaign.profiling.clock import Clock, Measurement
 from foresee_dsl.campaign.profiling.profile import Profile
-from foresee_dsl.campaign.profiling.seams import Seam
+from foresee_dsl.measuring import Part
 
 T = TypeVar("T")
 
@@ -32,19 +32,22 @@ class Profiler:
         self._clock.add(Part.START, cpu_ns=time.process_time_ns(), wall_ns=_age_ns())
 
     @contextmanager
-    def command(self, functions: Sequence[Seam], *, runs: bool = False) -> Iterator[None]:
-        """Measure within it what this process does: beside `functions` it imports; `runs`: it simulates runs itself."""
+    def command(self) -> Iterator[None]:
+        """Measure within it what this process does; until `ready` that is start-up."""
         self._clock.enter(Part.START)
-        with seams.installed(self._clock, functions, runs=runs):
+        measuring.start(self._clock)
+        try:
             yield
+        finally:
+            measuring.start(None)
 
     def ready(self) -> None:
         """Note that start-up is over."""
         self._clock.enter(Part.REST)
 
-    def task(self, task: Task, functions: Sequence[Seam] = seams.RUNS) -> Task:
+    def task(self, task: Task) -> Task:
         """Return a task that is measured where it runs."""
-        return replace(task, function=_Measured(task.function, tuple(functions)))
+        return replace(task, function=_Measured(task.function))
 
     def taken(self, outcome: object) -> Any:  # noqa: ANN401 - what the task gave
         """Return the result of a measured task, and add what it took."""
@@ -98,7 +101,7 @@ class _MeasuringExecutor(Executor):
         self._profiler, self._inner = profiler, inner
 
     def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
-        self._inner.add((self._profiler.task(task, seams.STEPS) for task in tasks), priority)
+        self._inner.add(map(self._profiler.task, tasks), priority)
 
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
         for update in self._profiler.received(self._inner.updates(stop)):
@@ -125,10 +128,9 @@ class _Measured:
     into a `_WithMeasurement`."""
 
     function: Callable[[Any], Any]
-    functions: tuple[Seam, ...]
 
     def __call__(self, argument: object) -> Any:  # noqa: ANN401 - what the function gives
-        clock = _clock_here(self.functions)
+        clock = _clock_here()
         before = clock.enter(Part.REST)
         try:
             outcome = self.function(argument)
@@ -157,7 +159,7 @@ _CLOCKS: dict[int, Clock] = {}
 """The clock of this process, by the process's number: a forked process has a clock of its own."""
 
 
-def _clock_here(functions: tuple[Seam, ...]) -> Clock:
+def _clock_here() -> Clock:
     """Return this process's clock; at the first call, the time until now was start-up."""
     clock = _CLOCKS.get(os.getpid())
     if clock is None:
@@ -165,7 +167,7 @@ def _clock_here(functions: tuple[Seam, ...]) -> Clock:
         age_ns = max(_age_ns(), cpu_ns)
         clock = _CLOCKS[os.getpid()] = Clock(Part.START)
         clock.add(Part.START, cpu_ns=cpu_ns, wall_ns=age_ns)
-        seams.install(clock, functions)
+        measuring.start(clock)
         clock.enter(Part.IDLE)
     return clock
 

@@ -18,6 +18,7 @@ from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import Comments, TestCase
 from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.language.syntax.node import Key
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
 
@@ -53,6 +54,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         """The children of a clip."""
         return settings.children
 
+    @Part.MUTATE.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ChildOutcome, Trace | None]:  # noqa: ARG002
         """Run the mutant; the traces of failures are stored."""
         parent = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")

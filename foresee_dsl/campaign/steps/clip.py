@@ -18,6 +18,7 @@ from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
 
@@ -50,6 +51,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
         """The risky points that are studied."""
         return settings.risky_points
 
+    @Part.CLIP.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace]:
         """Run the clip and compare it."""
         if trace is None:

@@ -21,6 +21,7 @@ from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
@@ -61,6 +62,7 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         """Only a run that passed is studied."""
         return result.verdict is Verdict.PASS
 
+    @Part.FORECAST.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Forecast, None]:
         """Rank, and cut the clips."""
         if trace is None:
@@ -84,6 +86,7 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         return Forecast(len(points), tuple(drafts.values())), None
 
 
+@Part.CLIP.measured
 def clip_around(
     case: TestCase,
     trace: Trace,

@@ -12,6 +12,7 @@ from pathlib import Path
 from foresee_dsl.campaign.storage.traces import name_of
 from foresee_dsl.language.model import Network, VehicleModel
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.trace import Trace
 
 
@@ -55,12 +56,14 @@ class CaseRef:
         return CaseRef(self.own.inline(), self.shared.inline())
 
 
+@Part.STORE.measured
 def load_case(ref: CaseRef) -> TestCase:
     """Return a test case; a process keeps those that it had lately."""
     network, models = _loaded_shared(ref.shared)
     return replace(_loaded(ref.own), network=network, models=models)
 
 
+@Part.STORE.measured
 def load_trace(ref: Ref) -> Trace:
     """Return a trace of the store.
 

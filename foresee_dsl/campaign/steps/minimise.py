@@ -21,6 +21,7 @@ from foresee_dsl.language.model import Actor, Clip, Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import tell
@@ -61,6 +62,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
         """Return a folder of its own."""
         return f"findings/{self.name}"
 
+    @Part.MINIMISE.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Minimised, Trace | None]:
         """Minimise the mutant, and run what is left of it once more."""
         clip = clip_of(self.draft.text)

@@ -16,6 +16,7 @@ from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
@@ -99,6 +100,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
         """One for each seed."""
         return settings.repeat if settings.children else 0
 
+    @Part.MUTATE.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Mutants, None]:  # noqa: ARG002
         """Mutate the clip."""
         if trace is None:

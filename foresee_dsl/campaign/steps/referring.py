@@ -12,6 +12,7 @@ from foresee_dsl.campaign.steps.clip_text import clip_case
 from foresee_dsl.campaign.steps.inputs import CaseRef
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.measuring import Part, reference_driver
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import how_avoided
@@ -37,6 +38,7 @@ class Reference:
         return ReferenceRun(self.driver, verdict, reason, 0.0)
 
 
+@Part.EXPLAIN.measured
 def driven(
     driver: str,
     case: TestCase,
@@ -47,7 +49,8 @@ def driven(
     deadlines: Deadlines,
 ) -> ReferenceRun:
     """Run a test case that fails with another driver; where that one passes, ask for the clip's own verdict too."""
-    result = run_test_case(case, driver, seed, deadlines=deadlines)
+    with reference_driver():
+        result = run_test_case(case, driver, seed, deadlines=deadlines)
     known = None
     how: tuple[str, ...] = ()
     if result.verdict is Verdict.PASS:

@@ -23,6 +23,7 @@ from foresee_dsl.campaign.storage.soundness import UNREADABLE, has_sums, is_soun
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.limits import most
+from foresee_dsl.measuring import Part
 
 SCHEMA = 1
 """`user_version` of the database: raised when a table changes."""
@@ -83,6 +84,7 @@ _INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}, sum) VALUES ({', '
 class Store:
     """A store's folder: `runs.sqlite`, `blobs/`, and `lock` while a process writes."""
 
+    @Part.STORE.measured
     def __init__(self, folder: Path, *, write: bool = True) -> None:
         """Open a store; to write, it is made where there is none.
 
@@ -124,6 +126,7 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @Part.STORE.measured
     def get(self, key: str) -> Row | None:
         """Return the row of a key, or None; None too where its trace is gone, or something of it was changed."""
         found = self._found(key)
@@ -176,12 +179,14 @@ class Store:
         self._sound.clear()
         self._checked.clear()
 
+    @Part.STORE.measured
     def has(self, key: str) -> bool:
         """Return whether `get` would return a row, without reading its record."""
         with self._errors():
             found = self._db.execute("SELECT trace FROM runs WHERE key = ?", (key,)).fetchone()
         return found is not None and (not found[0] or self.blobs.has(found[0]))
 
+    @Part.STORE.measured
     def add(self, row: Row, trace: bytes | None = None) -> Row:
         """Store a result; when this returns, it outlives this process. Return the row with its trace's name.
 
@@ -200,6 +205,7 @@ class Store:
                 self._db.execute(_INSERT, (*values, sum_of(values)))
         return row
 
+    @Part.STORE.measured
     def drop(self, key: str) -> None:
         """Forget the result of a key, so that it can be another one; its trace stays until `store gc`."""
         self.execute("DELETE FROM runs WHERE key = ?", (key,))
@@ -239,6 +245,7 @@ class Store:
             self._db.execute("VACUUM")
             self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
+    @Part.STORE.measured
     def close(self) -> None:
         """Close it and let go of the lock."""
         if self._database is not None:

@@ -11,15 +11,10 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def profiling(*, runs: bool = False, campaign: bool = False) -> Iterator[Profiler]:
-    """Measure what is done within it. What it measures has to be imported within it as well.
-
-    `runs`: runs are simulated in this process. `campaign`: it is a campaign's own process.
-    """
-    from foresee_dsl.campaign.profiling import seams
+def profiling() -> Iterator[Profiler]:
+    """Measure what is done within it."""
     from foresee_dsl.campaign.profiling.tasks import Profiler
 
     profiler = Profiler()
-    functions = seams.CAMPAIGN if campaign else (*seams.COMMANDS, *(seams.RUNS if runs else ()))
-    with profiler.command(functions, runs=runs):
+    with profiler.command():
         yield profiler

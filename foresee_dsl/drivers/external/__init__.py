@@ -26,6 +26,7 @@ from foresee_dsl.drivers.deadlines import RESET_VARIABLE, STEP_VARIABLE, seconds
 from foresee_dsl.drivers.external.process import Program
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import DriverError, DriverLateError
+from foresee_dsl.measuring import Part
 
 STEP_DEADLINE_S = 1.0
 """Wall time for an answer, unless FORESEE_STEP_DEADLINE_S is set. Ours: twenty times real time, so that a busy machine
@@ -125,11 +126,13 @@ def _split(command_line: str) -> list[str]:
 # --- messages -----------------------------------------------------------------------------------------------------
 
 
+@Part.PIPE.measured
 def reset_line(mission: Mission, vehicle: VehicleLimits, seed: int) -> bytes:
     """Return the first line of a run."""
     return _line({"foresee": PROTOCOL_VERSION, "type": "reset", "mission": mission, "vehicle": vehicle, "seed": seed})
 
 
+@Part.PIPE.measured
 def step_line(observation: Observation) -> bytes:
     """Return the line of one step."""
     return _line({"type": "step", "observation": observation})
@@ -148,6 +151,7 @@ def read_ready(line: bytes) -> tuple[str, str]:
     return _name(answer, "name"), _name(answer, "version")
 
 
+@Part.PIPE.measured
 def read_control(line: bytes) -> Control:
     """Return the control that a program answered; the simulator clips values out of range."""
     answer = _object(line)

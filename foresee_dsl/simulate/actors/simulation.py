@@ -10,6 +10,7 @@ from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.compile.roads.polyline import XY, distinct, whole_millimetres
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.insertion import Insertion
@@ -97,10 +98,12 @@ class Simulation:
         self._recover()
         self.frame += 1
         self.time_s = round(self.frame * STEP_S, 6)
-        self._shown.show(self.frame)
+        with Part.WORLD:
+            self._shown.show(self.frame)
         self.world.step()
-        self.world.bodies.correct_lane_order()
-        self._shown.settle()
+        with Part.WORLD:
+            self.world.bodies.correct_lane_order()
+            self._shown.settle()
         left = self._traffic.follow()
         self._shown.find_ego_lane(self.frame)
         self._take_over()

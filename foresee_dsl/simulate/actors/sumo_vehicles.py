@@ -26,6 +26,7 @@ from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.bicycle import VehicleState
 from foresee_dsl.kernels.lines import vertices
 from foresee_dsl.kernels.records import dtype_of
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.bend_speeds import LaneBends
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.trace import STEP_S
@@ -293,8 +294,10 @@ class SumoTraffic:
 
     def slow_for_bends(self) -> None:
         """Tell SUMO what each may drive in the next step: it knows only the bends inside junctions, not who tips."""
-        for number in self._update_limits():
-            self._world.limit_speed(self._vehicles[number].id, self._ordered.item(number))
+        changed = self._update_limits()
+        with Part.WORLD:
+            for number in changed:
+                self._world.limit_speed(self._vehicles[number].id, self._ordered.item(number))
 
     def may_drive_mps(self) -> dict[str, float]:
         """Return what the bends allow each vehicle in the next step; infinite where they do not matter."""
@@ -309,7 +312,8 @@ class SumoTraffic:
 
     def follow(self) -> tuple[str, ...]:
         """Move every vehicle to where SUMO has it after a step; return the ids of those that have left the world."""
-        names, numbers, changed = self._world.vehicles()
+        with Part.WORLD:
+            names, numbers, changed = self._world.vehicles()
         left: tuple[str, ...] = ()
         if names is not self._names:
             left = self._note_names(names)

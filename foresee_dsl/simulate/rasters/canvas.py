@@ -26,6 +26,7 @@ from foresee_dsl.drivers.pictures.layout import (
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
+from foresee_dsl.measuring import Part
 from foresee_dsl.plugins import PluginGroup
 from foresee_dsl.simulate.mission import heading_at, signal_heads
 from foresee_dsl.simulate.rasters.birdseye import BirdsEye, Pose, StopLine
@@ -141,6 +142,7 @@ class RunViews:
         self.sizes = np.array(sizes, dtype=np.float64).reshape(-1, 3)
         self.groups = np.array([GROUP_OF[model.kind] for model in others], dtype=np.int64)
 
+    @Part.PICTURES.measured
     def at(self, observation: Observation, pose: Pose, states: FloatArray) -> StepViews:
         """Return the pictures of a step.
 
@@ -168,15 +170,18 @@ class StepViews:
     pose: Pose
     states: FloatArray
 
+    @Part.PICTURES.measured
     def draw(self, view: str) -> NDArray[np.uint8]:
         """Return the picture of an installed view by its name, [channels, rows, columns]."""
         picture: NDArray[np.uint8] = RASTER_VIEWS.load(view)(self)
         return picture
 
+    @Part.PICTURES.measured
     def birds_eye(self, window: Window = WHOLE) -> NDArray[np.uint8]:
         """Return the view from above, [19, 192, 192], or only a part of it."""
         return birds_eye_view(self, window)
 
+    @Part.PICTURES.measured
     def forward(self) -> NDArray[np.uint8]:
         """Return the view forward, [13, 64, 160]."""
         return forward_view(self)

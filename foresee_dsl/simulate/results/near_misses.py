@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import IntArray, box_overlap, pairwise_box_distance
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 HORIZON_S = 5.0
@@ -82,6 +83,7 @@ class NearMisses:
     drac_mps2: NearMiss | None
 
 
+@Part.JUDGING.measured
 def near_misses(trace: Trace) -> NearMisses:
     """Return how near the ego came to a failure in a run, obstacles and parked cars included."""
     run = _Run(trace)

@@ -15,6 +15,7 @@ from foresee_dsl.drivers.pictures.layout import CAMERA_RANGE_M
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.drivers.tracking import ObjectTable
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.mission import signal_heads
 from foresee_dsl.simulate.rasters import RunViews, StepViews
@@ -174,6 +175,7 @@ class Sensing:
         put(observation, "_source", (self, newest, now, states))
         return observation
 
+    @Part.SENSING.measured
     def ego_state(self, frame: int, states: FloatArray) -> EgoState:
         """Return what the vehicle knows of itself at an absolute frame, from the states there. Speed, acceleration, yaw
         rate and steering are measured on board, exactly."""
@@ -182,6 +184,7 @@ class Sensing:
         state.__class__ = EgoState
         return cast(EgoState, state)
 
+    @Part.SENSING.measured
     def table(self, scan: _Scan) -> ObjectTable:
         """Return the object list of a scan."""
         while scan.table is None:  # in the order of the frames, which decides the track numbers
@@ -190,12 +193,14 @@ class Sensing:
             early.table = self._objects.table(early.frame, early.pose, estimated, early.states)
         return scan.table
 
+    @Part.SENSING.measured
     def actors(self, scan: _Scan) -> tuple[SeenActor, ...]:
         """Return the same as a driver has it."""
         if scan.actors is None:
             scan.actors = seen_actors(self.table(scan))
         return scan.actors
 
+    @Part.SENSING.measured
     def signals(self, scan: _Scan) -> dict[str, SignalColour]:
         """Return the colours of the signals in view in a scan."""
         if scan.signals is None:

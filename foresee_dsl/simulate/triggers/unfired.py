@@ -18,6 +18,7 @@ from foresee_dsl.language.lints.certain import Limits, never
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import UNITS
+from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
@@ -35,6 +36,7 @@ Near = Callable[[m.Condition], tuple[float, str] | None]
 """Says how far off a fact without a number is, m, and why."""
 
 
+@Part.JUDGING.measured
 def unfired(
     scenario: m.Scenario, compiled: Callable[[], SumoBundle], trace: Trace, sensors: SensorSettings = STANDARD
 ) -> tuple[Unfired, ...]:
