@@ -182,7 +182,7 @@ def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: flo
 
 
 def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
-    """Return the strips as what a terminal shows as a picture; "" where it cannot, or pillow is missing."""
+    """Return the strips as what a terminal shows as a picture; "" where it cannot, or resvg-py is missing."""
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.report.show.terminal_pictures import Pictures, detect, encoded
 
@@ -191,24 +191,25 @@ def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
         way = Pictures.NONE if os.environ.get("NO_COLOR") else detect()
     if way is Pictures.NONE:
         return ""
-    from foresee_dsl.report.show.png import as_png, image_of
+    from foresee_dsl.report.png import png_of_svg
+    from foresee_dsl.report.strip import svg_of
 
     try:
-        image = image_of(strips)
+        return encoded(png_of_svg(svg_of(strips, "", per_row=6), zoom=1.2), way)
     except ForeseeError:
         if picture is Picture.AUTO:
             return ""
         raise
-    return encoded(image, as_png(image), way)
 
 
 def _write(file: Path, strips: tuple[Strip, ...], label: str, *, as_png: bool) -> None:
     from foresee_dsl.files import replacing
-    from foresee_dsl.report.show.png import png_of
+    from foresee_dsl.report.png import png_of_svg
     from foresee_dsl.report.strip import svg_of
 
     per_row = 3 if len(strips) == 1 else 6  # a mutant's moments right below those of its parent
-    data = png_of(strips, per_row=per_row) if as_png else svg_of(strips, label, per_row=per_row).encode()
+    svg = svg_of(strips, label, per_row=per_row)
+    data = png_of_svg(svg) if as_png else svg.encode()
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:
         temporary.write_bytes(data)

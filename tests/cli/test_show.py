@@ -63,6 +63,7 @@ def test_a_trace_is_shown_without_its_case_being_named(project: Path) -> None:
 
 def test_a_mutant_is_shown_beside_its_parent(project: Path, tmp_path: Path) -> None:
     (mutant,) = project.glob("hidden_walker_p1_m*.foresee")
+    pytest.importorskip("resvg_py", reason="resvg-py is not installed")
     svg, png = tmp_path / "strip.svg", tmp_path / "strip.png"
     text = _said(["show", str(mutant), "--svg", str(svg), "--png", str(png), "--up", "north"])
     assert "Its parent" in text

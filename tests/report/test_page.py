@@ -8,17 +8,19 @@ import re
 import unicodedata
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.report.png import png_of_svg
 from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.page import Page
-from foresee_dsl.report.show.png import image_of, png_of
 from foresee_dsl.report.show.sources import Shown
 from foresee_dsl.report.show.terminal_pictures import Pictures, encoded, sixel, way_of
+from foresee_dsl.report.strip import svg_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace
 from tests.support.goldens import Golden
@@ -97,9 +99,14 @@ def test_a_shorter_parent_is_shown_as_far_as_it_goes(shown: Shown, slower: Shown
 # ---- pictures ------------------------------------------------------------------------------------------------------
 
 
-def test_the_png_shows_ego_and_opponent_in_their_colours(shown: Shown) -> None:
+def _image(shown: Shown) -> Any:
     image = pytest.importorskip("PIL.Image")
-    picture = np.asarray(image.open(io.BytesIO(png_of(Page(shown, None).strips))).convert("RGB"))
+    pytest.importorskip("resvg_py", reason="resvg-py is not installed")
+    return image.open(io.BytesIO(png_of_svg(svg_of(Page(shown, None).strips, ""))))
+
+
+def test_the_png_shows_ego_and_opponent_in_their_colours(shown: Shown) -> None:
+    picture = np.asarray(_image(shown).convert("RGB"))
     for colour in ((0x1F, 0x6F, 0xD6), (0xD7, 0x26, 0x3D)):
         assert (picture == colour).all(axis=2).sum() > 50
 
@@ -114,8 +121,7 @@ def test_sixels_decode_to_the_picture() -> None:
 
 
 def test_the_opponent_is_red_in_sixels_too(shown: Shown) -> None:
-    pytest.importorskip("PIL.Image")
-    picture = image_of(Page(shown, None).strips)
+    picture = _image(shown)
     found = _decoded(sixel(picture), picture.height, picture.width).astype(int)
     red = (found[..., 0] > 180) & (found[..., 1] < 90) & (found[..., 2] < 110)
     assert red.sum() > 50
@@ -147,14 +153,13 @@ def _decoded(text: str, rows: int, columns: int) -> np.ndarray:
 
 
 def test_kitty_and_iterm_get_the_file_in_pieces() -> None:
-    image = pytest.importorskip("PIL.Image").new("RGB", (10, 10))
     data = bytes(range(256)) * 40
-    kitty = encoded(image, data, Pictures.KITTY)
+    kitty = encoded(data, Pictures.KITTY)
     pieces = re.findall(r"\x1b_G([^;]*);([^\x1b]*)\x1b\\", kitty)
     assert base64.b64decode("".join(piece for _, piece in pieces)) == data
     assert all(len(piece) <= 4096 for _, piece in pieces)
     assert [keys.rpartition("m=")[2] for keys, _ in pieces] == ["1"] * (len(pieces) - 1) + ["0"]
-    iterm = encoded(image, data, Pictures.ITERM)
+    iterm = encoded(data, Pictures.ITERM)
     assert base64.b64decode(iterm.partition(":")[2].partition("\x07")[0]) == data
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 import shutil
 import subprocess
 import sys
@@ -21,8 +23,10 @@ from foresee_dsl.report.ground import Layer, ground_of
 from foresee_dsl.report.picture.answer import answer
 from foresee_dsl.report.picture.draw import Drawing, draw
 from foresee_dsl.report.picture.labels import Box, Room
+from foresee_dsl.report.picture.palette import PAINTS
 from foresee_dsl.report.picture.reading import read_subject
 from foresee_dsl.report.picture.svg import svg_of
+from foresee_dsl.report.png import png_of_svg
 
 FORESEE = Path(sys.executable).parent / "foresee"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -239,6 +243,7 @@ def test_mistakes_have_their_place(small: Path) -> None:
 
 
 def test_the_command(small: Path, tmp_path: Path) -> None:
+    pytest.importorskip("resvg_py", reason="resvg-py is not installed")
     command = [FORESEE, "draw", "small.foresee::near", "--png", "a/b.png", "--svg", "c.svg"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "wrote c.svg\nwrote a/b.png\n")
@@ -343,3 +348,18 @@ network n {
     assert long["home"][0] == pytest.approx(20, abs=1) and long["home"][2] - long["home"][0] == pytest.approx(24)
     svg = svg_of(drawing.sheet)
     assert "p-bus_stop" in svg and ">bus stop<" in svg and ">stop market<" in svg
+
+
+def test_the_png_has_the_colours_and_the_letters_of_the_svg(small: Path) -> None:
+    image = pytest.importorskip("PIL.Image")
+    pytest.importorskip("resvg_py", reason="resvg-py is not installed")
+    sheet = draw(f"{small}::near").sheet
+    for scheme, column in (("light", 0), ("dark", 2)):
+        svg = svg_of(sheet, scheme=scheme)
+        with_words = np.asarray(image.open(io.BytesIO(png_of_svg(svg))).convert("RGB")).astype(int)
+        bare = np.asarray(image.open(io.BytesIO(png_of_svg(re.sub(r"<text.*?</text>", "", svg)))).convert("RGB"))
+        assert with_words.shape[1] == 2 * round(sheet.width)
+        for paint in ("paper", "grass", "road", "ego"):
+            colour = [int(PAINTS[paint][column][k : k + 2], 16) for k in (1, 3, 5)]
+            assert (with_words == colour).all(axis=2).sum() > 20, (scheme, paint)
+        assert (with_words != bare).any(axis=2).sum() > 1000  # the names are there

@@ -26,7 +26,7 @@ def draw(
     svg: Annotated[
         Path | None, typer.Option("--svg", metavar="FILE", help="The SVG file; by default NAME.svg here; -: print it.")
     ] = None,
-    png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="Write a PNG file (needs pillow).")] = None,
+    png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="A PNG file (needs resvg-py).")] = None,
     whole: Annotated[
         bool, typer.Option("--whole", help="The whole network, not only what concerns the actors.")
     ] = False,
@@ -65,9 +65,9 @@ def draw(
         write_whole(file, svg_of(drawing.sheet))
         _say(f"wrote {file}")
     if png is not None:
-        from foresee_dsl.report.picture.png import png_of
+        from foresee_dsl.report.png import png_of_svg
 
-        data = png_of(drawing.sheet, dark=dark)
+        data = png_of_svg(svg_of(drawing.sheet, scheme="dark" if dark else "light"))
         png.parent.mkdir(parents=True, exist_ok=True)
         with replacing(png) as temporary:
             temporary.write_bytes(data)

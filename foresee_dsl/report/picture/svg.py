@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Literal
 
 from foresee_dsl.compile.templates import number
 from foresee_dsl.files import rendered, templates
@@ -10,11 +11,15 @@ from foresee_dsl.report.picture.palette import PAINTS
 from foresee_dsl.report.picture.sheet import Shape, Sheet
 
 
-def svg_of(sheet: Sheet, *, styled: bool = True) -> str:
-    """Return a sheet as SVG; without `styled` it has no colours of its own (`style_of` gives them)."""
+def svg_of(sheet: Sheet, *, styled: bool = True, scheme: Literal["", "light", "dark"] = "") -> str:
+    """Return a sheet as SVG; without `styled` it has no colours of its own (`style_of` gives them).
+
+    `scheme`: its colours; "": those that its surroundings prefer.
+    """
     return rendered(
         "draw/picture.svg",
         sheet=sheet,
+        scheme=scheme,
         style=style_of(sheet) if styled else "",
         path=_path,
         number=number,

@@ -7,6 +7,7 @@ three encoders are some thirty lines here.
 from __future__ import annotations
 
 import base64
+import io
 import os
 import re
 import sys
@@ -16,6 +17,8 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from foresee_dsl.errors import ForeseeError
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -95,18 +98,26 @@ def _asked(question: str) -> str:
     return answer.decode("ascii", errors="replace")
 
 
-def encoded(picture: Image, png: bytes, way: Pictures) -> str:
+def encoded(png: bytes, way: Pictures) -> str:
     """Return what to write to a terminal so that it shows a picture.
 
     Args:
-        picture: the picture. png: the same as a file. way: not `AUTO` or `NONE`.
+        png: the picture as a file. way: not `AUTO` or `NONE`.
+
+    Raises:
+        ForeseeError: pillow, which sixels are made with, is not installed.
     """
     if way is Pictures.KITTY:
         return "".join(_kitty(png))
     if way is Pictures.ITERM:
         data = base64.b64encode(png).decode("ascii")
-        return f"\x1b]1337;File=inline=1;size={len(png)};width={picture.width}px:{data}\x07\n"
-    return sixel(picture)
+        width = int.from_bytes(png[16:20], "big")  # of the header, which begins each PNG
+        return f"\x1b]1337;File=inline=1;size={len(png)};width={width}px:{data}\x07\n"
+    try:
+        from PIL import Image as Images
+    except ImportError as err:
+        raise ForeseeError("sixels need the package pillow: pip install 'foresee-dsl[pictures]'") from err
+    return sixel(Images.open(io.BytesIO(png)))
 
 
 def _kitty(png: bytes) -> Iterator[str]:

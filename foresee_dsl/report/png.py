@@ -1,0 +1,46 @@
+"""A picture as a PNG: its SVG, drawn by resvg (the extra `pictures`)."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from foresee_dsl.errors import ForeseeError
+
+MISSING = "PNG pictures need the package resvg-py: pip install 'foresee-dsl[pictures]'"
+_FONTS = ("/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts")
+"""Where Linux has fonts, as resvg looks for them (0.5.0)."""
+
+
+def png_of_svg(svg: str, *, zoom: float = 2.0) -> bytes:
+    """Return an SVG document as a PNG, `zoom` times as large.
+
+    Raises:
+        ForeseeError: resvg-py is not installed, or there is no font for the names in the picture.
+    """
+    try:
+        import resvg_py
+    except ImportError as err:
+        raise ForeseeError(MISSING) from err
+    return bytes(resvg_py.svg_to_bytes(svg_string=svg, zoom=zoom, font_files=list(_own_fonts())))
+
+
+@cache
+def _own_fonts() -> tuple[str, ...]:
+    """Return font files where the system has none: matplotlib brings some along.
+
+    Raises:
+        ForeseeError: there are none at all; resvg would leave out every text without a word.
+    """
+    folders = [Path(folder).expanduser() for folder in _FONTS]
+    if not sys.platform.startswith("linux") or any(next(f.rglob("*.[to]tf"), None) for f in folders if f.is_dir()):
+        return ()
+    if find_spec("matplotlib") is None:
+        raise ForeseeError("PNG pictures need a font for their names, and this system has none: install one, such as "
+                           "`apt-get install fonts-dejavu-core`, or matplotlib, which brings one")  # fmt: skip
+    import matplotlib as mpl
+
+    fonts = Path(mpl.get_data_path()) / "fonts" / "ttf"
+    return tuple(str(fonts / name) for name in ("DejaVuSans.ttf", "DejaVuSans-Bold.ttf"))
