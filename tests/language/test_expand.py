@@ -26,6 +26,7 @@ from foresee_dsl.language.model import (
     Ego,
     End,
     Expect,
+    Expected,
     GoalAt,
     Network,
     Ref,
@@ -275,3 +276,14 @@ def test_the_id_is_the_path_as_given() -> None:
     case = expand_clip(CLIP, PARENT, source=Path("out/c.foresee"))
     assert case.id == "out/c.foresee"
     assert case.source.is_absolute()
+
+
+def test_who_an_expected_failure_is_with_is_an_actor_of_the_clip() -> None:
+    body = (Expected(driver="team", outcome="fails", failure="F2", actor="kid"),)
+    mutant = mutant_of().model_copy(update={"body": body})
+    with pytest.raises(InputError) as caught:
+        expand_mutant(mutant, clip_case(), source=Path("m.foresee"))
+    (found,) = caught.value.diagnostics
+    assert (found.code, found.message) == (UNKNOWN_ACTOR, "unknown actor 'kid'")
+    runner = body[0].model_copy(update={"actor": "runner"})
+    assert expand_mutant(mutant.model_copy(update={"body": (runner,)}), clip_case(), source=Path("m.foresee"))

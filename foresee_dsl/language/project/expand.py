@@ -11,6 +11,7 @@ from foresee_dsl.language.changes import changed_body, weakened
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.catalogues import check_models
@@ -75,6 +76,7 @@ def expand_mutant(
         if (softer := weakened(before, changed)) is not None:
             message = f"this makes '{softer}' easier to meet than in the clip, so that a failure would not show"
             findings.add(change, "now", c.WEAKENED, message, "leave the expectation as it is, or make it stricter")
+    _check_expected_actors(findings, mutant, clip_case.scenario)
     findings.raise_if_any()
     body = tuple(item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.Network))
     scenario = _behind_tags(mutant.name, body, *surroundings(clip_case, source.parent))
@@ -82,6 +84,18 @@ def expand_mutant(
     return replace(
         clip_case, id=name, scenario=scenario, meaning=meaning, source=source, document=document, mutant=mutant
     )
+
+
+def _check_expected_actors(findings: Findings, mutant: m.Mutant, clip: m.Scenario) -> None:
+    """Check that the actors of expected results are the clip's, or a door of one."""
+    names = ["ego", *(actor.name for actor in clip.actors if actor.name != "ego")]
+    doors = {m.door_name(name, side) for name in names for side in ("left", "right")}
+    for item in mutant.body:
+        if isinstance(item, m.Expected) and item.actor is not None and item.actor not in (*names, *doors):
+            help = did_you_mean(item.actor, names)
+            findings.add(
+                item, "actor", "FS037", f"unknown actor '{item.actor}'", help or f"the clip has {', '.join(names)}"
+            )
 
 
 def expanded_model(case: TestCase) -> m.Scenario:
