@@ -271,6 +271,27 @@ def test_what_happens_at_once_is_how_it_begins_and_a_trajectory_is_a_start(tmp_p
     assert whens(scenario)[-1].startswith("when time >= 0 s { only changes speed to 10 m/s over")
 
 
+@pytest.mark.parametrize(("seconds", "slows"), [(4, False), (1, True)])
+def test_a_change_over_the_middle_keeps_the_speed_of_an_actor_above_the_limit(
+    tmp_path: Path, seconds: float, slows: bool
+) -> None:
+    """With 20 m/s where 13.9 m/s are allowed, into the lane of the other direction and back; what tyres cannot hold is
+    said."""
+    init = f"""<Private entityRef="Target-1">{
+        osc.teleport(
+            '<LanePosition roadId="1" laneId="1" s="75"><Orientation type="relative" h="3.14159265"/></LanePosition>'
+        )
+    }{osc.speed("20")}</Private>"""
+    change = osc.lane_change(-1).replace('value="3" dynamicsDimension', f'value="{seconds}" dynamicsDimension')
+    text = osc.scenario(init=init, events=osc.group("Target-1", osc.event("back", change, on_time(0.5))))
+    done, _ = imported(tmp_path, text.replace('value="25" rule', 'value="6" rule'))
+    assert any("target_1 slows down in a lane change" in note for note in done.notes) == slows
+    if not slows:
+        trace = run_test_case(load_test_case(tmp_path / "out" / "cut_in.foresee"), "idm", 0).trace
+        target = trace.states[-1, trace.index("target_1")]
+        assert (target[SPEED], target[Y]) == pytest.approx((20.0, -1.75), abs=0.1)
+
+
 def test_an_actor_begins_where_its_spline_does(tmp_path: Path) -> None:
     spline = """<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false"><Shape>
       <ClothoidSpline><Segment curvatureStart="0" curvatureEnd="0" length="80"><PositionStart>

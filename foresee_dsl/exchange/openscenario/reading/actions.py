@@ -251,7 +251,9 @@ class TriggerBuilder:
             value = abs(number(dynamics, "value", 0.0)) if dynamics is not None else 0.0
             said = dynamics.get("dynamicsDimension") if dynamics is not None and value else None
             took, along = (value if said == "time" else None), (value if said == "distance" else None)
-            made = over_the_middle(state, target, took, along, self.places, self.network, waited_for=waited_for)
+            made = over_the_middle(
+                state, target, took, along, self.places, self.network, self.losses, waited_for=waited_for
+            )
             state.lane = target
             return made
         state.lane = target

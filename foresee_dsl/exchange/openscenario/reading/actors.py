@@ -25,7 +25,7 @@ from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places, point_of
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.reading.ways import trajectories as tracks
-from foresee_dsl.exchange.openscenario.reading.ways.held_up import path_along, way_on
+from foresee_dsl.exchange.openscenario.reading.ways.held_up import held_by_tyres, path_along, way_on
 from foresee_dsl.exchange.openscenario.reading.ways.lane_ahead import lane_ahead
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
@@ -191,6 +191,7 @@ class ActorBuilder:
         if math.dist(path[0], (middle.x, middle.y)) > _APART_M and not at_start:
             path = [(middle.x, middle.y), *path]  # it drives there first
         self._walks(entity, path)
+        self._note_bends(entity, path, max(profile.speed_mps) if profile is not None else speed)
         last = profile.speed_mps[-1] if profile is not None else speed
         points = tuple(point_of(Pose(x, y, 0.0)) for x, y in self._going_on(path, last, entity))
         return BuiltActor(_actor(entity, middle, speed, _walk(entity, points, speed)), whens)
@@ -235,8 +236,18 @@ class ActorBuilder:
             "vehicles that keep to their lane follow it as a path and react to nobody, as a default controller does"
         )
         self._walks(state.entity, path)
+        self._note_bends(state.entity, path, speed)
         points = tuple(point_of(Pose(x, y, 0.0)) for x, y in path)
         return BuiltActor(_actor(state.entity, middle, speed, _walk(state.entity, points, speed)))
+
+    def _note_bends(self, entity: Entity, path: list[XY], speed_mps: float) -> None:
+        """Say where an actor cannot drive its path as fast as the file says."""
+        held = held_by_tyres(path, entity.spec, speed_mps) if entity.kind in WHEELS and speed_mps > 0 else None
+        if held is not None:
+            self.losses.note(
+                f"{entity.name} slows down to {held:.1f} m/s in bends, where the file has {speed_mps:.1f} m/s: its "
+                "tyres hold no more"
+            )
 
     def _ahead(self, state: EntityState) -> list[XY]:
         """Return the way ahead of a vehicle in its lane of the map, in either direction; nothing where that is not

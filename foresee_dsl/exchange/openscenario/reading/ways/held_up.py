@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
 
+from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import XY
+from foresee_dsl.compile.roads.polyline import XY, line_of
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.exchange.openscenario.reading.ways.trajectories import nearest, straight_on
+from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
+from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 
 _LOOKS_S = 20.0
 """How far ahead a bend or a slower actor is looked for: what the vehicle drives in this time, s (ours: a third of the
@@ -67,6 +71,19 @@ def _held_up(line: RouteLine, middle: Pose, speed_mps: float, others: Iterable[t
         if (near or slower < speed_mps * _SLOWER) and way.distance(point) < _IN_THE_WAY_M:
             return True
     return False
+
+
+def held_by_tyres(path: Sequence[XY], spec: ModelSpec, speed_mps: float) -> float | None:
+    """Return the speed to which the bends of a path slow a vehicle down in the next time, m/s, where that is less than
+    its own: it turns with no more than its tyres hold on a dry road. None where no bend does."""
+    line = line_of(tuple(path))
+    lateral = lateral_limit_mps2(spec.name, DRY_FRICTION)
+    bends = BendSpeeds(
+        line.marks, line.angles, axle_m=spec.length_m, lateral_mps2=lateral, braking_mps2=spec.braking_mps2
+    )
+    seen = [v for s, v in zip(bends.marks, bends.speeds, strict=True) if s < speed_mps * _LOOKS_S]
+    slowest = min(seen, default=speed_mps)
+    return slowest if slowest < speed_mps * _SLOWER else None
 
 
 def way_on(network: RoadNetwork, end: Pose, kind: LaneKind) -> list[XY]:

@@ -6,19 +6,26 @@ import math
 from collections.abc import Iterator
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import quantity
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
+from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.ways import trajectories as tracks
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
+from foresee_dsl.simulate.actors.bend_speeds import TURNS_WITH
+from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 
 USUAL_S = 3.3
 """How long a change takes that does not say it. Ours: a lane of 3.3 m with 1 m/s, as vehicles on lanes do it."""
 _SLOWEST_MPS = 3.0
 """An actor whose speed is not known, or nearly none, changes lane as one that drives so fast (ours)."""
+_SLOWER = 0.98
+_APART_M = 20.0
+"""The places that it goes on through are so far apart (ours: in a bend of 250 m radius the path is 0.2 m off)."""
 _ONWARDS_M = 300.0
 """So far it goes on in a lane of the other direction (ours: 20 s at 54 km/h)."""
 _PARTS = 6
@@ -31,6 +38,7 @@ def over_the_middle(
     distance_m: float | None,
     places: Places,
     network: RoadNetwork,
+    losses: Losses,
     *,
     waited_for: bool,
 ) -> list[m.Action]:
@@ -49,25 +57,32 @@ def over_the_middle(
     speed = max(state.speed_mps or 0.0, _SLOWEST_MPS)
     length = distance_m if distance_m is not None else speed * (USUAL_S if took_s is None else max(took_s, 0.5))
     name = state.entity.name
+    sideways = abs(left) * math.pi**2 / 2 * (speed / length) ** 2  # the most of a sinusoidal change
+    if sideways > TURNS_WITH * lateral_limit_mps2(state.entity.spec.name, DRY_FRICTION):
+        losses.note(f"{name} slows down in a lane change that turns with {sideways:.1f} m/s^2: its tyres hold no more")
     points = tuple(_points(name, length, left, state.entity.spec.length_m / 2))
-    if places.roads.forward(place.road, target) != state.ahead:
-        state.on_lanes = False
-        onwards = m.AheadOf(actor=name, at=quantity(_ONWARDS_M, "length"))
-        if not waited_for:
-            return [m.FollowsPath(actor=name, points=(*points, _beside(onwards, left)))]
-        further = m.Then(actions=(m.FollowsPath(actor=name, points=(onwards,)),))
-        return [m.FollowsPath(actor=name, points=points), further]
     kind = lane_kind(state.entity.spec)
-    way = tracks.straight_on(
-        network, tracks.route_through(network, [Pose(there.x, there.y, math.remainder(heading, math.tau))], kind), kind
-    )
+    way: tuple[str, ...] = ()
+    if places.roads.forward(place.road, target) == state.ahead:
+        beginning = Pose(there.x, there.y, math.remainder(heading, math.tau))
+        way = tracks.straight_on(network, tracks.route_through(network, [beginning], kind), kind)
+        if min(lane.speed_mps for edge in way for lane in network.edges[edge].drivable) < speed * _SLOWER:
+            way = ()  # it would be held up: it goes on along its way, beside where it was
+    if not way:
+        state.on_lanes = False
+        if not waited_for:
+            return [m.FollowsPath(actor=name, points=(*points, *_onwards(name, length, left)))]
+        further = m.Then(actions=(m.FollowsPath(actor=name, points=tuple(_onwards(name, 0.0, 0.0))),))
+        return [m.FollowsPath(actor=name, points=points), further]
     state.on_lanes = True
     return [m.FollowsPath(actor=name, points=points, edges=way)]
 
 
-def _beside(onwards: m.AheadOf, left: float) -> m.AheadOf:
-    """Return a place as seen from where the change begins."""
-    return onwards.model_copy(update={"offset": quantity(left, "length")})
+def _onwards(name: str, begin: float, left: float) -> Iterator[m.Place]:
+    """Yield places along an actor's way, so far beside it, from so far ahead of the actor on."""
+    offset = quantity(left, "length") if left else None
+    for k in range(1, round(_ONWARDS_M / _APART_M) + 1):
+        yield m.AheadOf(actor=name, at=quantity(begin + k * _APART_M, "length"), offset=offset)
 
 
 def _points(name: str, length: float, left: float, half: float) -> Iterator[m.Place]:
