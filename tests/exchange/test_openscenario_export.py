@@ -268,6 +268,50 @@ def test_behaviour_is_told_as_far_as_it_goes(scenario: Path, tmp_path: Path) -> 
     assert walker[-1] > -7.5  # it has set off
 
 
+_HELD_UP = """foresee 1
+
+scenario held_up {
+  network {
+    junction a at (0 m, 0 m)
+    junction b at (400 m, 0 m)
+    road main from a to b { lanes 1; back 0 }
+  }
+
+  ego: car.sedan {
+    route [main]
+    start at 10 m along main
+    start speed 5 m/s
+  }
+  vehicle fast: car.compact {
+    route [main]
+    start at 60 m along main
+    start speed 12 m/s
+    speed 12 m/s
+  }
+  vehicle slow: van.delivery {
+    route [main]
+    start at 80 m along main
+    start speed 3 m/s
+    speed 3 m/s
+  }
+
+  end after 8.5 s
+}
+"""
+
+
+def test_an_actor_that_a_player_moves_in_another_way_is_said(tmp_path: Path) -> None:
+    """Who is held up here drives on at 12 m/s there: 96 m in 8 s; who holds it up does what is written."""
+    (tmp_path / "held_up.foresee").write_text(_HELD_UP)
+    done = openscenario_export.run(str(tmp_path / "held_up.foresee"), out=tmp_path, driver="idm", behaviour=True)
+    (note,) = [note for note in done.notes if " is off this run " in note]
+    assert note.startswith("fast is off this run in a player that keeps to what is written, by about ")
+    after_8_s = float(note.partition(" m after 8 s")[0].rpartition(" ")[2])
+    trace = run_test_case(load_test_case(tmp_path / "held_up.foresee"), "idm", 0).trace
+    ran = trace.states[trace.frame_at(8.0), trace.index("fast"), X] - trace.states[0, trace.index("fast"), X]
+    assert after_8_s == pytest.approx(96 - ran, abs=0.1)
+
+
 def test_an_imported_map_is_given_back_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "straight.xodr").write_text(XODR)
     file = tmp_path / "on_a_map.foresee"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.compile.roads.polyline import XY, direction
 from foresee_dsl.compile.roads.route_line import RouteLine
+from foresee_dsl.exchange.openscenario.writing.keeping import SpeedOrder, notes_of
 from foresee_dsl.exchange.openscenario.writing.library import (
     Xosc,
     at_once,
@@ -25,6 +26,7 @@ from foresee_dsl.exchange.openscenario.writing.relations import Related, related
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.logic import TURNED
+from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.trace import Trace
 
@@ -153,8 +155,9 @@ _ENDS = (m.ChangesSpeed, m.ChangesLane, m.Starts)
 Where = tuple[int, ...]
 
 
-def groups(bundle: SumoBundle, trace: Trace, left_out: Counter[str]) -> list[Xosc]:
-    """Return a maneuver group for each actor that does anything.
+def groups(bundle: SumoBundle, trace: Trace, left_out: Counter[str]) -> tuple[list[Xosc], list[str]]:
+    """Return a maneuver group for each actor that does anything, and a sentence about each that a player moves in
+    another way than the run did.
 
     A trigger or step that cannot be expressed is timed as it happened in the run; one that did not happen is left out.
     """
@@ -163,7 +166,8 @@ def groups(bundle: SumoBundle, trace: Trace, left_out: Counter[str]) -> list[Xos
         board.begin(actor)
     for index, when in enumerate(bundle.scene.whens):
         board.when(index, when.condition, when.actions, every=when.repeat in ("every", "next"))
-    return [maneuver_group(actor, events) for actor, events in board.events.items()]
+    found = [maneuver_group(actor, events) for actor, events in board.events.items()]
+    return found, list(notes_of(bundle.scene.actors, trace, board.orders, board.led, board.turned))
 
 
 @dataclass
@@ -172,6 +176,9 @@ class _Board:
     trace: Trace
     left_out: Counter[str]
     events: dict[str, list[Xosc]] = field(default_factory=dict)
+    orders: dict[str, list[SpeedOrder]] = field(default_factory=dict)
+    led: dict[str, str] = field(default_factory=dict)
+    turned: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._placed = {actor.id: actor for actor in self.bundle.scene.actors}
@@ -202,6 +209,7 @@ class _Board:
         moves = actor.control in ("sumo", "path") and not actor.waits
         if moves and (waiting or abs(actor.cruise_mps - actor.speed_mps) > _LOOSE_M):
             self._add(actor.id, f"{actor.id}_cruise", [self._to(actor, actor.cruise_mps)], [[at(actor.delay_s)]])
+            self._order(actor, actor.delay_s, actor.cruise_mps)
 
     def when(self, index: int, condition: m.Condition, actions: tuple[m.Action, ...], *, every: bool) -> None:
         """Write what a trigger sets off."""
@@ -238,6 +246,7 @@ class _Board:
             if isinstance(action, m.OfNobody) and not isinstance(action, m.Wait):
                 self.left_out[f"actions: {action.kind}"] += 1
             if not isinstance(action, m.OfNobody) and (made := self._action(action)) is not None:
+                self._remember(action, self._happened.get((index, where)))
                 by_actor.setdefault(action.actor, []).append(made)
         for actor, made in by_actor.items():
             self._add(actor, f"{name}_{actor}", made, starts, every=every)
@@ -280,6 +289,26 @@ class _Board:
             made = self._to(actor, actor.cruise_mps)
         self.left_out[f"actions: {action.kind}"] += made is None
         return made
+
+    def _remember(self, action: m.Action, time_s: float | None) -> None:
+        """Remember what an action that happened in the run makes of its actor's motion."""
+        if time_s is None or isinstance(action, m.OfNobody | m.Then):
+            return
+        actor = self._placed[action.actor]
+        if isinstance(action, m.ChangesSpeed):
+            self._order(actor, time_s, si_of(action.to), None if action.over is None else si_of(action.over))
+        elif isinstance(action, m.Stops):
+            self.orders.setdefault(actor.id, []).append(SpeedOrder(time_s, 0.0, rate_mps2=_STOPS_MPS2))
+        elif isinstance(action, m.ChangesLane):
+            self.turned.setdefault(actor.id, []).append(time_s)
+        elif isinstance(action, m.Starts):
+            self._order(actor, time_s, actor.cruise_mps)
+        elif isinstance(action, Related):
+            self.led[actor.id] = " ".join(print_item(action).split()).partition(" ")[2]
+
+    def _order(self, actor: PlacedActor, time_s: float, to_mps: float, over_s: float | None = None) -> None:
+        rate = None if over_s else actor.model.acceleration_mps2 or None
+        self.orders.setdefault(actor.id, []).append(SpeedOrder(time_s, to_mps, over_s, rate))
 
     def _set_off(self, actor: PlacedActor, action: m.Starts) -> None:
         """Let an actor that is started on a path follow it; it stands until then, so the event may start at once."""

@@ -82,7 +82,7 @@ def run(
     left_out["signals (the map has no heads for them)"] += _add_signals(network, bundle, road, end_s)
     specs = {actor.id: actor.model for actor in bundle.scene.actors}
     board = osc.StoryBoard(init(trace, specs, bundle.scene), at_time("end", end_s, "stop"))
-    groups = behaviours.groups(bundle, trace, left_out) if behaviour else recorded_groups(trace, specs)
+    groups, off = behaviours.groups(bundle, trace, left_out) if behaviour else (recorded_groups(trace, specs), [])
     if groups:
         board.add_story(_story(groups))
     left_out["expectations"] += len(bundle.scene.expects)
@@ -105,7 +105,7 @@ def run(
     def write(folder: Path) -> Imported:
         (folder / f"{name}.xodr").write_bytes(road)
         document.write_xml(str(folder / f"{name}.xosc"))
-        return Imported((), 1, taken, +left_out, (f"driven by {driver}: {result.reason}",))
+        return Imported((), 1, taken, +left_out, (f"driven by {driver}: {result.reason}", *off))
 
     return import_together(out, write)
 
