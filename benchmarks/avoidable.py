@@ -27,13 +27,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import Allocation, CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
-from foresee_dsl.derive.preventability import Preventable
 from training.selforacle.evaluate import HALVES, chosen_cases
 
 RESAMPLES = 4000

@@ -10,13 +10,13 @@ import numpy as np
 
 from benchmarks.figures import Figure, costs, cpu_of
 from benchmarks.library import cases
+from foresee_dsl.avoidance.candidates.behaviours import Behaviours
+from foresee_dsl.avoidance.candidates.ranker import CarefulRanker
+from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.scoring import CAREFUL, DRIVES, endings
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.forecast import clip_around
-from foresee_dsl.forecast.careful.behaviours import Behaviours
-from foresee_dsl.forecast.careful.ranker import CarefulRanker
-from foresee_dsl.forecast.careful.recorded import Recorded
-from foresee_dsl.forecast.careful.scoring import CAREFUL, DRIVES, endings
 from foresee_dsl.forecast.foresee import close_encounters
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.registry import load_ranker

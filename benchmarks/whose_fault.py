@@ -19,8 +19,8 @@ from typing import Any
 
 from rich.console import Console
 
-from foresee_dsl.derive.anticipating import Answer
-from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.avoidance.anticipating import Answer
+from foresee_dsl.avoidance.r157.assessing import Preventable
 
 _COLUMNS = ("avoided", "not avoided", "not driven")
 

@@ -16,14 +16,15 @@ from benchmarks.faults.evidence import AHEAD, ANY, DIFFERENTIAL, R157, Evidence,
 from benchmarks.faults.evidence import load as load_evidence
 from benchmarks.faults.evidence import save as save_evidence
 from benchmarks.faults.plug_in_path import address, healthy
+from foresee_dsl.avoidance.r157.assessing import Preventable
+from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.keys import driver_identity, step_code
-from foresee_dsl.campaign.records import ChildOutcome, ReferenceRun, SeedOutcome
+from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
-from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.language.project.document import TestCase
 
 MOST_SEEDS = 50
@@ -145,8 +146,8 @@ def _verdicts(run: SeedOutcome | ChildOutcome, others: Mapping[str, ReferenceRun
     ahead = getattr(run, "anticipation", None)
     if ahead is not None:
         found[AHEAD] = None if ahead.answer.origin == "undecided" else ahead.answer.preventable
-    found |= {name: reference.shows_it for name, reference in others.items()}
+    found |= {name: reference.avoids for name, reference in others.items()}
     if others:
-        found[DIFFERENTIAL] = any(reference.shows_it for reference in others.values())
+        found[DIFFERENTIAL] = any(reference.avoids for reference in others.values())
     found[ANY] = any(found.values())
     return found

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, TypedDict, assert_never
 
+from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.records import (
@@ -17,7 +18,6 @@ from foresee_dsl.campaign.records import (
     Minimised,
     Mutants,
     Record,
-    ReferenceRun,
     SeedOutcome,
     decode,
 )

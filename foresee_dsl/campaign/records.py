@@ -10,55 +10,52 @@ from typing import Any, NamedTuple, get_args
 
 from pydantic import TypeAdapter
 
-from foresee_dsl.derive.anticipating import Anticipation
+from foresee_dsl.avoidance.anticipating import Anticipation
+from foresee_dsl.avoidance.judges import AnyJudgement
+from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
+from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
-from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict, passes
 from foresee_dsl.story import Story
 
 
-@dataclass(frozen=True)
-class ReferenceRun:
-    """A failing test case or child, driven by another driver.
+class Judged:
+    """What records of failures have in common: the judges' answers, and what follows from them."""
 
-    Attributes:
-        driver: its address. verdict, reason, duration_s: of that run.
-        before: the verdict of the clip, unmutated, with the same driver; None where it was not run, as the child did
-            not pass, and of a test case, which has no clip.
-        how: what the driver does otherwise than the one that fails, in phrases.
-    """
-
-    driver: str
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    before: Verdict | None = None
-    how: tuple[str, ...] = ()
+    judgements: tuple[AnyJudgement, ...]
+    references: tuple[ReferenceRun, ...]
 
     @property
-    def avoids(self) -> bool:
-        """Whether the failure does not happen to this driver, nor another one."""
-        return self.verdict is Verdict.PASS
+    def preventability(self) -> Preventability | None:
+        """The answer of R157's driver; None where it was no failure."""
+        return next((found for found in self.judgements if isinstance(found, Preventability)), None)
 
     @property
-    def shows_it(self) -> bool:
-        """Whether it shows that the failure could be avoided: the driver avoids it, and passes unmutated as well."""
-        return self.avoids and self.before in (None, Verdict.PASS)
+    def anticipation(self) -> Anticipation | None:
+        """That of the anticipating driver, likewise."""
+        return next((found for found in self.judgements if isinstance(found, Anticipation)), None)
 
     @property
-    def told(self) -> str:
-        """Who avoids it, how, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
-        text = f"{self.driver} {', '.join(self.how) or 'passes, driving nearly the same way'}"
-        return text if self.before in (None, Verdict.PASS) else f"{text} (but fails before the mutation: {self.before})"
+    def preventable(self) -> Preventable | None:
+        """Whether a careful driver would have avoided it; None where it was no failure, or was not looked at."""
+        return self.preventability.verdict if self.preventability else None
 
-    shown = "driver verdict reason before_mutation=before avoids how"
+    @property
+    def avoided(self) -> tuple[ReferenceRun, ...]:
+        """Those of its runs with other drivers that pass, where these drivers pass the unmutated clip as well."""
+        return tuple(run for run in self.references if run.avoids)
+
+    @property
+    def avoidable(self) -> bool:
+        """Whether any judge or another driver avoids it, or would have."""
+        return any(found.avoids for found in (*self.judgements, *self.references))
 
 
 @dataclass(frozen=True)
-class SeedOutcome:
-    """One test case as it was run, unmutated. `preventability`, `anticipation` and `story`: of a failure. `notes`: if
+class SeedOutcome(Judged):
+    """One test case as it was run, unmutated. `judgements` and `story`: of a failure. `notes`: if
     there are any."""
 
     id: str
@@ -74,8 +71,7 @@ class SeedOutcome:
     risky_points: int = 0
     impact: Impact | None = None
     near: NearMisses | None = None
-    preventability: Preventability | None = None
-    anticipation: Anticipation | None = None
+    judgements: tuple[AnyJudgement, ...] = ()
     story: Story | None = None
     notes: DriverNotes | None = None
     references: tuple[ReferenceRun, ...] = ()
@@ -92,11 +88,6 @@ class SeedOutcome:
     def passed(self) -> bool:
         """Whether nothing failed."""
         return passes(self.verdict, self.broken)
-
-    @property
-    def avoided(self) -> tuple[ReferenceRun, ...]:
-        """As of a `ChildOutcome`."""
-        return tuple(run for run in self.references if run.shows_it)
 
 
 @dataclass(frozen=True)
@@ -149,9 +140,8 @@ class Mutants:
 
 
 @dataclass(frozen=True)
-class ChildOutcome:
-    """One mutant as it was run; `text` already holds what was found. `preventability`, `anticipation` and `story`: of
-    a failure."""
+class ChildOutcome(Judged):
+    """One mutant as it was run; `text` already holds what was found. `judgements` and `story`: of a failure."""
 
     name: str
     file: str
@@ -164,8 +154,7 @@ class ChildOutcome:
     duration_s: float
     digest: str
     meaning: str = ""
-    preventability: Preventability | None = None
-    anticipation: Anticipation | None = None
+    judgements: tuple[AnyJudgement, ...] = ()
     impact: Impact | None = None
     near: NearMisses | None = None
     story: Story | None = None
@@ -191,11 +180,6 @@ class ChildOutcome:
         return passes(self.verdict, self.broken)
 
     @property
-    def avoided(self) -> tuple[ReferenceRun, ...]:
-        """Those of its runs with other drivers that pass, where these drivers pass the unmutated clip as well."""
-        return tuple(run for run in self.references if run.shows_it)
-
-    @property
     def changes(self) -> list[str]:
         """What the mutant changes, as its file says it (parsing 1,200 mutants for the same words takes seconds)."""
         lines = (line.strip() for line in self.text.splitlines() if "change " in line)
@@ -205,11 +189,6 @@ class ChildOutcome:
     def failed_file(self) -> str:
         """Its file, which only a failure has."""
         return self.file if self.verdict.is_failure else ""
-
-    @property
-    def preventable(self) -> Preventable | None:
-        """Whether a careful driver would have avoided it; None where it was no failure, or was not looked at."""
-        return self.preventability.verdict if self.preventability else None
 
 
 @dataclass(frozen=True)

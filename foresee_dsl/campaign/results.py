@@ -8,12 +8,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from foresee_dsl.avoidance.anticipating import Answer
+from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.findings.grouping import Finding, findings_of
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.derive.anticipating import Answer
 from foresee_dsl.derive.clipping.fidelity import share_within
-from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 
@@ -206,9 +206,9 @@ def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
 
 def _avoidable(child: ChildOutcome) -> int:
     """The order of triage: another driver avoids it or one of the models would have, undecided, unavoidable."""
-    if child.avoided or (child.anticipation is not None and child.anticipation.answer.preventable):
+    if child.avoidable:
         return 0
-    return {Preventable.YES: 0, Preventable.NO: 2}.get(child.preventable or Preventable.UNKNOWN, 1)
+    return 2 if child.preventable is Preventable.NO else 1
 
 
 def _interest(child: ChildOutcome) -> tuple[int, bool, bool, float, str]:

@@ -7,13 +7,13 @@ import math
 import numpy as np
 from numpy.random import Generator
 
+from foresee_dsl.avoidance.candidates.behaviours import Candidate, Kind
+from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.scoring import Scored, search
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.derive.operators.situation import Situation, touches_nobody
 from foresee_dsl.derive.operators.steer import largest_share
 from foresee_dsl.derive.presets import Preset
-from foresee_dsl.forecast.careful.behaviours import Candidate, Kind
-from foresee_dsl.forecast.careful.recorded import Recorded
-from foresee_dsl.forecast.careful.scoring import Scored, search
 from foresee_dsl.language.model import Change, IgnoresRule, Quantity
 from foresee_dsl.language.model.derived import NOTHING
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
+from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.forecast.careful.behaviours import CarefulSettings
 
 Target = Literal["ranked", "letter"]
 
@@ -123,7 +123,7 @@ class Preset:
         reach_m: the ranked actor is left for the closest one that can where no draw brings it nearer than this to the
             ego (behind a fence no timing brings an actor near); None: it is not.
         farthest_m: a target farther from the ego than this at the risky point is not mutated; None for no limit.
-        search: children are the best candidates of this search (`forecast.careful`), whoever behaves otherwise in
+        search: children are the best candidates of this search (`avoidance.candidates`), whoever behaves otherwise in
             them; the rest of this preset makes those that it leaves over. None: no search.
     """
 

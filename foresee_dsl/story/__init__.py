@@ -1,7 +1,6 @@
 """What happened in a run, in sentences that are derived from its trace."""
 
-from foresee_dsl.story.avoidance import how_avoided
 from foresee_dsl.story.story import ContactClass, Moment, Story
 from foresee_dsl.story.telling import tell
 
-__all__ = ["ContactClass", "Moment", "Story", "how_avoided", "tell"]
+__all__ = ["ContactClass", "Moment", "Story", "tell"]

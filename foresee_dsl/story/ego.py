@@ -27,7 +27,7 @@ BRAKES_MPS2 = 1.0
 """Braking from here on is told. Ours: releasing the accelerator slows a car down by under 1 m/s^2."""
 BRAKES_HARD_MPS2 = 5.0
 """Braking from here on is hard: over 5 m/s^2 is an emergency manoeuvre in UN Regulation 157 (after
-`derive.preventability.risk`)."""
+`avoidance.r157.risk`)."""
 BRAKES_FOR_S = 0.15
 """Braking that is over sooner is not told. Ours: three frames, the delay of a brake."""
 EASES_S = 0.3

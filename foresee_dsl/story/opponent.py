@@ -24,7 +24,7 @@ from foresee_dsl.story.wording import full_name, kmh, metres, name_of
 
 SUDDEN_S = 2.0
 """Who was hidden and is in sight for less than this before the end comes out of hiding: UN Regulation 157's time to
-collision from which a cut-in is a risk (`derive.preventability.risk`)."""
+collision from which a cut-in is a risk (`avoidance.r157.risk`)."""
 STARTED_WITHIN_S = 8.0
 """Who stood beside the lanes and moved off so shortly before the end pulls out. Ours."""
 SAME_LANE_M = 1.2

@@ -8,7 +8,6 @@ from foresee_dsl import __version__
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.stages import Stages
-from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.story import Story
 from foresee_dsl.study.halves import half_of
 from foresee_dsl.study.measured import AVOIDERS, Child, Measured, MeasuredCase, MeasuredClip
@@ -73,8 +72,8 @@ def avoided_by(failure: ChildOutcome | SeedOutcome) -> str:
     careful, anticipating = failure.preventability, failure.anticipation
     who = {
         "d": bool(failure.avoided),
-        "b": careful is not None and careful.verdict is Preventable.YES,
-        "a": anticipating is not None and anticipating.answer.preventable,
+        "b": careful is not None and careful.avoids,
+        "a": anticipating is not None and anticipating.avoids,
     }
     return "".join(letter for letter in AVOIDERS if who[letter])
 

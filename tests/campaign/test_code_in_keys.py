@@ -108,7 +108,7 @@ def test_an_edit_changes_the_keys_of_what_runs_it(tree: Path, unedited: dict[str
 
 def test_a_careful_drivers_delay_decides_what_seeds_and_children_say(tree: Path, unedited: dict[str, str]) -> None:
     """What `preventability` answers is in both results."""
-    file = "derive/preventability/risk.py"
+    file = "avoidance/r157/risk.py"
     text = (tree / "foresee_dsl" / file).read_text()
     edited = re.sub(r"^DELAY_S = .*$", "DELAY_S = 0.8", text, flags=re.M)
     assert changed(tree, unedited, file, edited) >= {"seed", "child"}

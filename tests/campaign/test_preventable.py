@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.regression.expectations import Status
@@ -18,7 +19,6 @@ from foresee_dsl.campaign.steps.child import run_child
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.derive.mutate import mutate
-from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.documents import plain
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.model import Mutant
@@ -31,8 +31,9 @@ from foresee_dsl.simulate.results.verdict import Verdict
 
 def child(name: str, answer: Preventable | None, verdict: Verdict = Verdict.F4, time_s: float = 5.0) -> ChildOutcome:
     found = Preventability(answer, f"because of {name}", impact_mps=3.14159) if answer else None
+    judgements = () if found is None else (found,)
     return ChildOutcome(
-        name, f"{name}.foresee", "", ("timing",), verdict, "x", "f", time_s, 10.0, "", preventability=found
+        name, f"{name}.foresee", "", ("timing",), verdict, "x", "f", time_s, 10.0, "", judgements=judgements
     )
 
 

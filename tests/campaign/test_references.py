@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.avoidance.comparison import how_avoided
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
@@ -21,7 +22,6 @@ from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
-from foresee_dsl.story import how_avoided
 from tests.support.small_campaign import SETTINGS, TEXT, Heard, campaign, published, write_project
 
 AGAINST = replace(SETTINGS, against=("pdm", "idm+ideal"))
@@ -55,7 +55,7 @@ def test_an_answer_is_that_of_the_same_child_with_that_driver(
     case = load_test_case(str(out / child.file))
     for run in child.references:
         assert run_test_case(case, run.driver, AGAINST.seed).verdict is run.verdict
-        assert (run.before is not None) == run.avoids
+        assert (run.before is not None) == run.passes
     avoided = child.avoided[0]
     passing, failing = (run_test_case(case, driver, AGAINST.seed).trace for driver in (avoided.driver, "idm"))
     assert avoided.how == how_avoided(failing, passing)
@@ -119,7 +119,7 @@ def test_a_driver_that_fails_before_the_mutation_shows_nothing(
         runs[verdict] = driven(address, case, lambda verdict=verdict: verdict, None, seed=0, deadlines=DEADLINES)
         assert (runs[verdict].verdict, runs[verdict].before) == (Verdict.PASS, verdict)
     passes, fails = runs[Verdict.PASS], runs[Verdict.F4]
-    assert [verdict for verdict, run in runs.items() if run.shows_it] == [Verdict.PASS]
+    assert [verdict for verdict, run in runs.items() if run.avoids] == [Verdict.PASS]
     assert replace(child, references=(fails,)).avoided == ()
     assert replace(child, references=(fails, passes)).avoided == (passes,)
     assert fails.told.endswith("(but fails before the mutation: F4)") and fails.told not in passes.told

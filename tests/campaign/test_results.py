@@ -6,10 +6,10 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.documents import plain
 from foresee_dsl.report.terminal.campaign import save_campaign
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -107,7 +107,7 @@ def test_the_report_can_be_saved(tmp_path: Path) -> None:
 def test_a_failing_test_case_says_whether_it_could_have_been_prevented(tmp_path: Path) -> None:
     found = result()
     why = Preventability(Preventable.NO, "the risk begins too late")
-    seeds = tuple(replace(s, preventability=why) if s.verdict is Verdict.F4 else s for s in found.seeds)
+    seeds = tuple(replace(s, judgements=(why,)) if s.verdict is Verdict.F4 else s for s in found.seeds)
     save_campaign(tmp_path / "r.txt", replace(found, seeds=seeds), Path("out"))
     assert (
         "    F4\n    R157's driver: unavoidable: the risk begins too late\n    7b\n" in (tmp_path / "r.txt").read_text()

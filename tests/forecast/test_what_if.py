@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from foresee_dsl.forecast.careful.scoring import BLIND, CAREFUL, DRIVES
+from foresee_dsl.avoidance.candidates.scoring import BLIND, CAREFUL, DRIVES
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.kernels.what_if import MISSES_M, Ending, Style, WhatIf, roll_out

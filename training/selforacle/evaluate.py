@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import spearmanr
 
+from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
@@ -25,7 +26,6 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Surroundings
 from foresee_dsl.forecast.selforacle.ranker import ConvolutionalRanker, SelfOracleRanker

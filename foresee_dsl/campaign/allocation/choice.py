@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from foresee_dsl.campaign.records import ChildOutcome, ReferenceRun
-from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
@@ -51,7 +51,7 @@ class Told:
 
     Attributes:
         story: what equal failures have in common; () of another run.
-        avoidable: whether a careful driver who brakes, or one who anticipates, would have avoided it.
+        avoidable: whether a judge says that its driver would have avoided it.
         nearness: of a pass, 0 (far) to 1 (they nearly touch); else 0.
     """
 
@@ -65,8 +65,7 @@ class Told:
         signature = child.story.signature if child.story is not None else (child.verdict.value,)
         return cls(
             story=(family, *signature) if child.verdict.is_failure else (),
-            avoidable=child.preventable is Preventable.YES
-            or (child.anticipation is not None and child.anticipation.answer.preventable),
+            avoidable=any(found.avoids for found in child.judgements),
             nearness=nearness_of(child.near) if child.verdict is Verdict.PASS else 0.0,
         )
 
@@ -82,7 +81,7 @@ def nearness_of(near: NearMisses | None) -> float:
 
 def avoided(references: Iterable[ReferenceRun]) -> bool:
     """Return whether a reference driver shows that a failure could have been avoided."""
-    return any(run.shows_it for run in references)
+    return any(run.avoids for run in references)
 
 
 def worths(children: Iterable[tuple[Told, bool]]) -> list[float]:

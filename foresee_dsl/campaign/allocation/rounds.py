@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.choice import (
     FOUND,
     Told,
@@ -29,7 +30,7 @@ from foresee_dsl.campaign.allocation.choice import (
     worths,
 )
 from foresee_dsl.campaign.node import Node
-from foresee_dsl.campaign.records import ChildOutcome, Mutants, ReferenceRun, decode
+from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.mutants import Asked, MutantsStep, Wanted
 from foresee_dsl.derive.mutate import SEARCHED, Draw

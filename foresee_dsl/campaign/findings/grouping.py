@@ -6,9 +6,11 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import Protocol
 
-from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, ReferenceRun, SeedOutcome
-from foresee_dsl.derive.anticipating import Anticipation
-from foresee_dsl.derive.preventability import Preventability, Preventable
+from foresee_dsl.avoidance.anticipating import Anticipation
+from foresee_dsl.avoidance.judges import AnyJudgement
+from foresee_dsl.avoidance.r157.assessing import Preventability
+from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -73,11 +75,14 @@ class Finding:
         return (self.minimised and self.minimised.child.references) or self.representative.references
 
     @property
+    def judgements(self) -> tuple[AnyJudgement, ...]:
+        """The judges' answers about what is shown, as `references` are."""
+        return (self.minimised and self.minimised.child.judgements) or self.representative.judgements
+
+    @property
     def avoidable(self) -> bool:
-        """Whether R157's driver, one who anticipates, or another driver would have avoided it."""
-        preventable = self.preventability is not None and self.preventability.verdict is Preventable.YES
-        anticipated = self.anticipation is not None and self.anticipation.answer.preventable
-        return preventable or anticipated or bool(self.avoided)
+        """Whether a judge of what is shown, or another driver of any of its failures, would have avoided it."""
+        return any(found.avoids for found in self.judgements) or bool(self.avoided)
 
     @property
     def verdict(self) -> Verdict:
@@ -86,7 +91,7 @@ class Finding:
 
     @property
     def preventability(self) -> Preventability | None:
-        """The answer of R157's driver about what is shown, as `references` are."""
+        """The answer of R157's driver."""
         return (self.minimised and self.minimised.child.preventability) or self.representative.preventability
 
     @property

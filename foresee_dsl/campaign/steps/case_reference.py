@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.records import ReferenceRun, SeedOutcome
+from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.campaign.records import SeedOutcome
 from foresee_dsl.campaign.steps.referring import Reference, driven
 from foresee_dsl.campaign.steps.seed import SeedStep
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work

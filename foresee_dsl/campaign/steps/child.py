@@ -102,8 +102,7 @@ def run_child(
         duration_s=result.duration_s,
         digest=result.trace.digest,
         meaning=case.meaning,
-        preventability=known.preventability,
-        anticipation=known.anticipation,
+        judgements=known.judgements,
         impact=result.impact,
         near=result.near_misses,
         story=story,
@@ -128,10 +127,7 @@ def with_sentence(mutant: Mutant, sentence: str) -> str:
 
 def with_found(mutant: Mutant, found: str, known: Explained = NOTHING) -> Mutant:
     """Return the mutant with what its run found in its origin block, and whether that was preventable."""
-    lines = {
-        "found": found,
-        "preventable": known.preventability.verdict.origin if known.preventability else None,
-        "anticipating": known.anticipation.answer.origin if known.anticipation else None,
-    }
+    lines: dict[str, str | None] = {"found": found, "preventable": None, "anticipating": None}
+    lines |= dict(judgement.origin for judgement in known.judgements if judgement.origin is not None)
     body = tuple(item.model_copy(update=lines) if isinstance(item, Origin) else item for item in mutant.body)
     return mutant.model_copy(update={"body": body})

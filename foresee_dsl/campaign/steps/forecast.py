@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.scoring import Promise
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.records import Draft, Forecast, SeedOutcome
 from foresee_dsl.campaign.steps.clip_text import risk_hash
@@ -14,8 +16,6 @@ from foresee_dsl.campaign.steps.step import Campaign, Step, Work
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clipping.clip import clip as make_clip
 from foresee_dsl.derive.presets import preset
-from foresee_dsl.forecast.careful.recorded import Recorded
-from foresee_dsl.forecast.careful.scoring import Promise
 from foresee_dsl.forecast.registry import ranker_within
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip

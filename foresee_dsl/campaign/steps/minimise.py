@@ -6,17 +6,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from foresee_dsl.avoidance.judge import Failure
+from foresee_dsl.avoidance.judges import judged
 from foresee_dsl.campaign.driving import relative_path, run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, Reduced
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
 from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
-from foresee_dsl.compile import compile_test_case
-from foresee_dsl.derive import anticipating
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
 from foresee_dsl.derive.minimise.trials import Judge
-from foresee_dsl.derive.preventability import Replayed, assess_bundle
 from foresee_dsl.language.model import Actor, Clip, Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -143,10 +142,7 @@ def judge_of(driver: str, seed: int) -> Judge:
         return result.verdict.value, result.with_, tell(result.trace, case).contact.value
 
     def avoided(case: TestCase, result: RunResult) -> str:
-        bundle = compile_test_case(case)
-        replayed = Replayed(bundle, result)
-        ahead = anticipating.assess_bundle(bundle, result, replayed)
-        return f"{assess_bundle(bundle, result, replayed).verdict.value}, {ahead.answer.value}"
+        return ", ".join(str(found.answer) for found in judged(Failure.of(result, case)))
 
     return Judge(drive=lambda case: run_test_case(case, driver, seed), sign=sign, avoided=avoided)
 

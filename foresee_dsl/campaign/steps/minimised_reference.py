@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.records import Minimised, ReferenceRun
+from foresee_dsl.campaign.records import Minimised
 from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.steps.referring import Reference, driven

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, ReferenceRun
+from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.campaign.records import ChildOutcome, MutantDraft
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
 from foresee_dsl.campaign.steps.referring import Reference, driven, verdict_of_clip

@@ -6,16 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from foresee_dsl.avoidance.judge import Failure
+from foresee_dsl.avoidance.references import ReferenceDriver, ReferenceRun
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.records import Record, ReferenceRun
+from foresee_dsl.campaign.records import Record
 from foresee_dsl.campaign.steps.clip_text import clip_case
 from foresee_dsl.campaign.steps.inputs import CaseRef
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part, reference_driver
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.story import how_avoided
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
@@ -48,16 +49,13 @@ def driven(
     seed: int,
     deadlines: Deadlines,
 ) -> ReferenceRun:
-    """Run a test case that fails with another driver; where that one passes, ask for the clip's own verdict too."""
-    with reference_driver():
-        result = run_test_case(case, driver, seed, deadlines=deadlines)
-    known = None
-    how: tuple[str, ...] = ()
-    if result.verdict is Verdict.PASS:
-        if before is not None:
-            known = before()
-        how = how_avoided(failed, result.trace) if failed is not None else ()
-    return ReferenceRun(driver, result.verdict, result.reason, result.duration_s, known, how)
+    """Ask a reference driver about a test case that fails."""
+
+    def drive() -> RunResult:
+        with reference_driver():
+            return run_test_case(case, driver, seed, deadlines=deadlines)
+
+    return ReferenceDriver(driver, drive, before).judge(Failure(failed))
 
 
 _MOST_KNOWN = 64

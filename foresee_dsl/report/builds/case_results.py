@@ -16,7 +16,6 @@ from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.addresses import kind_of
-from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
 from foresee_dsl.report.verdicts import changed_lines
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunResult, Verdict
 
@@ -276,9 +275,6 @@ def _could_not_run(what: str) -> CaseResult:
 
 def _told(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:
     """What happened, whether the careful drivers would have avoided it, and which other drivers do; of a failure."""
-    found = run.preventability
     told = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
-    preventable = (f"{R157}: {found.verdict.value}: {found.why}",) if found is not None else ()
-    ahead = run.anticipation
-    anticipated = (f"{ANTICIPATING}: {ahead.answer.value}: {ahead.why}",) if ahead is not None else ()
-    return (*told, *preventable, *anticipated, *(f"avoided: {other.told}" for other in run.avoided))
+    judged = (f"{found.name}: {found.answer}: {found.why}" for found in run.judgements)
+    return (*told, *judged, *(f"avoided: {other.told}" for other in run.avoided))

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.findings.grouping import case_file_name
-from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.report.page.entries import Found, Source
 from foresee_dsl.report.page.recorded import Campaign, CaseRun, Child, ClipRun, Finding, read_campaign_folder
 from foresee_dsl.report.page.runs import Outcome, Reader

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
+from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.safe_text import safe

@@ -6,9 +6,9 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from foresee_dsl.avoidance.anticipating import Answer
+from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
-from foresee_dsl.derive.anticipating import Answer
-from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import write_whole

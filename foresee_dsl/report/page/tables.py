@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from foresee_dsl.derive.anticipating import Answer
-from foresee_dsl.derive.preventability import Preventable
-from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
+from foresee_dsl.avoidance.anticipating import Answer
+from foresee_dsl.avoidance.judge import ANTICIPATING, R157
+from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.report.page.entries import Found, Source, family_title
 from foresee_dsl.report.page.recorded import Campaign, CaseRun, Nearest
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict

@@ -15,13 +15,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from foresee_dsl.avoidance.judge import R157
+from foresee_dsl.avoidance.judges import AnyJudgement
+from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
-from foresee_dsl.derive.anticipating import Answer
-from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.files import write_whole
-from foresee_dsl.report.careful_drivers import ANTICIPATING, R157, answers_of
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.raw_numbers import raw_numbers
 from foresee_dsl.report.terminal.tables import duration
@@ -95,13 +95,9 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
     failing = sum(finding.count for finding in findings)
     bad = any(_triage(finding)[0] == 0 for finding in findings)
     if findings:
-        answers = [finding.preventability.verdict for finding in findings if finding.preventability]
-        counts = ", ".join(f"{answers.count(answer)} {answer.value}" for answer in Preventable if answer in answers)
         text = Text(f"{counted(len(findings), 'finding')} from {counted(failing, 'failure')}", style="bold red")
-        text.append(f"; {R157}: {counts}" if counts else "", "bold red" if bad else "bold")
-        ahead = [finding.anticipation.answer for finding in findings if finding.anticipation]
-        counts = ", ".join(f"{ahead.count(answer)} {answer.value}" for answer in Answer if answer in ahead)
-        text.append(f"; {ANTICIPATING}: {counts}" if counts else "", "bold red" if bad else "bold")
+        for name, counts in _answers(findings):
+            text.append(f"; {name}: {counts}", "bold red" if bad else "bold")
         asked = [finding.avoided for finding in findings if finding.avoided is not None]
         if asked:
             text.append(f"; {sum(map(bool, asked))} of {len(asked)} avoided by another driver", "bold")
@@ -132,6 +128,17 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
     )
 
 
+def _answers(findings: list[Finding]) -> Iterator[tuple[str, str]]:
+    """Yield each judge's name, and how often it answers what."""
+    by_name: dict[str, list[AnyJudgement]] = {}
+    for judgement in (judgement for finding in findings for judgement in finding.judgements):
+        by_name.setdefault(judgement.name, []).append(judgement)
+    for name, judgements in by_name.items():
+        counts = Counter(str(judgement.answer) for judgement in judgements)
+        order = dict.fromkeys((*judgements[0].answers, *counts))
+        yield name, ", ".join(f"{counts[answer]} {answer}" for answer in order if counts[answer])
+
+
 def _allocated(result: CampaignResult) -> str:
     """Say how many children clips got, of those that are mutated, and how many were drawn near another."""
     clips = [clip for clip in result.clips if clip.children]
@@ -145,8 +152,9 @@ def _print_finding(console: Console, number: int, finding: Finding, out: Path) -
     siblings = f"; {counted(len(finding.siblings), 'sibling')}" if finding.siblings else ""
     console.print(_indented(Text(safe(finding.story.sentence, WHOLE), style="bold"), f"{number:>3} "))
     console.print(_indented(Text(f"{finding.verdict.value}, {finding.story.contact.value}{siblings}")))
-    for who, answer, why in answers_of(finding):
-        console.print(_indented(Text.assemble(f"{who}: ", (answer, "bold"), f": {safe(why, WHOLE)}")))
+    for found in finding.judgements:
+        words = f"{found.name}: ", (str(found.answer), "bold"), f": {safe(found.why, WHOLE)}"
+        console.print(_indented(Text.assemble(*words)))
     if finding.avoided is not None:
         console.print(_indented(Text(_who_avoids(finding))))
     _print_path(console, "    ", file_of(finding, out))
@@ -155,7 +163,7 @@ def _print_finding(console: Console, number: int, finding: Finding, out: Path) -
 def _who_avoids(finding: Finding) -> str:
     """Say which other drivers avoid the representative's failure, and how."""
     runs = finding.references
-    told = [run.told for run in runs if run.avoids]
+    told = [run.told for run in runs if run.passes]
     if not told:
         others = f"; {counted(finding.avoided, 'sibling')} avoided" if finding.avoided else ""
         return f"fails with {', '.join(run.driver for run in runs)} too{others}"

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
+from foresee_dsl.avoidance.judge import R157
+from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.results import CampaignResult, FamilyRow
-from foresee_dsl.derive.preventability import Preventable
-from foresee_dsl.report.careful_drivers import R157
 from foresee_dsl.report.terminal.tables import duration, plain_table
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES
 

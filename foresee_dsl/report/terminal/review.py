@@ -6,8 +6,8 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.campaign.findings.review import Mutation, Review
-from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
 from foresee_dsl.report.safe_text import safe
 
 WIDTH = 80

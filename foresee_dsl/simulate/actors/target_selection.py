@@ -26,7 +26,7 @@ ARC_S, ARC_STRAYING_S = 0.5, 3.0
 it, the time in which any speed in a town is braked away (25 m/s at 8 m/s^2)."""
 CROSSING_S = 2.0
 """How far ahead it sees that somebody who crosses will be where it will be. Ours: the time to collision from which UN
-R157's careful driver reacts (2 s; see `derive.preventability.risk`)."""
+R157's careful driver reacts (2 s; see `avoidance.r157.risk`)."""
 CROSSES_RAD = radians(30)
 """An actor whose heading differs by at least this much crosses the vehicle's path; the others drive along it or towards
 it, on lanes that bend. Ours."""

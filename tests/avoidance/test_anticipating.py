@@ -7,16 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.derive.anticipating import Answer, Anticipation, assess_bundle
-from foresee_dsl.derive.anticipating.manoeuvre import Plan, sidestep_s
-from foresee_dsl.derive.anticipating.settings import (
+from foresee_dsl.avoidance.anticipating import Answer, AnticipatingDriver, Anticipation
+from foresee_dsl.avoidance.anticipating.manoeuvre import Plan, sidestep_s
+from foresee_dsl.avoidance.anticipating.settings import (
     COMFORTABLE_MPS2,
     LATERAL_JERK_MPS3,
     LATERAL_MPS2,
     MOST_RUNS,
     SLOWEST_MPS,
 )
+from foresee_dsl.avoidance.judge import Failure
+from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -24,6 +25,8 @@ from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
 from tests.support.nets import COMPACT, VAN, build_grid
 from tests.support.scenes import Cruise, LaneKeeper, Town
+
+JUDGE = AnticipatingDriver()
 
 LINE: FloatArray = np.linspace(0.0, 1.0, 2001)
 EAST = ("n01_n11", "n11_n21", "n21_n31")
@@ -42,7 +45,7 @@ def spot(town: Town, at_m: float) -> tuple[float, float]:
 def assessed(bundle: SumoBundle, driver: Driver, verdict: Verdict) -> Anticipation:
     result = run(bundle, driver, sensors=IDEAL)
     assert result.verdict is verdict, result.reason
-    found = assess_bundle(bundle, result)
+    found = JUDGE.judge(Failure.of(result, bundle))
     assert 0 <= found.runs <= MOST_RUNS
     assert found.why
     assert (found.least_m is not None and found.least_m > 0) == found.answer.preventable
@@ -124,7 +127,7 @@ def test_what_is_not_the_recorded_failure_is_not_decided(town: Town) -> None:
     result = run(bundle, LaneKeeper(10.0), sensors=IDEAL)
     ego, walker = bundle.scene.actors
     elsewhere = replace(walker, path=[(x + 30.0, y) for x, y in walker.path])
-    found = assess_bundle(replace(bundle, scene=replace(bundle.scene, actors=(ego, elsewhere))), result)
+    found = JUDGE.judge(Failure.of(result, replace(bundle, scene=replace(bundle.scene, actors=(ego, elsewhere)))))
     assert (found.answer, found.runs) == (Answer.UNDECIDED, 1)
     assert found.why.startswith("the replay without braking is not the failure: ")
 

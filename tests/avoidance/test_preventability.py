@@ -12,15 +12,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from foresee_dsl.avoidance.judge import Failure, contact
+from foresee_dsl.avoidance.r157.assessing import Preventable, R157Driver
+from foresee_dsl.avoidance.r157.replay import Replay
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.derive.preventability import Preventable, assess_bundle, contact
-from foresee_dsl.derive.preventability.replay import Replay
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
 from tests.support.nets import COMPACT, build_grid
 from tests.support.scenes import Cruise, LaneKeeper, Town
+
+JUDGE = R157Driver()
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
 DELAY_S = 0.4 + 0.75
@@ -69,7 +72,7 @@ def test_a_cut_in_is_preventable_where_there_is_room(town: Town) -> None:
     assert braking_way_m(7.0) == pytest.approx(5.22, abs=0.01)
     assert braking_way_m(7.0) < (2.0 - DELAY_S) * 7.0
     bundle = cut_in(town, 24.0)
-    found = assess_bundle(bundle, failing(bundle, LaneKeeper(12.0), Verdict.F5))
+    found = JUDGE.judge(Failure.of(failing(bundle, LaneKeeper(12.0), Verdict.F5), bundle))
     assert found.verdict is Preventable.YES, found.why
     assert found.struck == "the ego struck swinger"
     assert found.impact_mps == pytest.approx(7.0, abs=0.3)
@@ -83,7 +86,7 @@ def test_the_same_cut_in_is_unavoidable_on_ice(town: Town) -> None:
     # At 0.2 g the 7 m/s take 12.7 m.
     assert braking_way_m(7.0, 0.2 * 9.81) > 2.0 * 7.0 - DELAY_S * 7.0
     bundle = cut_in(town, 24.0, friction=0.2)
-    found = assess_bundle(bundle, failing(bundle, LaneKeeper(12.0), Verdict.F5))
+    found = JUDGE.judge(Failure.of(failing(bundle, LaneKeeper(12.0), Verdict.F5), bundle))
     assert found.verdict is Preventable.NO, found.why
     assert found.braked_impact_mps is not None
     assert found.impact_mps is not None
@@ -95,7 +98,7 @@ def test_a_cut_in_into_the_last_metres_is_unavoidable(town: Town) -> None:
     # Side by side after 6 m at 7 m/s, which is 0.86 s: less than the 1.15 s until braking begins.
     bundle = cut_in(town, 6.0)
     result = run(bundle, LaneKeeper(12.0))
-    found = assess_bundle(bundle, result)
+    found = JUDGE.judge(Failure.of(result, bundle))
     assert found.verdict is Preventable.NO, found.why
     assert found.braked_s is None
     assert found.impact_mps == contact(result).relative_mps
@@ -117,7 +120,7 @@ def test_a_pedestrian_who_steps_out_early_is_preventable(town: Town) -> None:
     # Turns 5 m from the middle: 3.6 s before. Seen at 2.15 s (0.4 + 0.75 + 10 / 10), 10 m are left to stop in 9.5 m.
     assert braking_way_m(10.0) < 10.0
     bundle = step_out(town, 5.0)
-    found = assess_bundle(bundle, failing(bundle, LaneKeeper(10.0), Verdict.F2))
+    found = JUDGE.judge(Failure.of(failing(bundle, LaneKeeper(10.0), Verdict.F2), bundle))
     assert found.verdict is Preventable.YES, found.why
 
 
@@ -125,7 +128,7 @@ def test_a_pedestrian_who_steps_out_late_is_not(town: Town) -> None:
     # Turns 1.8 m from the middle, 1.29 s before both would be there; the ego's front is there 0.2 s earlier, after
     # 1.09 s, and braking begins after 1.15 s.
     bundle = step_out(town, 1.8)
-    found = assess_bundle(bundle, failing(bundle, LaneKeeper(10.0), Verdict.F2))
+    found = JUDGE.judge(Failure.of(failing(bundle, LaneKeeper(10.0), Verdict.F2), bundle))
     assert found.verdict is Preventable.NO, found.why
     assert found.struck == "the ego struck walker"
     assert "before braking can begin" in found.why
@@ -135,7 +138,7 @@ def test_who_is_struck_in_the_rear_could_not_have_braked(town: Town) -> None:
     ego = town.ego(EAST, 50.0, speed=2.0)
     x, y, _ = town.network.edges[EAST[0]].lanes[1].line.at(20.0)
     bundle = town.bundle([ego, on_path(town, "tail", [(x, y), (x + 80.0, y)], 12.0)])
-    found = assess_bundle(bundle, failing(bundle, LaneKeeper(2.0), Verdict.F5))
+    found = JUDGE.judge(Failure.of(failing(bundle, LaneKeeper(2.0), Verdict.F5), bundle))
     assert found.verdict is Preventable.UNKNOWN
     assert found.struck == "tail struck the ego"
     assert found.why == "no risk in front to brake for: tail struck the ego in the rear"
@@ -146,7 +149,7 @@ def test_who_stands_is_struck(town: Town) -> None:
     ego = town.ego(EAST, 50.0, speed=0.0)
     x, y, _ = town.network.edges[EAST[0]].lanes[1].line.at(80.0)
     bundle = town.bundle([ego, on_path(town, "oncoming", [(x, y), (x - 60.0, y)], 8.0)])
-    found = assess_bundle(bundle, failing(bundle, Cruise(0.0), Verdict.F3))
+    found = JUDGE.judge(Failure.of(failing(bundle, Cruise(0.0), Verdict.F3), bundle))
     assert found.verdict is Preventable.UNKNOWN
     assert found.why == "the ego stood: oncoming struck the ego"
     assert found.impact_mps == pytest.approx(8.0, abs=0.01)
@@ -159,7 +162,7 @@ def test_a_stand_that_braking_reaches_before_the_other_strikes_is_not_decided(to
     ego = town.ego(EAST, 20.0, speed=5.0)
     x, y, _ = town.network.edges[EAST[0]].lanes[1].line.at(65.0)
     bundle = town.bundle([ego, on_path(town, "oncoming", [(x, y), (x - 60.0, y)], 2.0)], end_s=20.0)
-    found = assess_bundle(bundle, failing(bundle, LaneKeeper(5.0), Verdict.F3))
+    found = JUDGE.judge(Failure.of(failing(bundle, LaneKeeper(5.0), Verdict.F3), bundle))
     assert found.verdict is Preventable.UNKNOWN
     assert found.why.endswith("brings the ego to a stand before oncoming struck the ego")
     assert found.braked_impact_mps == pytest.approx(2.0, abs=0.01)
@@ -171,7 +174,7 @@ def test_what_leaves_the_road_alone_is_not_judged(town: Town) -> None:
             return replace(super().step(observation), steer=-0.3)
 
     bundle = town.bundle([town.ego(EAST, 30.0)])
-    found = assess_bundle(bundle, failing(bundle, Left(8.0), Verdict.F1))
+    found = JUDGE.judge(Failure.of(failing(bundle, Left(8.0), Verdict.F1), bundle))
     assert (found.verdict, found.struck, found.impact_mps) == (Preventable.UNKNOWN, "", None)
 
 
@@ -180,7 +183,7 @@ def test_another_failure_than_the_recorded_one_is_not_judged(town: Town) -> None
     result = failing(bundle, LaneKeeper(10.0), Verdict.F2)
     ego, walker = bundle.scene.actors
     elsewhere = replace(walker, path=np.add(walker.path, (30.0, 0.0)))
-    found = assess_bundle(replace(bundle, scene=replace(bundle.scene, actors=(ego, elsewhere))), result)
+    found = JUDGE.judge(Failure.of(result, replace(bundle, scene=replace(bundle.scene, actors=(ego, elsewhere)))))
     assert found.verdict is Preventable.UNKNOWN
     assert found.why.startswith("the replay without braking is not the failure: ")
 

@@ -15,7 +15,7 @@ from typing import assert_never
 import numpy as np
 from numpy.random import Generator
 
-from foresee_dsl.forecast.careful.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import Recorded
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.what_if import WhatIf

@@ -6,23 +6,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.derive.anticipating.ahead import CLEAR_SIGHT, Ahead
-from foresee_dsl.derive.anticipating.answer import Answer, Anticipation
-from foresee_dsl.derive.anticipating.foresight import onset, who_go_first
-from foresee_dsl.derive.anticipating.manoeuvre import Manoeuvre
-from foresee_dsl.derive.anticipating.screening import Screened, Screening, sideways
-from foresee_dsl.derive.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
-from foresee_dsl.derive.anticipating.way import Way
-from foresee_dsl.derive.preventability import Replayed, contact
-from foresee_dsl.derive.preventability.risk import DELAY_S, EVALUATION_S, sight_of
+from foresee_dsl.avoidance.anticipating.ahead import CLEAR_SIGHT, Ahead
+from foresee_dsl.avoidance.anticipating.answer import Answer, Anticipation
+from foresee_dsl.avoidance.anticipating.foresight import onset, who_go_first
+from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre
+from foresee_dsl.avoidance.anticipating.screening import Screened, Screening, sideways
+from foresee_dsl.avoidance.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
+from foresee_dsl.avoidance.anticipating.way import Way
+from foresee_dsl.avoidance.judge import Failure, contact
+from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S
 from foresee_dsl.drivers.protocol import Driver
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.sensing.in_hindsight import sight_of
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S
 
@@ -36,24 +34,16 @@ SLOWER_MPS = 0.5
 """A run without braking in which the ego is slower by less than this counts as driven in the same way. Ours: 2 km/h."""
 
 
-def assess(child: TestCase, result: RunResult) -> Anticipation:
-    """Say whether a driver who anticipates would have prevented a failure (the child's run `result`), and by what.
+class AnticipatingDriver:
+    """The judge: it drives the test case up to `MOST_RUNS` times."""
 
-    Raises:
-        ValueError: the run did not fail.
-    """
-    if not result.verdict.is_failure:
-        raise ValueError(f"{child.id} did not fail: {result.reason}")
-    return assess_bundle(compile_test_case(child), result)
-
-
-def assess_bundle(bundle: SumoBundle, result: RunResult, replayed: Replayed | None = None) -> Anticipation:
-    """Do the same for a test case that is compiled."""
-    failed = contact(result)
-    if failed is None:
-        what = "it got stuck" if result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
-        return Anticipation(Answer.UNDECIDED, f"{what}: the model only knows how to keep clear of others")
-    return _Assessment(bundle, result, failed, replayed or Replayed(bundle, result)).answer()
+    def judge(self, failure: Failure) -> Anticipation:
+        """Say whether a driver who anticipates would have prevented the failure, and by what."""
+        failed = failure.contact
+        if failed is None:
+            what = "it got stuck" if failure.result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
+            return Anticipation(Answer.UNDECIDED, f"{what}: the model only knows how to keep clear of others")
+        return _Assessment(failure, failed).answer()
 
 
 @dataclass(frozen=True)
@@ -79,11 +69,12 @@ class _Confirmed:
 class _Assessment:
     """One failure, and the runs that were spent on it."""
 
-    def __init__(self, bundle: SumoBundle, result: RunResult, failed: Impact, replayed: Replayed) -> None:
+    def __init__(self, failure: Failure, failed: Impact) -> None:
+        bundle, result = failure.bundle, failure.result
         self._result, self._failed, self._trace = result, failed, result.trace
         end_s = min(bundle.scene.end_s, result.time_s + LOOKS_ON_S)
         self._bundle = replace(bundle, scene=replace(bundle.scene, end_s=end_s))
-        self._whole, self._replayed = bundle, replayed
+        self._whole, self._failure = bundle, failure
         self._way = Way(result.trace, bundle.scene.ego.line)
         self._other = result.trace.index(failed.with_)
         self._first = who_go_first(mission_of(bundle))
@@ -100,7 +91,7 @@ class _Assessment:
         if standing and not self._moved():
             return Anticipation(Answer.NO, standing, seen_s=seen_s)
         self._runs += 1
-        if why := self._replayed.astray:
+        if why := self._failure.astray:
             return Anticipation(Answer.UNDECIDED, why, seen_s=seen_s)
         begins_s = None if seen_s is None else round(seen_s + REACTION_S, 6)
         if standing:

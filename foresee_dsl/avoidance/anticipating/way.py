@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from foresee_dsl.avoidance.r157.risk import RecordedPath
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
-from foresee_dsl.derive.preventability.risk import RecordedPath
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 

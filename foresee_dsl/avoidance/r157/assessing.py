@@ -1,33 +1,24 @@
 """Whether a careful and competent driver would have avoided a failure: UN Regulation 157's model, driven in its place.
 
 The failing run is driven again, the ego on its recorded path at its recorded speed, until the careful driver has
-perceived the risk (`derive.preventability.risk`) and its delay is over. From then on it brakes along the same path. The
+perceived the risk (`avoidance.r157.risk`) and its delay is over. From then on it brakes along the same path. The
 other actors do what the test case says, in the real simulation, and may react to the braking ego. A lateral escape is
 not modelled.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property
-from typing import Literal, Self, assert_never
+from typing import ClassVar, Literal, Self, assert_never
 
-from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.derive.preventability.replay import Replay
-from foresee_dsl.derive.preventability.risk import Perception, perceive, sight_of
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.avoidance.judge import R157, Failure, contact
+from foresee_dsl.avoidance.r157.replay import Replay
+from foresee_dsl.avoidance.r157.risk import Perception, perceive
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.trace import X, Y
-
-SAME_TIME_S = 0.1
-"""The replay without braking has to end with the same contact within this time. Ours: two steps."""
-SAME_PLACE_M = 0.1
-"""And with the ego within this distance. Ours: the tolerance of a clip's fidelity."""
+from foresee_dsl.simulate.sensing.in_hindsight import sight_of
 
 
 class Preventable(StrEnum):
@@ -67,69 +58,57 @@ class Preventability:
     braked_s: float | None = None
     braked_impact_mps: float | None = None
 
+    name: ClassVar[str] = R157
+    answers: ClassVar[tuple[str, ...]] = tuple(answer.value for answer in Preventable)
+
     shown = "*:3"
 
+    @property
+    def answer(self) -> str:
+        """As of a `Judgement`, like all that follow."""
+        return self.verdict.value
 
-def contact(result: RunResult) -> Impact | None:
-    """Return the contact that a run ended with, None where it ended otherwise."""
-    return result.impact if result.verdict.is_collision else None
+    @property
+    def avoids(self) -> bool:
+        """Whether braking avoids it."""
+        return self.verdict is Preventable.YES
 
+    @property
+    def settles(self) -> bool:
+        """Whether it is decided."""
+        return self.verdict is not Preventable.UNKNOWN
 
-def assess(child: TestCase, result: RunResult) -> Preventability:
-    """Say whether a careful and competent driver would have avoided a failure (the child's run `result`); drives the
-    test case up to twice."""
-    if not result.verdict.is_failure:
-        raise ValueError(f"{child.id} did not fail: {result.reason}")
-    return assess_bundle(compile_test_case(child), result)
-
-
-class Replayed:
-    """The failure driven again without braking, once for both careful drivers, when one of them asks."""
-
-    def __init__(self, bundle: SumoBundle, result: RunResult) -> None:
-        self._bundle, self._result = bundle, result
-
-    @cached_property
-    def astray(self) -> str:
-        """How it differs from the failure; "" where it does not."""
-        again = run(self._bundle, Replay(self._result.trace, None, self._bundle.scene))
-        return _strays(again, self._result)
+    @property
+    def origin(self) -> tuple[str, str]:
+        """The line of a mutant's origin."""
+        return "preventable", self.verdict.origin
 
 
-def assess_bundle(bundle: SumoBundle, result: RunResult, replayed: Replayed | None = None) -> Preventability:
-    """Do the same for a test case that is compiled."""
-    failed = contact(result)
-    if failed is None:
-        what = "it got stuck" if result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
-        return Preventability(Preventable.UNKNOWN, f"{what}: the model only says when to brake for others")
-    judged = _judged(bundle, result, failed, replayed or Replayed(bundle, result))
-    return replace(judged, struck=failed.struck, impact_mps=failed.relative_mps)
+class R157Driver:
+    """The judge: it drives the test case up to twice."""
+
+    def judge(self, failure: Failure) -> Preventability:
+        """Say whether a careful and competent driver would have avoided the failure."""
+        failed = failure.contact
+        if failed is None:
+            what = "it got stuck" if failure.result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
+            return Preventability(Preventable.UNKNOWN, f"{what}: the model only says when to brake for others")
+        return replace(_judged(failure, failed), struck=failed.struck, impact_mps=failed.relative_mps)
 
 
-def _judged(bundle: SumoBundle, result: RunResult, failed: Impact, replayed: Replayed) -> Preventability:
+def _judged(failure: Failure, failed: Impact) -> Preventability:
     if failed.ego_mps < STUCK_SPEED_MPS:
         return Preventability(Preventable.UNKNOWN, f"the ego stood: {failed.struck}")
+    bundle, result = failure.bundle, failure.result
     seen = perceive(result.trace, result.trace.index(failed.with_), sight_of(result.trace, bundle))
     if seen is None:
         where = " in the rear" if failed.side == "rear" else ""
         return Preventability(Preventable.UNKNOWN, f"no risk in front to brake for: {failed.struck}{where}")
-    if replayed.astray:
-        return Preventability(Preventable.UNKNOWN, replayed.astray)
+    if failure.astray:
+        return Preventability(Preventable.UNKNOWN, failure.astray)
     if seen.brakes_s >= result.time_s:
         return _too_late(seen, result.time_s)
     return _after_braking(seen, failed, run(bundle, Replay(result.trace, seen.brakes_s, bundle.scene)))
-
-
-def _strays(replay: RunResult, result: RunResult) -> str:
-    """Say how the replay without braking differs from the failure; "" where it does not."""
-    again = "the replay without braking is not the failure: "
-    if (replay.verdict, replay.with_) != (result.verdict, result.with_):
-        return f"{again}{replay.reason}"
-    late = abs(replay.time_s - result.time_s)
-    off = math.dist(replay.trace.states[-1, 0, [X, Y]], result.trace.states[-1, 0, [X, Y]])
-    if late > SAME_TIME_S or off > SAME_PLACE_M:
-        return f"{again}the contact is {late:.2f} s and {off:.2f} m off"
-    return ""
 
 
 def _too_late(seen: Perception, contact_s: float) -> Preventability:

@@ -12,20 +12,20 @@ import math
 
 import numpy as np
 
-from foresee_dsl.compile.bundle import Scene
-from foresee_dsl.derive.anticipating.foresight import Ego, Other, conflicts, crossings_of, who_go_first
-from foresee_dsl.derive.anticipating.hazards import Hazard, hazards
-from foresee_dsl.derive.anticipating.manoeuvre import HARDEST, steered
-from foresee_dsl.derive.anticipating.settings import (
+from foresee_dsl.avoidance.anticipating.foresight import Ego, Other, conflicts, crossings_of, who_go_first
+from foresee_dsl.avoidance.anticipating.hazards import Hazard, hazards
+from foresee_dsl.avoidance.anticipating.manoeuvre import HARDEST, steered
+from foresee_dsl.avoidance.anticipating.settings import (
     COMFORTABLE_MPS2,
     EASES_MPS2,
     EXPECTED_REACTION_S,
     HEADWAY_S,
     SETS_OFF_MPS2,
 )
-from foresee_dsl.derive.anticipating.way import Way
-from foresee_dsl.derive.preventability.replay import JERK_MPS3, Replay, pedals_for, wheel_share
-from foresee_dsl.derive.preventability.risk import DELAY_S, EVALUATION_S, MOVED_M
+from foresee_dsl.avoidance.anticipating.way import Way
+from foresee_dsl.avoidance.r157.replay import JERK_MPS3, Replay, pedals_for, wheel_share
+from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S, MOVED_M
+from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, SeenActor, VehicleLimits
 from foresee_dsl.simulate.actors.dynamics import Bicycle
 from foresee_dsl.simulate.sensing.settings import EXACT, NO_DROPOUTS, NO_NOISE, SensorSettings

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foresee_dsl.forecast.careful.behaviours import CarefulSettings, Kind
-from foresee_dsl.forecast.careful.recorded import Recorded
-from foresee_dsl.forecast.careful.scoring import Scored, search
+from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings, Kind
+from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.scoring import Scored, search
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.simulate.trace import STEP_S, Trace
 from tests.support.handmade_traces import EAST, NORTH, Track, make_trace, straight

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from foresee_dsl.forecast.careful.behaviours import CarefulSettings
-from foresee_dsl.forecast.careful.recorded import Recorded
-from foresee_dsl.forecast.careful.scoring import Scored, search
+from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings
+from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.scoring import Scored, search
 from foresee_dsl.forecast.foresee import CloseEncounter, ForeseeRanker, close_encounters
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import ForeseeSettings

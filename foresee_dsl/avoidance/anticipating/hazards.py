@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.derive.anticipating.foresight import Ego, Other
-from foresee_dsl.derive.anticipating.settings import (
+from foresee_dsl.avoidance.anticipating.foresight import Ego, Other
+from foresee_dsl.avoidance.anticipating.settings import (
     AT_CROSSING_M,
     BESIDE_M,
     CLOSE_M,

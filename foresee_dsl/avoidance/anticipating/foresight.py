@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.derive.anticipating.settings import (
+from foresee_dsl.avoidance.anticipating.settings import (
     COMFORTABLE_MPS2,
     CROSSES_RAD,
     FORESEES_S,
@@ -25,20 +25,20 @@ from foresee_dsl.derive.anticipating.settings import (
     TURNING_RAD,
     WALKER_HASTENS_MPS,
 )
-from foresee_dsl.derive.anticipating.way import Way
-from foresee_dsl.derive.preventability.risk import (
+from foresee_dsl.avoidance.anticipating.way import Way
+from foresee_dsl.avoidance.r157.risk import (
     CRITICAL_TTC_S,
     MERGES_RAD,
     MOVED_M,
     WANDER_M,
     course_of,
-    in_view,
     merged,
     moved_on,
 )
 from foresee_dsl.drivers.protocol import Mission
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
+from foresee_dsl.simulate.sensing.in_hindsight import in_view
 from foresee_dsl.simulate.sensing.sight import Sight
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.derive.anticipating.manoeuvre import HARDEST, Plan, sidestep_s
-from foresee_dsl.derive.anticipating.settings import (
+from foresee_dsl.avoidance.anticipating.manoeuvre import HARDEST, Plan, sidestep_s
+from foresee_dsl.avoidance.anticipating.settings import (
     COMFORTABLE_MPS2,
     EASES_MPS2,
     FIRM_MPS2,
@@ -23,7 +22,8 @@ from foresee_dsl.derive.anticipating.settings import (
     PASSES_S,
     SIDESTEPS_M,
 )
-from foresee_dsl.derive.anticipating.way import Way
+from foresee_dsl.avoidance.anticipating.way import Way
+from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import gaps_to_first
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of

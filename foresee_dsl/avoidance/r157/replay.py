@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from foresee_dsl.avoidance.r157.risk import RecordedPath
 from foresee_dsl.compile.bundle import Scene
-from foresee_dsl.derive.preventability.risk import RecordedPath
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
 from foresee_dsl.simulate.actors.roads import SlipperyGround

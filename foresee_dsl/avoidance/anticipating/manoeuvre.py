@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.avoidance.anticipating.settings import BUILDS_UP_S, COMFORTABLE_MPS2, LATERAL_JERK_MPS3, LATERAL_MPS2
+from foresee_dsl.avoidance.anticipating.way import Way
+from foresee_dsl.avoidance.r157.replay import BRAKING_MPS2, KEEPS_PATH_M, Replay, pedals_for, wheel_share
 from foresee_dsl.compile.bundle import Scene
-from foresee_dsl.derive.anticipating.settings import BUILDS_UP_S, COMFORTABLE_MPS2, LATERAL_JERK_MPS3, LATERAL_MPS2
-from foresee_dsl.derive.anticipating.way import Way
-from foresee_dsl.derive.preventability.replay import BRAKING_MPS2, KEEPS_PATH_M, Replay, pedals_for, wheel_share
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from foresee_dsl.forecast.careful.behaviours import Behaviours, Candidate, CarefulSettings, Kind
-from foresee_dsl.forecast.careful.recorded import Recorded
+from foresee_dsl.avoidance.candidates.behaviours import Behaviours, Candidate, CarefulSettings, Kind
+from foresee_dsl.avoidance.candidates.recorded import Recorded
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray, Records
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.kernels.what_if import Ending, Style, WhatIf, roll_out

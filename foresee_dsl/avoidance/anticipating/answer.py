@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
+
+from foresee_dsl.avoidance.judge import ANTICIPATING
 
 ShortAnswer = Literal["braking", "evading", "ahead", "no", "undecided"]
 
@@ -58,4 +60,22 @@ class Anticipation:
     least_m: float | None = None
     runs: int = 0
 
+    name: ClassVar[str] = ANTICIPATING
+    answers: ClassVar[tuple[str, ...]] = tuple(answer.value for answer in Answer)
+
     shown = "answer why seen_s?:2 begins_s?:2 braking_mps2?:1 sideways_m?:1 slower_mps?:1 spare_s?:2 least_m?:2 runs"
+
+    @property
+    def avoids(self) -> bool:
+        """As of a `Judgement`, like all that follow."""
+        return self.answer.preventable
+
+    @property
+    def settles(self) -> bool:
+        """Whether it is decided."""
+        return self.answer is not Answer.UNDECIDED
+
+    @property
+    def origin(self) -> tuple[str, str]:
+        """The line of a mutant's origin."""
+        return "anticipating", self.answer.origin

@@ -1,0 +1,102 @@
+"""The judges of failures: one protocol, one list, and what follows from a further one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from foresee_dsl.avoidance import judges
+from foresee_dsl.avoidance.anticipating import Answer, Anticipation
+from foresee_dsl.avoidance.judge import Failure, Judgement, Opinion
+from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
+from foresee_dsl.avoidance.references import ReferenceDriver
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.findings.failures import explained
+from foresee_dsl.campaign.records import ChildOutcome, decode, encode
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.report.builds.case_results import _told
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from tests.support.small_campaign import TEXT, write_project
+
+
+class EarlyBird:
+    """A judge of somebody's own: whoever was there a minute earlier avoids it."""
+
+    def judge(self, failure: Failure) -> Opinion:
+        assert failure.contact is not None
+        return Opinion("an early bird", "there before", f"{failure.contact.with_} came too late for it", avoids=True)
+
+
+@pytest.fixture(scope="module")
+def struck(tmp_path_factory: pytest.TempPathFactory) -> tuple[TestCase, RunResult]:
+    file = write_project(tmp_path_factory.mktemp("judges"))
+    file.write_text(TEXT.replace("case after { gap = -0.8 s }", "case struck { gap = 0 s }"))
+    case = load_test_case(f"{file}::struck")
+    return case, run_test_case(case, "pdm", 0)
+
+
+def child(judgements: tuple[judges.AnyJudgement, ...]) -> ChildOutcome:
+    return ChildOutcome("m", "m.foresee", "", (), Verdict.F4, "x", "F4", 1.0, 2.0, "", judgements=judgements)
+
+
+def test_a_further_judge_is_asked_stored_and_shown(
+    struck: tuple[TestCase, RunResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = explained(*struck).judgements
+    assert [found.name for found in before] == ["R157's driver", "an anticipating driver"]
+    monkeypatch.setattr(judges, "JUDGES", (*judges.JUDGES, EarlyBird()))
+    after = explained(*struck).judgements
+    assert after[:-1] == before
+    assert after[-1] == Opinion("an early bird", "there before", "other came too late for it", True)
+    made = child(after)
+    assert decode(encode(made), ChildOutcome) == made
+    assert made.avoidable
+    assert "an early bird: there before: other came too late for it" in _told(made)
+    assert (made.preventability, made.anticipation) == before
+
+
+def test_every_kind_of_answer_is_read_again_as_what_it_was() -> None:
+    found = (
+        Preventability(Preventable.NO, "too late", braked_s=1.25),
+        Anticipation(Answer.UNDECIDED, "who knows", runs=3),
+        Opinion("third", "undecided", "no idea", avoids=False, settled=False),
+    )
+    again = decode(encode(child(found)), ChildOutcome)
+    assert again == child(found)
+    assert [(one.avoids, one.settles) for one in again.judgements] == [(False, True), (False, False), (False, False)]
+    assert not child(found).avoidable
+
+
+@pytest.mark.parametrize(
+    ("judgement", "avoids"),
+    [(Preventability(answer, ""), answer is Preventable.YES) for answer in Preventable]
+    + [(Anticipation(answer, ""), answer in (Answer.BRAKING, Answer.EVADING, Answer.AHEAD)) for answer in Answer],
+)
+def test_what_a_judge_says_decides_what_is_opened_first(judgement: Judgement, avoids: bool) -> None:
+    assert judgement.avoids is avoids
+    assert judgement.answer in judgement.answers
+    assert child((judgement,)).avoidable is avoids
+
+
+def test_a_reference_driver_is_a_judge_who_needs_the_trace_alone(struck: tuple[TestCase, RunResult]) -> None:
+    case, failed = struck
+    passes = ReferenceDriver("idm", lambda: run_test_case(case, "idm", 0))
+    fails = ReferenceDriver("pdm", lambda: failed)
+    for failure in (Failure(failed.trace), Failure.of(failed, case)):
+        found, other = passes.judge(failure), fails.judge(failure)
+        assert (other.avoids, other.answer, other.why) == (False, failed.verdict.value, failed.reason)
+        assert found.verdict is Verdict.PASS or not found.avoids
+        assert bool(found.how) <= found.passes
+    assert Failure(None).trace is None and passes.judge(Failure(None)).how == ()
+
+
+def test_a_failure_says_what_is_not_at_hand(struck: tuple[TestCase, RunResult]) -> None:
+    case, failed = struck
+    with pytest.raises(ValueError, match="only the trace is at hand"):
+        _ = Failure(failed.trace).result
+    with pytest.raises(ValueError, match="only the trace is at hand"):
+        _ = Failure(failed.trace).bundle
+    with pytest.raises(ValueError, match="did not fail"):
+        Failure.of(replace(failed, verdict=Verdict.PASS), case)
