@@ -10,41 +10,31 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.deadlines import DEADLINES, RESET_VARIABLE, STEP_VARIABLE, Deadlines
-from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission
+from foresee_dsl.drivers.protocol import Closing, Control, Driver
 from foresee_dsl.errors import DriverLateError, SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.kernels.compiling import ensure
 from foresee_dsl.measuring import Part, count_run
 from foresee_dsl.simulate.actors.dynamics import checked
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.driver_faults import DriverHangs, Fault, fault_of, one_line, place_of
 from foresee_dsl.simulate.driver_watch import Watch
+from foresee_dsl.simulate.frame import Frame
+from foresee_dsl.simulate.judging import Judging
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder
-from foresee_dsl.simulate.results.drivable_area import squares_of
-from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
+from foresee_dsl.simulate.results.outcome import Decision
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
-from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
-from foresee_dsl.simulate.waiting import waits_for
 from foresee_dsl.simulate.world import World
 
 WAYPOINT_M = 2.0
 """Spacing of the trace's waypoints (asked for by the trace's layout)."""
-CLOSE_AHEAD_M = 15.0
-"""An actor in front that is this near is something to wait for. Ours: two car lengths and a crossing's width."""
-SIGNAL_AHEAD_M = 30.0
-"""A signal that is not green and this near is something to wait for. Ours: the first four cars of a queue; those
-behind have another in front."""
-_LONGEST_WORDS = 200
-"""Characters of what a driver says itself that go into the reason."""
 
 
 def run(
@@ -118,138 +108,88 @@ class _Run:
         for patch in bundle.scene.slippery:  # a clip has them at these places
             at = {"x": patch.x, "y": patch.y, "radius_m": patch.radius_m, "friction": patch.friction}
             self._recorder.event(0.0, patch.name, "slippery", at)
-        self._conditions = Conditions(self._simulation, bundle.signals)
-        self._director = Director(self._simulation, self._conditions, self._recorder)
-        self._expectations = Expectations(bundle.scene.expects, self._conditions)
-        self._mission: Mission = mission_of(bundle)
-        # A clip of an ego that hardly moved has its goal where it begins: it runs to the end of its window.
-        room = bundle.scene.goal_s - self._simulation.progress.of(self._simulation.ego, 0)[0]
-        self._began_at_goal = bundle.scene.clip and room < WAYPOINT_M
-        others = self._simulation.actors[1:]
+        self._mission = mission_of(bundle)
         self._sensing = Sensing(self._simulation, self._mission, seed, sensors)
-        self._conditions.eyes, self._conditions.sightlines = self._sensing, LinesOfSight(self._simulation)
-        sizes = np.array([(actor.length, actor.width) for actor in others], dtype=np.float64).reshape(-1, 2)
-        squares = self._squares = squares_of(self._simulation.network)
-        ego = self._simulation.ego
-        footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
-        self._around = sizes, footprint, squares.left, squares.bottom, squares.cell, squares.known
-        self._judge = Judge(
-            ids=[actor.id for actor in others],
-            # What stands for the whole run is a static object, a parked car too.
-            kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
-            sizes=sizes,
-            ego_size=(ego.length, ego.width),
-            end_s=bundle.scene.end_s,
-            must_arrive=bundle.scene.must_arrive,
+        self._conditions = Conditions(
+            self._simulation, bundle.signals, eyes=self._sensing, sightlines=LinesOfSight(self._simulation)
         )
+        self._director = Director(self._simulation, self._conditions, self._recorder)
+        self._judging = Judging(self._simulation, self._conditions, self._recorder, driver)
+        self._expectations = Expectations(bundle.scene.expects, self._conditions)
 
     def go(self) -> RunResult:
-        watch, steps = self._watch, 0
+        """Take frame after frame through the parts of a run, in this order, until one decides that the run ends."""
+        decision, steps = self._reset(), 0
+        while decision is None:
+            frame = Frame(self._simulation.time_s)
+            self._order()
+            self._record(frame)
+            self._sense(frame)
+            self._judge(frame)
+            if frame.decision is None:
+                self._drive(frame)
+            if frame.decision is None:
+                self._move(frame)
+            if frame.decision is None:
+                steps += 1
+            decision = frame.decision
+        return self._finish(decision, steps)
+
+    def _reset(self) -> Decision | None:
+        """Prepare the driver; return how the run ends where that fails."""
         try:
-            with watch.call("reset"):
+            with self._watch.call("reset"):
                 self._driver.reset(self._mission, self._simulation.ego.limits, self._seed)
         except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
             failed = self._broken(err)
+            self._order()
+            self._record(Frame(self._simulation.time_s))  # a trace has a frame at least
+            return failed
+        self._watch.starts()
+        return None
+
+    def _order(self) -> None:
+        """Let triggers that fire tell the actors what to do; nothing of the frame is read or written."""
+        with Part.DIRECTOR:
             self._director.step()
-            self._recorder.frame(self._world.signals)  # a trace has a frame at least
-            return self._finish(failed, steps)
-        watch.starts()
-        while True:
-            with Part.DIRECTOR:
-                self._director.step()
-            with Part.RECORDING:
-                states = self._recorder.frame(self._world.signals)
-            with Part.SENSING:
-                observation = self._sensing.observe(states)
-            with Part.JUDGING:
-                decision = self._look(states)
-            if decision is not None:
-                return self._finish(decision, steps)
-            try:
-                with watch.call("step"):
-                    answer = self._driver.step(observation)
-                control = Control(*checked(answer))
-            except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
-                return self._finish(self._broken(err), steps)
-            try:
-                with Part.ACTORS:
-                    left = self._simulation.step(control)
-            except SimulationError as err:
-                World.close_shared()  # the next run begins with a fresh SUMO
-                decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator broke: {err}")
-                return self._finish(decision, steps)
-            steps += 1
-            for name in left:
-                self._recorder.event(self._simulation.time_s, name, "arrived")
 
-    def _look(self, states: FloatArray) -> Decision | None:
-        simulation = self._simulation
-        time_s = simulation.time_s
-        arrived = not self._began_at_goal and self._conditions.arrived("ego")
-        # A cheap test shows that nothing ends the run at this frame, as it nearly always does.
-        if (
-            not arrived
-            and states.item(SPEED) >= STANDS_MPS
-            and time_s < self._bundle.scene.end_s - STEP_S / 2
-            and drives_on(states, *self._around)
-        ):
-            self._judge.moves()
-            self._expectations.look(time_s, ego_hit=False)
-            return None
-        ego = simulation.ego.bicycle()
-        decision = self._judge.look(
-            time_s,
-            ego,
-            states[1:, :3],
-            states[1:, SPEED],
-            off_road=not self._squares.hold(off_road_points(simulation.ego.motion, ego)),
-            arrived=arrived,
-            may_wait=self._may_wait(),
-        )
-        if decision is not None and decision.verdict is Verdict.F1 and not decision.with_:
-            decision = self._of_the_map(decision)
-        if decision is not None and decision.verdict in (Verdict.STUCK, Verdict.TIMEOUT):
-            decision = replace(decision, reason=f"{decision.reason}; {self._waits_for()}")
-        self._expectations.look(time_s, ego_hit=decision is not None and bool(decision.with_))
-        return decision
+    def _record(self, frame: Frame) -> None:
+        """Writes the states, and the trace's frame."""
+        with Part.RECORDING:
+            frame.states = self._recorder.frame(self._world.signals)
 
-    def _of_the_map(self, decision: Decision) -> Decision:
-        """Who leaves the road where the map is broken is not to blame for it."""
-        ego = self._simulation.ego
-        fault = self._simulation.network.fault_near(ego.x, ego.y)
-        if not fault:
-            return decision
-        reason = f"invalid: the ego left the drivable area at {decision.time_s:.2f} s where the map is broken: {fault}"
-        return replace(decision, verdict=Verdict.INVALID, reason=reason)
+    def _sense(self, frame: Frame) -> None:
+        """Reads the states; writes the observation."""
+        with Part.SENSING:
+            frame.observation = self._sensing.observe(frame.states)
 
-    def _may_wait(self) -> bool:
-        """Whether there is something to wait for: a signal that is not green, or an actor (no static object) in front.
+    def _judge(self, frame: Frame) -> None:
+        """Reads the states; writes the decision. The scenario's expectations read both."""
+        with Part.JUDGING:
+            self._judging.step(frame)
+            hit = frame.decision is not None and bool(frame.decision.with_)
+            self._expectations.look(frame.time_s, ego_hit=hit)
 
-        This judges the run, so that it depends on where all actors are, not on what the driver sees.
-        """
-        simulation = self._simulation
-        if simulation.ego.speed >= STANDS_MPS:
-            return True  # it does not wait, so the question does not arise
-        for passage, room in simulation.progress.ahead(simulation.ego, simulation.frame, SIGNAL_AHEAD_M):
-            tls, link = passage.movement.tls, passage.movement.link
-            if room >= 0 and tls is not None and link >= 0:
-                if self._world.signals.colour(tls, link) in ("red", "amber"):
-                    return True
-                break
-        cos, sin = np.cos(simulation.ego.heading), np.sin(simulation.ego.heading)
-        return any(
-            other.placed.control != "static"
-            and np.hypot(other.x - simulation.ego.x, other.y - simulation.ego.y) <= CLOSE_AHEAD_M
-            and (other.x - simulation.ego.x) * cos + (other.y - simulation.ego.y) * sin > 0
-            for other in simulation.others(simulation.ego)
-        )
+    def _drive(self, frame: Frame) -> None:
+        """Reads the observation; writes the control, or the decision where the driver fails."""
+        try:
+            with self._watch.call("step"):
+                answer = self._driver.step(frame.observation)
+            frame.control = Control(*checked(answer))
+        except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
+            frame.decision = self._broken(err)
 
-    def _waits_for(self) -> str:
-        """What the ego waits for: by its driver's own words, if it has any, and by the scene."""
-        scene = waits_for(self._simulation, self._recorder, self._world.signals)
-        own = getattr(self._driver, "waits_for", "")
-        own = " ".join(own.split()).replace('"', "'")[:_LONGEST_WORDS] if isinstance(own, str) else ""
-        return f"{scene} (the driver: {own})" if own else scene
+    def _move(self, frame: Frame) -> None:
+        """Reads the control, moves all actors to the next frame; writes the decision where SUMO fails."""
+        try:
+            with Part.ACTORS:
+                left = self._simulation.step(frame.control)
+        except SimulationError as err:
+            World.close_shared()  # the next run begins with a fresh SUMO
+            frame.decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator broke: {err}")
+            return
+        for name in left:
+            self._recorder.event(self._simulation.time_s, name, "arrived")
 
     def _broken(self, err: BaseException) -> Decision:
         time_s, fault = self._simulation.time_s, fault_of(err)

@@ -1,17 +1,25 @@
-"""What an ego that stands or did not arrive waits for, in words: who is in its way, which signal, which junction."""
+"""What an ego waits for: whether there is anything, and in words: an actor in its way, a signal, a junction.
+
+This judges the run, so that it depends on where all actors are, not on what the driver sees.
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder
-from foresee_dsl.simulate.signals import Signals
 
 AHEAD_M = 30.0
-"""Who is farther along the ego's route is not named. Ours: a stopped queue of four cars and the gap before it."""
+"""A signal or an actor that is farther along the ego's route is nothing to wait for. Ours: a stopped queue of four cars
+and the gap before it; those behind have another in front."""
+CLOSE_AHEAD_M = 15.0
+"""An actor in front that is this near is something to wait for, also beside the route. Ours: two car lengths and a
+crossing's width."""
 BESIDE_M = 0.8
 """A footprint this far beside the ego's is in its way all the same. Ours: what drivers leave to a pedestrian."""
 JUNCTION_M = 10.0
@@ -23,7 +31,24 @@ class _Ahead(NamedTuple):
     actor: Actor
 
 
-def waits_for(simulation: Simulation, recorder: Recorder, signals: Signals) -> str:
+def may_wait(simulation: Simulation) -> bool:
+    """Return whether there is something to wait for: a signal that is not green, or an actor (no static object) in
+    front."""
+    ego = simulation.ego
+    if ego.speed >= STANDS_MPS:
+        return True  # it does not wait, so the question does not arise
+    if _signal(simulation) is not None:
+        return True
+    cos, sin = np.cos(ego.heading), np.sin(ego.heading)
+    return any(
+        other.placed.control != "static"
+        and np.hypot(other.x - ego.x, other.y - ego.y) <= CLOSE_AHEAD_M
+        and (other.x - ego.x) * cos + (other.y - ego.y) * sin > 0
+        for other in simulation.others(ego)
+    )
+
+
+def waits_for(simulation: Simulation, recorder: Recorder) -> str:
     """Return a clause such as `it stands since 9.10 s, 41 m before its goal, 3.1 m behind walker (pedestrian), ...`."""
     ego = simulation.ego
     goal_m = simulation.scene.goal_s - simulation.progress.of(ego, simulation.frame)[0]
@@ -35,7 +60,7 @@ def waits_for(simulation: Simulation, recorder: Recorder, signals: Signals) -> s
     since_s = recorder.stands_since(0, STANDS_MPS)
     stands = f"the ego stands since {since_s:.2f} s{before}"
     ahead = _ahead(simulation)
-    signal = _signal(simulation, signals)
+    signal = _signal(simulation)
     if signal is not None and (ahead is None or signal[0] <= ahead.gap_m):
         return f"{stands}, before the {signal[1]} signal of {signal[2]}"
     if ahead is not None:
@@ -79,12 +104,12 @@ def _ahead(simulation: Simulation) -> _Ahead | None:
     return min(found, key=lambda one: (one.gap_m, one.actor.id), default=None)
 
 
-def _signal(simulation: Simulation, signals: Signals) -> tuple[float, str, str] | None:
+def _signal(simulation: Simulation) -> tuple[float, str, str] | None:
     """Return the next signal on the route that is not green: how far it is, its colour, its junction."""
     for passage, room in simulation.progress.ahead(simulation.ego, simulation.frame, AHEAD_M):
         tls, link = passage.movement.tls, passage.movement.link
         if room >= 0 and tls is not None and link >= 0:
-            colour = signals.colour(tls, link)
+            colour = simulation.world.signals.colour(tls, link)
             return (room, colour, passage.junction) if colour in ("red", "amber") else None
     return None
 

@@ -78,17 +78,24 @@ class Outcome:
 class Conditions:
     """Evaluates conditions at the frame that a simulation is at; `condition_history` follows them over time."""
 
-    def __init__(self, simulation: Simulation, signals: Mapping[str, Signal]) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        signals: Mapping[str, Signal],
+        *,
+        eyes: Eyes | None = None,
+        sightlines: Sightlines | None = None,
+    ) -> None:
+        """Evaluate conditions of one run. `eyes`: the ego's sensors; `sightlines`: None, like `eyes`, where nothing is
+        seen."""
         self.simulation, self._signals = simulation, signals
+        self.eyes, self.sightlines = eyes, sightlines
         self.outlines = outlines_of(simulation.network)
         self.states = simulation.state_table.states
         self.sizes = np.array([(actor.length, actor.width) for actor in simulation.actors]).reshape(-1, 2)
         """[A, 7] the states of all actors, and [A, 2] their lengths and widths, m, for kernels."""
         self.rows = {actor.id: row for row, actor in enumerate(simulation.actors)}
         self.ways = Ways(simulation)
-        self.eyes: Eyes | None = None
-        """The ego's sensors; set before the first frame."""
-        self.sightlines: Sightlines | None = None
         self.ego_hit: bool | None = None
         """Whether the ego touches anything at this frame, where that is known already."""
 

@@ -54,10 +54,10 @@ def unfired(
         return ()
     bundle = compiled()
     replay = Replay(bundle, trace)
-    conditions = Conditions(replay, bundle.signals)
-    if any(isinstance(part, m.Sees) for one in waiting for part in parts(one.condition)):
-        conditions.eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors)
-    lines = conditions.sightlines = LinesOfSight(replay)
+    sees = any(isinstance(part, m.Sees) for one in waiting for part in parts(one.condition))
+    eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors) if sees else None
+    lines = LinesOfSight(replay)
+    conditions = Conditions(replay, bundle.signals, eyes=eyes, sightlines=lines)
     followed = [_Followed(one, conditions, lambda fact: _nearness(fact, replay, lines)) for one in waiting]
     for frame in range(trace.frames):
         replay.go_to(frame)
