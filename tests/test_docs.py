@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import math
 import re
 import shutil
+import sys
 import tomllib
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from types import CodeType, FrameType
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.cli import COMMANDS, app
@@ -25,6 +29,7 @@ from foresee_dsl.derive.presets import Preset
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
+from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.keywords import KEYWORDS
@@ -289,6 +294,46 @@ def test_the_examples_of_driver_ranker_and_operator_work(plugins: Path, scenario
     assert children and all(change.property in ("speed", "delay") for m in children for change in m.changes)
     mutant = expand_mutant(children[0], clip_case, source=plugins / "p1_m1.foresee")
     assert run(compile_test_case(mutant), driver).verdict is not Verdict.CRASH
+
+
+# ---- architecture.md ------------------------------------------------------------------------------------------------
+
+
+def test_a_run_passes_the_functions_of_the_walk_in_their_order(tmp_path: Path) -> None:
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    walk = text.partition("## A walk from text to verdict")[2].partition("\n## ")[0]
+    named = re.findall(r"^\| \d+ \| `([\w.]+)`", walk, re.MULTILINE)
+    codes = {_code_named(name): name for name in named}
+    shutil.copytree(data_folder("scenarios") / "networks", tmp_path / "networks")
+    scenario = (data_folder("scenarios") / "scenario7.foresee").read_text(encoding="utf-8")
+    (tmp_path / "new.foresee").write_text(f"{scenario}# {tmp_path}\n", encoding="utf-8")  # a text never read before
+    passed: dict[str, None] = {}
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code in codes:
+            passed[codes[frame.f_code]] = None
+
+    sys.setprofile(note)
+    try:
+        (case,) = load_test_cases([f"{tmp_path / 'new.foresee'}::r01"])
+        run_test_case(case, "idm", 0)
+    finally:
+        sys.setprofile(None)
+    assert list(passed) == named
+    assert len(named) == 10
+
+
+def _code_named(name: str) -> CodeType:
+    """Return the code of a function that a page names without the package."""
+    owner, _, function = f"foresee_dsl.{name}".rpartition(".")
+    try:
+        holder: Any = importlib.import_module(owner)
+    except ModuleNotFoundError:
+        module, _, kind = owner.rpartition(".")
+        holder = getattr(importlib.import_module(module), kind)
+    code = inspect.unwrap(getattr(holder, function)).__code__
+    assert isinstance(code, CodeType)
+    return code
 
 
 # ---- method.md ------------------------------------------------------------------------------------------------------
