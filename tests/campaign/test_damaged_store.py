@@ -13,7 +13,7 @@ import pytest
 
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.results import CampaignResult
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Row, Store, StoreError
 from foresee_dsl.cli.options.campaign_options import notes_on
 from foresee_dsl.language.project.loading import load_test_cases
 from tests.support.small_campaign import SETTINGS, Heard, published, write_project
@@ -73,6 +73,36 @@ def test_a_database_that_sqlite_cannot_read_is_replaced_by_what_can_be_rescued(t
         assert 100 < len(there) < len(KEYS) and store.lost == len(KEYS) - len(there)
         assert f"{len(there)} results could be read from its database, at least" in notes_on(store)[-1]
         assert list(tmp_path.glob("runs.damaged-*.sqlite"))
+
+
+@pytest.mark.parametrize("share", [0.67, 0.33, 0.05, 0.01])
+def test_a_truncated_database_is_replaced_by_what_is_left_of_it(tmp_path: Path, share: float) -> None:
+    """Of 0.01 not even a page is left, which SQLite refuses to open; the traces are whole, and stay."""
+    file = filled(tmp_path) / "runs.sqlite"
+    data = file.read_bytes()
+    file.write_bytes(data[: int(len(data) * share)])
+    with pytest.raises(StoreError, match=r"is damaged .*keeps what can be read of it"), \
+            Store(tmp_path, write=False) as reader:  # fmt: skip
+        list(reader.rows())
+    with Store(tmp_path) as store:
+        left = len(list(store.rows()))
+        assert left == store.rescued and left > len(KEYS) * (share - 0.1)
+        assert f"{left} results could be read from its database" in notes_on(store)[-1]
+        store.add(Row(key="new", kind="child", name="new", record=b"new"), b"trace 0")
+        assert len([name for name, _ in store.blobs.files()]) == len(KEYS) / 10
+    assert [old.stat().st_size for old in tmp_path.glob("runs.damaged-*.sqlite")] == [int(len(data) * share)]
+
+
+def test_a_database_of_which_nothing_is_left_is_replaced_where_there_are_traces(tmp_path: Path) -> None:
+    file = filled(tmp_path / "store") / "runs.sqlite"
+    file.write_bytes(b"\xff" * 200)
+    with Store(tmp_path / "store") as store:
+        assert store.rescued == 0 and not list(store.rows())
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "runs.sqlite").write_bytes(b"\xff" * 200)
+    with pytest.raises(StoreError, match="damaged"):
+        Store(tmp_path / "other")
+    assert (tmp_path / "other" / "runs.sqlite").read_bytes() == b"\xff" * 200
 
 
 _FIRST_PAGE = (0, 15, 18, 19, 21, 31, 47, 55, 59, 60, 63, 68, 103, 108, 3699, 3913)

@@ -29,6 +29,8 @@ SCHEMA = 1
 """`user_version` of the database: raised when a table changes."""
 _MARK = 0x46530000 + SCHEMA
 """`application_id` of the database ("FS" and the schema): tells a changed `user_version` from another schema's."""
+_MARKED = slice(68, 72)
+"""The bytes of a database that hold its `application_id` (SQLite's file format, 1.3)."""
 _TABLES = """
 CREATE TABLE runs (
   key TEXT PRIMARY KEY, kind TEXT NOT NULL, name TEXT NOT NULL, driver TEXT NOT NULL, tool TEXT NOT NULL,
@@ -151,7 +153,7 @@ class Store:
             finally:
                 database.text_factory = _text
         except (*UNREADABLE, OSError) as err:  # at each of a campaign's results: `_errors` costs as much as the query
-            raise StoreError(_explained(self.folder, err)) from err
+            raise StoreError(_explained(self.folder, err, reads=self._lock is None)) from err
         return found
 
     def _row(self, found: Sequence[Any], total: str, *, checked: bool = False) -> Row | None:
@@ -301,7 +303,7 @@ class Store:
     def _rescue(self, file: Path) -> None:
         """Replace a database that SQLite cannot read by what can be read of it; leave alone what was never ours."""
         rows = sound_rows(file, COLUMNS, _SETUP)
-        if rows or _is_ours(file):
+        if rows or _is_ours(file) or any(name for name, _ in self.blobs.files()):
             self.lost, self.rescued = rescue(file, rows, _INSERT, _SETUP), len(rows)
 
     @contextlib.contextmanager
@@ -309,11 +311,14 @@ class Store:
         try:
             yield
         except (*UNREADABLE, OSError) as err:
-            raise StoreError(_explained(self.folder, err)) from err
+            raise StoreError(_explained(self.folder, err, reads=self._lock is None)) from err
 
 
 def _is_ours(file: Path) -> bool:
-    """Return whether a damaged database can at least be told to be a store's."""
+    """Return whether a damaged database can at least be told to be a store's: by its mark, or by its table."""
+    with file.open("rb") as stream:
+        if stream.read(_MARKED.stop)[_MARKED] == _MARK.to_bytes(4, "big"):
+            return True
     try:
         with contextlib.closing(sqlite3.connect(file)) as database:
             return bool(database.execute("SELECT 1 FROM sqlite_master WHERE name = 'runs'").fetchone())
@@ -349,11 +354,12 @@ def _check_schema(schema: int, folder: Path) -> None:
     )
 
 
-def _explained(folder: Path, err: Exception) -> str:
+def _explained(folder: Path, err: Exception, *, reads: bool) -> str:
     cause = str(getattr(err, "strerror", None) or err)
     rest = "what was finished before is kept, and the same command continues from there"
     if isinstance(err, UnicodeDecodeError) or "not a database" in cause or "malformed" in cause:
-        return f"the store {folder} is damaged ({cause}): move the folder away, or name another with --store"
+        rescue_it = "`foresee store gc` or the next campaign keeps what can be read of it; or " if reads else ""
+        return f"the store {folder} is damaged ({cause}): {rescue_it}move the folder away, or name another with --store"
     if "readonly" in cause or "read-only" in cause.lower() or "unable to open" in cause:
         return f"the store {folder} cannot be written ({cause}): name another folder with --store; {rest}"
     return f"the store {folder} cannot be written ({cause}): {rest} once there is room"
