@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from foresee_dsl.campaign.findings.written import JSON, read_written
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import read_outside
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import absolute, is_file, kind_of
-
-JSON = "campaign.json"
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,7 @@ def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
     path = Path(wanted)
     if is_file(path):
         return _by_file(path)
-    data = _read(campaign)
+    data = read_written(campaign)
     known = {str(child["mutant"]): child for child in _children(data) if child.get("file")}
     if wanted in known:
         return Asked(wanted, campaign / str(known[wanted]["file"]), campaign, data)
@@ -111,7 +108,7 @@ def _by_file(path: Path) -> Asked:
         what = f"a {kind}" if kind else "no definition"
         raise ForeseeError(f"{path} holds {what}, not a mutant: name a mutant's file, or a finding of a campaign")
     above = next((folder for folder in absolute(path).parents if is_file(folder / JSON)), None)
-    data = _read(above) if above is not None else {}
+    data = read_written(above) if above is not None else {}
     child = next((child for child in _children(data) if child["mutant"] == path.stem and child.get("file")), None)
     if above is None or child is None:
         return Asked(path.stem, path)
@@ -128,16 +125,4 @@ def _children(data: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 def _files_of(finding: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield finding["name"], finding["file"]
-    yield from zip(finding.get("siblings", ()), finding.get("sibling_files", ()), strict=True)
-
-
-def _read(campaign: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(read_outside(campaign / JSON, "results"))
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as err:
-        raise ForeseeError(f"{campaign / JSON} cannot be read: {err}") from err
-    if not isinstance(data, dict):
-        raise ForeseeError(f"{campaign / JSON} is no campaign's JSON")
-    return data
+    yield from zip(finding.get("siblings", ()), finding.get("sibling_files", ()), strict=False)

@@ -36,7 +36,7 @@ def side_of_campaign(folder: Path) -> Side:
     try:
         data = json.loads(read_outside(file, "results"))
         runs = tuple(_runs_in(data))
-        label = f"{folder} ({data['driver']})"
+        label, broken = f"{folder} ({data['driver']})", tuple(map(str, data.get("broken", ())))
     except FileNotFoundError:
         raise ForeseeError(
             f"there is no finished campaign in {folder}: `foresee campaign` writes campaign.json"
@@ -44,7 +44,7 @@ def side_of_campaign(folder: Path) -> Side:
     except (KeyError, TypeError, ValueError) as err:
         message = f"{file} does not say what its test cases mean: run the campaign again with this version"
         raise ForeseeError(message) from err
-    return Side(label, runs, tuple(map(str, data.get("broken", ()))))
+    return Side(label, runs, broken)
 
 
 def _runs_in(data: Mapping[str, Any]) -> Iterator[Ran]:

@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from foresee_dsl.campaign.findings.written import JSON, read_written
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import read_outside
 
 
 class _Part(BaseModel):
@@ -168,15 +168,12 @@ def read_campaign_folder(folder: Path) -> Campaign:
     Raises:
         ForeseeError: there is none, or it is not what a campaign writes.
     """
-    file = folder / "campaign.json"
+    file = folder / JSON
+    written = read_written(folder)
+    if not written:
+        raise ForeseeError(f"{file} is not there: `foresee campaign PATH --out {folder}` writes it")
     try:
-        text = read_outside(file, "results")
-    except OSError as err:
-        raise ForeseeError(
-            f"{file} cannot be read ({err.strerror}): `foresee campaign PATH --out {folder}` writes it"
-        ) from err
-    try:
-        return Campaign.model_validate_json(text)
+        return Campaign.model_validate(written)
     except ValidationError as err:
         first = err.errors()[0]
         where = ".".join(map(str, first["loc"])) or "the file"

@@ -1,0 +1,62 @@
+"""`campaign.json` read back: whatever was changed in it is an error in words, with its place."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.documents import shape
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import read_outside
+
+JSON = "campaign.json"
+
+
+def read_written(campaign: Path) -> dict[str, Any]:
+    """Return what the `campaign.json` of a folder says; {} where there is none.
+
+    All that is there has the type that a campaign writes. What a campaign of an older version did not write may be
+    missing; asking for it as `data[key]` raises.
+
+    Raises:
+        ForeseeError: it cannot be read, or something in it is not what a campaign writes.
+    """
+    file = campaign / JSON
+    try:
+        data = json.loads(read_outside(file, "results"), object_hook=lambda pairs: _Object(file, pairs))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, RecursionError) as err:
+        raise ForeseeError(f"{file} cannot be read: {err}") from err
+    try:
+        _written().validate_python(data)
+    except ValidationError as err:
+        wrong = next((one for one in err.errors() if one["type"] != "missing"), None)
+        if wrong is not None:
+            where = ".".join(map(str, wrong["loc"])) or "the whole file"
+            raise ForeseeError(
+                f"{file} is not what a campaign writes ({where}: {wrong['msg']}): run the campaign again"
+            ) from err
+    return _Object(file, data)
+
+
+class _Object(dict[str, Any]):
+    """An object of the file."""
+
+    def __init__(self, file: Path, pairs: dict[str, Any]) -> None:
+        super().__init__(pairs)
+        self._file = file
+
+    def __missing__(self, key: str) -> Any:  # noqa: ANN401 - it always raises
+        raise ForeseeError(f"{self._file} lacks {key!r} where a campaign of this version writes it: run the campaign "
+                           "again")  # fmt: skip
+
+
+@cache
+def _written() -> TypeAdapter[Any]:
+    return TypeAdapter(shape(CampaignResult))
