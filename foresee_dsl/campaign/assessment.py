@@ -187,10 +187,10 @@ def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEAD
 
     def make() -> Driver:
         drivers.append(_Timed(made(driver, deadlines)))
-        return drivers[0]
+        return drivers[-1]
 
     result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines)
-    (timed,) = drivers
+    timed = drivers[-1]  # the last, where a run is driven again to check it
     return DriverRun(
         case=case.id,
         family=case.family,

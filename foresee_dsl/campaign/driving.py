@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.scene import DEFAULT_END_S
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.external.process import kept_programs
+from foresee_dsl.drivers.kept import forget, nothing_kept, one_run
 from foresee_dsl.drivers.process_state import put_back, seed_globals
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
 from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
@@ -25,6 +27,9 @@ from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSettings
+
+REMEMBERS = "keeps something from run to run that changes what it does"
+"""Said of a driver whose run, driven again with nothing kept, is another one; the result is that of the latter."""
 
 
 def run_test_case(case: TestCase, driver: str, seed: int, *, deadlines: Deadlines | None = DEADLINES) -> RunResult:
@@ -47,14 +52,34 @@ def driven(
     `driver`: its address, which says what its sensors can do. `meta`: goes into the trace's.
     """
     bundle = compile_test_case(case)
-    with put_back(seed) as changed:
-        made_driver = make()
+
+    def once() -> RunResult:
+        driver_made = make()
         seed_globals(seed)  # what its package draws when it is imported differs from process to process
+        return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines)
+
+    with put_back(seed) as changed:
         try:
-            result = run(bundle, made_driver, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines)
+            began_s, most_s = time.monotonic(), (deadlines or DEADLINES).for_run_s(longest_s(case))
+            with one_run() as to_be_checked:
+                result = once()
+            # A run that took half of its time has none for a second one; a later run is checked then.
+            if time.monotonic() - began_s < most_s / 2 and to_be_checked():
+                with nothing_kept():
+                    again = once()
+                if not _same(result, again):
+                    forget()
+                    result = again
+                    changed.append(REMEMBERS)
         finally:
             changed.extend(_left_behind())
     return replace(result, notes=replace(result.notes, changed=tuple(changed))) if changed else result
+
+
+def _same(one: RunResult, other: RunResult) -> bool:
+    """Whether two runs are the same; of one that hung nothing can be said, since wall time ended it."""
+    hung = one.notes.hang is not None or other.notes.hang is not None
+    return hung or (one.verdict, one.trace.digest) == (other.verdict, other.trace.digest)
 
 
 def _left_behind() -> list[str]:

@@ -1,8 +1,8 @@
 """The driver `external`: any program in any language that speaks JSON lines over its standard input and output.
 
-docs/external.md describes the protocol. The program is started at `reset` and ended at `close`: a fresh process for
-each run, so that nothing of one run can reach the next. Messages have the fields of the protocol's dataclasses, so that
-a new field is sent without a change here.
+docs/external.md describes the protocol. The program is started at `reset` and ended at `close`, so that nothing of one
+run can reach the next; one that says so stays for the next run (`drivers.kept`). Messages have the fields of the
+protocol's dataclasses, so that a new field is sent without a change here.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from foresee_dsl.drivers.deadlines import RESET_VARIABLE, STEP_VARIABLE, seconds_of
 from foresee_dsl.drivers.external.process import Program
+from foresee_dsl.drivers.kept import leave, take
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import DriverError, DriverLateError
 from foresee_dsl.measuring import Part
@@ -64,6 +65,7 @@ class ExternalDriver:
         self.step_deadline_s = seconds_of(STEP_VARIABLE, STEP_DEADLINE_S)
         self._reset_s = seconds_of(RESET_VARIABLE, RESET_DEADLINE_S)
         self._program: Program | None = None
+        self._stays = False
         self._last_resort: weakref.finalize[[], ExternalDriver] | None = None
         self.name = f"external:{command_line}"
         self.version = ""  # read from the program's first line
@@ -74,21 +76,34 @@ class ExternalDriver:
         return cls(argument)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Start the program and give it its mission; `version` is then its name and version."""
+        """Give the program its mission, starting it unless it stayed; `version` is then its name and version."""
         self.close()
-        self._program = Program(self._command)
+        stayed = take(self._key)
+        if stayed is not None and not stayed.waits:
+            stayed.kill()
+            stayed = None
+        self._program = stayed if stayed is not None else Program(self._command)
         self._last_resort = weakref.finalize(self, self._program.kill)
-        self.version = " ".join(self._exchange(reset_line(mission, vehicle, seed), self._reset_s, read_ready))
+        ready = self._exchange(reset_line(mission, vehicle, seed), self._reset_s, read_ready)
+        self.version, self._stays = f"{ready.name} {ready.version}", ready.stays
 
     def step(self, observation: Observation) -> Control:
         """Send one observation and return the program's answer."""
         return self._exchange(step_line(observation), self.step_deadline_s, read_control)
 
     def close(self) -> None:
-        """Tell the program that the run is over, and end it."""
-        if self._program is not None:
+        """Tell the program that the run is over, and end it, unless it stays for the next run."""
+        if self._program is not None and self._stays and self._program.stays(end_line()):
+            if (other := take(self._key)) is not None:
+                other.kill()
+            leave(self._key, self._program)
+        elif self._program is not None:
             self._program.end(end_line())
         self._forget()
+
+    @property
+    def _key(self) -> tuple[str, ...]:
+        return "external", str(Path.cwd()), *self._command
 
     def _exchange(self, line: bytes, deadline_s: float, read: Callable[[bytes], T]) -> T:
         """Return what `read` makes of the answer to a line; a program that breaks the protocol is ended and named."""
@@ -109,6 +124,7 @@ class ExternalDriver:
         if self._last_resort is not None:
             self._last_resort.detach()
         self._program = self._last_resort = None
+        self._stays = False
 
 
 def _split(command_line: str) -> list[str]:
@@ -143,12 +159,23 @@ def end_line() -> bytes:
     return _line({"type": "end"})
 
 
-def read_ready(line: bytes) -> tuple[str, str]:
-    """Return the program's name and version from its first line."""
+class Ready(NamedTuple):
+    """The program's first line of a run. `stays`: whether it takes another `reset` after the `end` of a run."""
+
+    name: str
+    version: str
+    stays: bool = False
+
+
+def read_ready(line: bytes) -> Ready:
+    """Return what the program's first line of a run says."""
     answer = _object(line)
     if answer.get("type") != "ready":
         raise DriverError(f'its first line must be {{"type": "ready", ...}}, not {_shown(line)}')
-    return _name(answer, "name"), _name(answer, "version")
+    stays = answer.get("stays", False)
+    if not isinstance(stays, bool):
+        raise DriverError(f"its stays must be true or false, not {stays!r:.80}")
+    return Ready(_name(answer, "name"), _name(answer, "version"), stays)
 
 
 @Part.PIPE.measured

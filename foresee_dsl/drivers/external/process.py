@@ -15,6 +15,7 @@ import time
 from collections.abc import Sequence
 from typing import IO
 
+from foresee_dsl.drivers.kept import values
 from foresee_dsl.errors import DriverError, DriverLateError
 
 LONGEST_LINE = 65_536
@@ -33,7 +34,7 @@ _GUARD = ("/bin/sh", "-c", 'trap "" HUP INT TERM; read -r _; kill -KILL 0')
 
 def kept_programs() -> tuple[int, ...]:
     """Return the processes of programs that stay for the next run."""
-    return ()
+    return tuple(pid for value in values() if isinstance(value, Program) for pid in value.pids)
 
 
 class Program:
@@ -72,6 +73,24 @@ class Program:
     def pid(self) -> int:
         """The program's process id."""
         return self._process.pid
+
+    @property
+    def pids(self) -> tuple[int, int]:
+        """The numbers of the guard and of the program."""
+        return self._guard.pid, self._process.pid
+
+    def stays(self, farewell: bytes) -> bool:
+        """Send the last line of a run; return whether the program can take another one."""
+        with contextlib.suppress(OSError):
+            unsent = self._send(memoryview(farewell), time.monotonic() + FAREWELL_S)
+            return not unsent and self.waits
+        return False
+
+    @property
+    def waits(self) -> bool:
+        """Whether the program runs and has written nothing since its last answer."""
+        self._read(self._out)
+        return self._process.poll() is None and not self._silent and not self._received
 
     def exchange(self, line: bytes, deadline_s: float) -> bytes:
         """Send a line and return the program's next one, without its newline.
