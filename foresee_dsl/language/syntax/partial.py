@@ -14,6 +14,7 @@ from pathlib import Path
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import closest, did_you_mean
 from foresee_dsl.language.model import Definition
@@ -90,7 +91,7 @@ def _certain(found: Diagnostic, unread: frozenset[str]) -> Diagnostic | None:
     name = _QUOTED.search(found.message) or _CALLED.search(found.message)
     if found.code not in _OF_NAMES or name is None or {name[1], name[1].rpartition("_")[0]} & unread:
         return None
-    meant = closest(name[1], sorted(unread)) if "did you mean" not in found.help else None
+    meant = closest(name[1], sorted(unread - KEYWORDS.keys())) if "did you mean" not in found.help else None
     return replace(found, help=f"did you mean '{meant}'?") if meant is not None else found
 
 

@@ -65,7 +65,7 @@ PHRASES = (
     ),
     _phrase(
         TOP,
-        r"^(?:when|expect|if)\b.*?\btime\s*(?P<place>==?)\s*-?[0-9a-z]",
+        r"^(?:when|expect|if)\b.*?\btime\s*(?P<place>==?|is)\s*-?[0-9a-z]",
         r"`\g<place>`: a moment is compared with `>=`",
         "did you mean `>=`?",
     ),
@@ -75,7 +75,31 @@ PHRASES = (
         "`=` compares nothing",
         "numbers are compared by `<`, `<=`, `>` and `>=`",
     ),
+    _phrase(
+        TOP,
+        r"^(?:when|expect|if)\b.*?(?P<place>\b(?P<a>[a-z]\w*)\s+(?:is\s+)?(?:near|close\s+to)\s+(?P<b>[a-z]\w*))",
+        "how near is a length",
+        r"did you mean `\g<a> within 10 m of \g<b>`?",
+    ),
+    _phrase(
+        TOP,
+        r"^(?:when|if)\b.*?(?P<place>\bthen|\bdo)\s*\{\}$",
+        "what happens stands right behind the condition",
+        r"leave `\g<place>` out: `when ego.eta(j4) < 4 s { runner stops }`",
+    ),
     # actions
+    _phrase(
+        _ACTION,
+        rf"^(?P<a>[a-z]\w*)\s+starts\s+(?P<place>(?:after|in|at)\s+{_VALUE}){_END}",
+        "an actor starts at once, or after its delay",
+        r"write `delay \g<v>` in the block of \g<a>; or here `wait \g<v>`, and `then { \g<a> starts }` below it",
+    ),
+    _phrase(
+        _ACTION,
+        r"^[a-z]\w*\s+(?P<place>brakes\s+(?:with|by|at))\s+[0-9]",
+        "the deceleration stands right behind the verb",
+        "did you mean `brakes`?",
+    ),
     _phrase(
         _ACTION,
         rf"^(?:set\s+)?(?P<a>[a-z]\w*)\.speed\s*(?:=|to\b|:=)\s*{_VALUE}{_END}",
@@ -255,7 +279,7 @@ PHRASES = (
 
 
 _EXPECTS = re.compile(
-    r"^expect\s+(?P<label>[a-z]\w*\s*:\s*)?(?P<c>(?!(?:never|always|eventually)\b)(?P<not>not\s+)?(?P<inner>.+))$"
+    r"^expect\s+(?P<label>[a-z]\w*\s*:\s*)?(?P<c>(?!(?:never|always|eventually)\b)(?P<not>(?:not|no)\s+)?(?P<inner>.+))$"
 )
 _BARE = re.compile(r"^(?P<what>collision|arrived)$")
 _HOLDS_ALWAYS = re.compile(r"[>]|\.speed\s*<|\.acceleration\s*<")
