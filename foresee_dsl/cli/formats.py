@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Annotated, Any, cast, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, cast, get_type_hints
 
 import typer
 from typer.core import TyperGroup
@@ -20,12 +21,16 @@ from foresee_dsl.cli.options.common import (
     Consenting,
     JsonOption,
     OutOption,
+    console,
     counted,
     print_json,
 )
 from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.exchange.outcome import Coordinates, ExchangeError, Imported
 from foresee_dsl.plugins import PluginGroup
+
+if TYPE_CHECKING:
+    from foresee_dsl.exchange.maps.cutting import Part
 
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 
@@ -150,34 +155,88 @@ def from_carla(
     return exchange.run(map_, route_files, trigger_files, out=out, vtypes=vtypes)
 
 
+AroundOption = Annotated[
+    str | None,
+    typer.Option(
+        "--around", metavar="PLACE,RADIUS", help="Keep what is around a junction, an edge or `X,Y` of the map (m)."
+    ),
+]
+InBoundaryOption = Annotated[
+    str | None,
+    typer.Option(
+        "--in-boundary", metavar="XMIN,YMIN,XMAX,YMAX", help="Keep what is in a box (m), as netconvert's --keep-edges."
+    ),
+]
+InGeoBoundaryOption = Annotated[
+    str | None,
+    typer.Option("--in-geo-boundary", metavar="LON,LAT,LON,LAT", help="The same in degrees, west and south first."),
+]
+
+
+def _part(around: str | None, in_boundary: str | None, in_geo_boundary: str | None) -> Part | None:
+    from foresee_dsl.exchange.maps.cutting import part_of
+
+    try:
+        return part_of(around, in_boundary, in_geo_boundary)
+    except ValueError as err:
+        raise typer.BadParameter(str(err)) from err
+
+
+def _steps() -> AbstractContextManager[Callable[[str], None]]:
+    """Show on standard error what an import does, where it takes more than a few seconds."""
+    from foresee_dsl.report.terminal.steps import steps
+
+    return steps(console(error=True))
+
+
 def from_opendrive(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An OpenDRIVE map (.xodr).")],
     out: OutOption,
+    around: AroundOption = None,
+    in_boundary: InBoundaryOption = None,
+    in_geo_boundary: InGeoBoundaryOption = None,
 ) -> Imported:
-    """Turn an OpenDRIVE map into a network and a starter scenario."""
+    """Turn an OpenDRIVE map, or a part of it, into a network and a starter scenario."""
     from foresee_dsl.exchange.maps import opendrive as exchange
 
-    return exchange.run(file, out=out)
+    part = _part(around, in_boundary, in_geo_boundary)
+    with _steps() as tell:
+        return exchange.run(file, out=out, part=part, tell=tell)
 
 
 def from_osm(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An OpenStreetMap extract (.osm, .osm.gz, .osm.pbf).")],
     out: OutOption,
+    around: Annotated[
+        str | None,
+        typer.Option("--around", metavar="LON,LAT,RADIUS", help="Keep what is around a place (degrees, m)."),
+    ] = None,
+    in_geo_boundary: InGeoBoundaryOption = None,
 ) -> Imported:
-    """Turn an OpenStreetMap extract into a network and a starter scenario."""
+    """Turn an OpenStreetMap extract, or a part of it, into a network and a starter scenario."""
     from foresee_dsl.exchange.maps import osm as exchange
 
-    return exchange.run(file, out=out)
+    part = _part(around, None, in_geo_boundary)
+    with _steps() as tell:
+        return exchange.run(file, out=out, part=part, tell=tell)
 
 
 def from_sumo(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A SUMO network (.net.xml, .net.xml.gz).")],
     out: OutOption,
+    around: AroundOption = None,
+    in_boundary: InBoundaryOption = None,
+    in_geo_boundary: InGeoBoundaryOption = None,
 ) -> Imported:
-    """Turn a SUMO network into one of ours and a starter scenario."""
+    """Turn a SUMO network, or a part of it, into one of ours and a starter scenario.
+
+    [dim]foresee import sumo town.net.xml --around 1200,850,300 --out town[/dim]
+    """
     from foresee_dsl.exchange.maps import sumo as exchange
 
-    return exchange.run(file, out=out)
+    part = _part(around, in_boundary, in_geo_boundary)
+    with _steps() as tell:
+        return exchange.run(file, out=out, part=part, tell=tell)
 
 
 def from_openscenario(

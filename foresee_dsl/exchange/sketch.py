@@ -207,19 +207,20 @@ def starter_of(network: m.Network, name: str, file: str) -> m.Scenario:
     """Return a scenario to begin with on a network that is used as `file`; an `ExchangeError` where no way is long
     enough."""
     from foresee_dsl.compile.nets.network_builder import build_network
-    from foresee_dsl.exchange.maps.starter import starter
+    from foresee_dsl.exchange.maps.starter import Ground, starter
     from foresee_dsl.exchange.outcome import ExchangeError
     from foresee_dsl.language.streets.layout import rings_of
 
     with tempfile.TemporaryDirectory(prefix="foresee-sketch-") as folder:
         net = Path(folder) / f"{name}.net.xml"
         build_network(network, net)
+        ground = Ground.of(net)
         on_rings = [edge for ring in rings_of(network).values() for edge in ring.edges]
         doc = "A first drive on the streets of a sketch."
         try:  # a way that begins and ends on a street
-            scenario, _ = starter(net, name=name, network=file, doc=doc, without=on_rings)
+            scenario, _ = starter(ground, name=name, network=file, doc=doc, without=on_rings)
         except ExchangeError:
-            scenario, _ = starter(net, name=name, network=file, doc=doc)
+            scenario, _ = starter(ground, name=name, network=file, doc=doc)
     return scenario
 
 

@@ -13,6 +13,7 @@ from foresee_dsl.compile.foreign.geometry_lines import rounded
 from foresee_dsl.compile.foreign.geometry_repair import geometry_of, repair_geometry
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
@@ -70,7 +71,7 @@ def test_a_route_over_a_broken_place_is_refused_with_the_place(tmp_path: Path) -
     file = tmp_path / "x.net.xml"
     file.write_text(net(second="106,0 150,0 110,4"))
     made = foreign_net(file)
-    [broken] = geometry_of(made).broken
+    [broken] = geometry_of(parse_net(made)).broken
     assert broken.startswith("lane out_0 turns by 174 degrees")
     assert broken.endswith("at (150.0 m, 0.0 m)")
     network = RoadNetwork.from_net(made)

@@ -81,10 +81,9 @@ def _change(root: ElementTree.Element, rng: random.Random) -> None:
 
 def look(kind: str, data: bytes, folder: Path) -> str:
     """Import a map, without the drive; return "imported", "refused", or what went wrong."""
-    from foresee_dsl.compile.foreign.networks import foreign_net
     from foresee_dsl.exchange.maps import osm
     from foresee_dsl.exchange.maps.osm import read_osm
-    from foresee_dsl.exchange.maps.starter import starter
+    from foresee_dsl.exchange.maps.starter import Ground, starter
 
     name = SEEDS[kind][0]
     (folder / name).write_bytes(data)
@@ -93,8 +92,7 @@ def look(kind: str, data: bytes, folder: Path) -> str:
             net, _ = osm.converted(read_osm(folder / name))
             name = "map.net.xml"
             (folder / name).write_bytes(net)
-        foreign_net(folder / name)
-        starter(folder / name, name="map", network=name, doc="A first drive.")
+        starter(Ground.of(folder / name), name="map", network=name, doc="A first drive.")
     except ForeseeError as err:
         return "refused" if str(err).strip() else "refused without a word"
     except TimeoutError:

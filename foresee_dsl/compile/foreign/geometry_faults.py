@@ -73,28 +73,63 @@ class Fault:
 
 def faults_of(net: Topology) -> tuple[Fault, ...]:
     """Return what is wrong with the lanes for cars, then with the connections between them, in the net's order."""
-    return (*_of_lanes(net), *_of_connections(net))
+    return Checked.of(net).faults
 
 
-def _of_lanes(net: Topology) -> Iterator[Fault]:
+@dataclass(frozen=True)
+class Checked:
+    """A net whose lines were checked, and what is wrong with each of its lanes and connections, in its order."""
+
+    net: Topology
+    lanes: tuple[Fault | None, ...]
+    ways: tuple[Fault | None, ...]
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """What is wrong with the lanes for cars, then with the connections between them, in the net's order."""
+        return tuple(fault for fault in (*self.lanes, *self.ways) if fault is not None)
+
+    @classmethod
+    def of(cls, net: Topology) -> Checked:
+        """Check all lines of a net."""
+        areas = Areas(net)
+        return cls(net, tuple(map(_of_lane, _lanes(net))), tuple(_of_way(net, way, areas) for way in _ways(net)))
+
+    def again(self, net: Topology) -> Checked:
+        """Check the same net with other lines of some lanes; only these are checked, and what is at their junctions."""
+        moved = {name for name, lane in net.lanes.items() if lane is not self.net.lanes[name]}
+        edges = (edge for edge in net.edges.values() if any(lane.id in moved for lane in edge.lanes))
+        ends = {junction for edge in edges for junction in (edge.start, edge.end)}
+        areas = Areas(net)
+        lanes = zip(_lanes(net), self.lanes, strict=True)
+        ways = zip(_ways(net), self.ways, strict=True)
+        return Checked(
+            net,
+            tuple(_of_lane(lane) if lane.id in moved else fault for lane, fault in lanes),
+            tuple(
+                _of_way(net, way, areas) if way.junction in ends or not moved.isdisjoint(way.via) else fault
+                for way, fault in ways
+            ),
+        )
+
+
+def _lanes(net: Topology) -> Iterator[Lane]:
     for edge in net.edges.values():
-        for lane in edge.for_kind("car"):
-            fault = fault_of_line(lane.shape, lane.id) or _narrow(lane)
-            if fault is not None:
-                yield fault
+        yield from edge.for_kind("car")
 
 
-def _of_connections(net: Topology) -> Iterator[Fault]:
-    areas = Areas(net)
-    for movement in net.movements:
-        if "car" not in movement.kinds or movement.turn == "back":
-            # a vehicle turns round in several moves
-            continue
-        fault = fault_of_connection(net, movement)
-        if fault is None and movement.via:
-            fault = _outside(net, movement, areas)
-        if fault is not None:
-            yield fault
+def _ways(net: Topology) -> Iterator[Movement]:
+    """The connections that are checked: a vehicle turns round in several moves."""
+    return (way for way in net.movements if "car" in way.kinds and way.turn != "back")
+
+
+def _of_lane(lane: Lane) -> Fault | None:
+    return fault_of_line(lane.shape, lane.id) or _narrow(lane)
+
+
+def _of_way(net: Topology, way: Movement, areas: Areas) -> Fault | None:
+    fault = fault_of_connection(net, way)
+    return _outside(net, way, areas) if fault is None and way.via else fault
 
 
 def fault_of_connection(net: Topology, movement: Movement) -> Fault | None:

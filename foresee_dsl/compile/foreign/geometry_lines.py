@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
@@ -131,14 +131,17 @@ class Lines:
         self._shapes[lane] = line
         self._changed[lane] = self._changed.get(lane, 0.0) + shorter_m
 
-    def write(self, root: Element) -> None:
-        """Write the lines that were changed into the net's tree, with heights from those of the old ones."""
-        for lane in root.iter("lane"):
-            name = lane.get("id", "")
-            if name in self._changed:
-                lane.set("shape", _with_heights(self._shapes[name], lane.get("shape", "")))
-                length_m = self._net.lanes[name].length_m - self._changed[name]
-                lane.set("length", f"{max(length_m, 0.1):.2f}")  # SUMO 1.28 makes shorter lanes 0.1 m long
+    def write(self, elements: Mapping[str, Element]) -> tuple[str, ...]:
+        """Write the lines that were changed into the net's lanes (by name), with heights from those of the old ones.
+
+        Returned are the names of the lanes that were changed.
+        """
+        for name, shorter_m in self._changed.items():
+            lane = elements[name]
+            lane.set("shape", _with_heights(self._shapes[name], lane.get("shape", "")))
+            length_m = self._net.lanes[name].length_m - shorter_m
+            lane.set("length", f"{max(length_m, 0.1):.2f}")  # SUMO 1.28 makes shorter lanes 0.1 m long
+        return tuple(self._changed)
 
 
 def _with_heights(line: Points, old: str) -> str:

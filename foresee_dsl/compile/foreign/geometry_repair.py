@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element, SubElement  # no parsing: that is safe_xml's
 
-from foresee_dsl.compile.foreign.geometry_faults import Fault, faults_of
+from foresee_dsl.compile.foreign.geometry_faults import Checked, Fault
 from foresee_dsl.compile.foreign.geometry_lines import Lines
-from foresee_dsl.compile.nets.net_reader import FAULT, topology_of
-from foresee_dsl.compile.nets.safe_xml import parse_net
+from foresee_dsl.compile.nets.net_reader import FAULT, points_of, topology_of
+from foresee_dsl.compile.roads.topology import Topology
 
 REPAIRED = "foresee.repaired"
 """The key of the `<param>` of a lane that was changed, or whose connection was; its value says what was wrong."""
@@ -29,41 +28,59 @@ class Geometry:
         return bool(self.repaired or self.broken)
 
 
-def repair_geometry(root: Element) -> Geometry:
+def repair_geometry(root: Element, net: Topology | None = None) -> Geometry:
     """Round corners of lanes, lead connections smoothly, and close what stays broken; the tree changes only there.
 
     A lane stays within its old band. A connection stays within its junction's area, and leads from lane to lane as
     before; where there is no room for it, the junction grows into the lanes by up to some metres. Lanes and
     connections that stay broken get a parameter that says why; the lanes are closed, and no route leads over the
     connections.
+
+    `net`: the tree's topology, where the caller has it.
     """
-    net = topology_of(root)
-    faults = faults_of(net)
-    if not faults:
+    net = topology_of(root) if net is None else net
+    checked = Checked.of(net)
+    if not checked.faults:
         return Geometry()
+    lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
     lines = Lines(net)
-    repaired = [fault for fault in faults if not fault.to and lines.round_corners(fault.lane)]
+    repaired = [fault for fault in checked.faults if not fault.to and lines.round_corners(fault.lane)]
     if repaired:
-        lines.write(root)
-        net = topology_of(root)
-        lines = Lines(net)
+        checked = checked.again(_with_lines(net, lanes, lines.write(lanes)))
+        lines = Lines(checked.net)
     ways = {movement.ends: movement for movement in net.movements}
-    for fault in faults_of(net):
+    for fault in checked.faults:
         if fault.to and lines.lead(ways[fault.lane, fault.to]):
             repaired.append(fault)
-    lines.write(root)
-    broken = faults_of(topology_of(root))
-    lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
+    broken = checked.again(_with_lines(checked.net, lanes, lines.write(lanes))).faults
     for fault in repaired:
         SubElement(lanes[fault.lane], "param", {"key": REPAIRED, "value": fault.where})
     _close(root, lanes, broken)
     return Geometry(tuple(fault.where for fault in repaired), tuple(fault.where for fault in broken))
 
 
-def geometry_of(net_file: Path) -> Geometry:
-    """Return what `repair_geometry` has written into a net."""
+def _with_lines(net: Topology, elements: Mapping[str, Element], changed: Iterable[str]) -> Topology:
+    """Return a net with the lines of some lanes as its tree has them now."""
+    new = {
+        name: replace(
+            net.lanes[name],
+            shape=points_of(elements[name].attrib["shape"]),
+            length_m=float(elements[name].attrib["length"]),
+        )
+        for name in changed
+    }
+    edges = {lane.edge for lane in new.values()} & net.edges.keys()
+    moved = {
+        name: replace(net.edges[name], lanes=tuple(new.get(lane.id, lane) for lane in net.edges[name].lanes))
+        for name in edges
+    }
+    return replace(net, lanes={**net.lanes, **new}, edges={**net.edges, **moved})
+
+
+def geometry_of(root: Element) -> Geometry:
+    """Return what `repair_geometry` has written into a net's tree."""
     found: dict[str, list[str]] = {REPAIRED: [], FAULT: []}
-    for param in parse_net(net_file).iter("param"):
+    for param in root.iter("param"):
         if param.get("key") in found:
             found[param.get("key", "")].append(param.get("value", ""))
     return Geometry(tuple(dict.fromkeys(found[REPAIRED])), tuple(found[FAULT]))

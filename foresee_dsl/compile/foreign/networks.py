@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is safe_xml's
 
@@ -23,7 +24,7 @@ from foresee_dsl.compile.nets.netconvert import (
     without_header,
 )
 from foresee_dsl.compile.nets.safe_xml import parse_net, unreadable
-from foresee_dsl.compile.nets.signals import read_signals
+from foresee_dsl.compile.nets.signals import signals_of
 from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
@@ -62,7 +63,15 @@ NOTES = "notes.txt"
 """Beside a net in the cache: what is to be said of how it was made."""
 
 
-def foreign_net(path: Path) -> Path:
+Tell = Callable[[str], None]
+"""What is called at the beginning of each step that takes long for a large map, with what the step does."""
+
+
+def in_silence(_: str) -> None:
+    """Tell nothing of a step."""
+
+
+def foreign_net(path: Path, tell: Tell = in_silence) -> Path:
     """Return a net, in the cache, for a `.net.xml` (without the comments in front) or an `.xodr` map.
 
     Ids and coordinates are those of the net; an OpenDRIVE map keeps its coordinates. A net is taken as it is, but for
@@ -74,9 +83,9 @@ def foreign_net(path: Path) -> Path:
     except OSError as err:
         raise unreadable(path, err) from err
     if path.name.endswith(".net.xml"):
-        return cached_net(("net.xml", _NET_EDITION, data), lambda out: _copy_net(path, data, out))
+        return cached_net(("net.xml", _NET_EDITION, data), lambda out: _copy_net(path, data, out, tell))
     if path.name.endswith(".xodr"):
-        return cached_net(("xodr", _EDITION, data), lambda out: _convert_map(path, out))
+        return cached_net(("xodr", _EDITION, data), lambda out: convert_map(path, out, tell=tell))
     raise CompileError(f"the network {path} is of no known kind: its name must end in {' or '.join(SUFFIXES)}")
 
 
@@ -108,18 +117,21 @@ def _give_lanes_their_limits(root: Element) -> None:
                     SubElement(lane, "speed", {"sOffset": "0", "max": f"{limit:.3f}", "unit": "m/s"})
 
 
-def _copy_net(path: Path, data: bytes, out: Path) -> None:
+def _copy_net(path: Path, data: bytes, out: Path, tell: Tell) -> None:
+    tell("checking the lanes and connections")
     root = parse_net(path)
     if root.find("edge") is None or root.find("location") is None:
         raise CompileError(f"{path} is not a complete SUMO network: it has no edges or no location")
     try:
-        _check_sound(topology_of(root))
-        changed = any((fix_times(root), repair_geometry(root)))
+        parts = topology_of(root)
+        _check_sound(parts)
+        changed = any((fix_times(root), repair_geometry(root, parts)))
         if changed:
             write_net(root, out)
         else:
             out.write_bytes(without_header(data))
-        read_signals(out, None)
+        signals_of(root, parts, None)
+        tell("loading the network in SUMO")
         _check_loads(path, out)
     except TypeError as err:  # rows of one number cannot be put in order
         raise CompileError(f"{path} is no sound SUMO network: two requests of a junction have one index") from err
@@ -154,7 +166,12 @@ def _check_sound(parts: Topology) -> None:
             raise ValueError(f"junction {junction.id} has no place or outline that can be meant")
 
 
-def _convert_map(path: Path, out: Path) -> None:
+def convert_map(path: Path, out: Path, *, keep: Sequence[str] = (), tell: Tell = in_silence) -> None:
+    """Write the net of an OpenDRIVE map, and beside it what is to be said of how it was made.
+
+    `keep`: netconvert's option for a part of the map, with its value.
+    """
+    tell("converting the map with netconvert")
     root = read_opendrive(path)
     try:
         notes = [f"netconvert cannot read {text}: {count}" for text, count in make_readable(root).items()]
@@ -166,12 +183,13 @@ def _convert_map(path: Path, out: Path) -> None:
         raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
     with tempfile.TemporaryDirectory(prefix="foresee-map-") as name:
         folder = Path(name)
-        notes += _build(root, folder)
+        notes += _build(root, folder, keep)
         net = parse_net(folder / "map.net.xml")
     try:
         _check_sound(topology_of(net))
     except ValueError as err:
         raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
+    tell("checking the lanes and connections")
     close_parking(net)
     repair_overlaps(net)
     repair_geometry(net)
@@ -179,17 +197,18 @@ def _convert_map(path: Path, out: Path) -> None:
     if left_hand:
         mirror_net(net)
     write_net(net, out)
+    tell("loading the network in SUMO")
     _check_loads(path, out)
     if notes:
         (out.parent / NOTES).write_text("\n".join(notes), encoding="utf-8")
 
 
-def _build(root: Element, folder: Path) -> list[str]:
+def _build(root: Element, folder: Path, keep: Sequence[str]) -> list[str]:
     """Have netconvert make `map.net.xml` in a folder, and return what to say of it."""
     maps = sumo_home() / "data" / "typemap"
     (folder / "map.xodr").write_bytes(tostring(root, encoding="utf-8", xml_declaration=True))
     types = ",".join(str(maps / file) for file in _TYPEMAPS)
-    command = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml", *_OPTIONS]
+    command = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml", *_OPTIONS, *keep]
     notes = []
     try:
         run_netconvert([*command, *_INNER_SHAPES], folder)

@@ -72,10 +72,13 @@ def read_net_once(net_file: Path, network: Network | None) -> tuple[Topology, Ma
     place = disk_cache.entry("read", (net_file.parent.name,))
     known = disk_cache.load(place)
     if known is None:
-        from foresee_dsl.compile.nets.net_reader import read_net  # XML: only for a net that is new
-        from foresee_dsl.compile.nets.signals import read_signals
+        from foresee_dsl.compile.nets.net_reader import topology_of  # XML: only for a net that is new
+        from foresee_dsl.compile.nets.safe_xml import parse_net
+        from foresee_dsl.compile.nets.signals import signals_of
 
-        known = read_net(net_file), read_signals(net_file, network)
+        root = parse_net(net_file)
+        topology = topology_of(root)
+        known = topology, signals_of(root, topology, network)
         disk_cache.store(place, known)
     return cast(tuple[Topology, Mapping[str, Signal]], known)
 

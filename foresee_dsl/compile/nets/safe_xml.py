@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import RawIOBase
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, cast
@@ -44,13 +46,43 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
 
     An `error` where it cannot be read, is too large or too deep, is no XML, declares entities, or has another root.
     """
+    with _as_errors(path, what, error):
+        root, *_ = _pieces_of(path, error, keep=True)
+    if root.tag.startswith("{") and root.tag.endswith(f"}}{tag}"):  # files may name their schema, or not
+        for element in root.iter():
+            element.tag = element.tag.rpartition("}")[2]
+    _check_root(path, root, tag, what, error)
+    return root
+
+
+def children_of(path: Path, tag: str, what: str, error: type[ForeseeError] = CompileError) -> Iterator[Element]:
+    """Yield the elements below the root of an XML file, each with what is in it, and then forget it.
+
+    So the file may have more elements than memory has room for; the rest is as of `parse_xml`.
+    """
+    with _as_errors(path, what, error):
+        pieces = _pieces_of(path, error, keep=False)
+        _check_root(path, next(pieces), tag, what, error)
+        for element in pieces:
+            element.tag = element.tag.rpartition("}")[2]
+            yield element
+
+
+def _check_root(path: Path, root: Element, tag: str, what: str, error: type[ForeseeError]) -> None:
+    if root.tag.rpartition("}")[2] != tag:
+        raise error(f"{path} is not {what}: its root is <{root.tag}>, not <{tag}>")
+
+
+@contextmanager
+def _as_errors(path: Path, what: str, error: type[ForeseeError]) -> Iterator[None]:
+    """Turn what is raised while a file is read into an `error` that names the file."""
     import zlib
     from xml.etree.ElementTree import ParseError
 
     from defusedxml import DefusedXmlException  # here: a net that was read before needs no XML
 
     try:
-        root = _parsed(path, error)
+        yield
     except OSError as err:
         raise unreadable(path, err, error) from err
     except DefusedXmlException as err:
@@ -61,12 +93,6 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
         cut_off = line and str(err).startswith("no element found")
         fault = f"it is cut off at line {line}" if cut_off else str(err)
         raise error(f"{path} is not {what}, or a damaged one: {fault}") from err
-    if root.tag.startswith("{") and root.tag.endswith(f"}}{tag}"):  # files may name their schema, or not
-        for element in root.iter():
-            element.tag = element.tag.rpartition("}")[2]
-    if root.tag != tag:
-        raise error(f"{path} is not {what}: its root is <{root.tag}>, not <{tag}>")
-    return root
 
 
 def unreadable(path: Path, err: OSError, error: type[ForeseeError] = CompileError) -> ForeseeError:
@@ -132,8 +158,11 @@ class _Pieces:
         return data
 
 
-def _parsed(path: Path, error: type[ForeseeError]) -> Element:
-    """Parse a file, watching its depth and its size in memory while it grows."""
+def _pieces_of(path: Path, error: type[ForeseeError], *, keep: bool) -> Iterator[Element]:
+    """Parse a file, watching its depth and its size in memory while it grows; yield its root, then what is below that.
+
+    `keep`: the root keeps what is below it.
+    """
     from defusedxml.ElementTree import iterparse
 
     depth = count = attributes = 0
@@ -145,18 +174,29 @@ def _parsed(path: Path, error: type[ForeseeError]) -> Element:
             if event == "end":
                 depth -= 1
                 _check_opens_none(element, path, error)
+                if depth == 1:
+                    yield element
+                if depth == 1 and not keep and root is not None:
+                    root.clear()
+                    count = attributes = 0
                 continue
-            root = element if root is None else root
+            if root is None:
+                root = element
+                yield root
             depth, count, attributes = depth + 1, count + 1, attributes + len(element.attrib)
             if depth > DEEPEST:
                 raise error(f"{path} nests more than {DEEPEST} elements in each other")
             if count > MOST_ELEMENTS:
-                raise error(f"{path} has more than {MOST_ELEMENTS:,} elements: cut out the part that is needed")
+                raise error(f"{path} has more than {MOST_ELEMENTS:,} elements: {_advice(root)}")
             if attributes > MOST_ATTRIBUTES:
-                raise error(f"{path} has more than {MOST_ATTRIBUTES:,} attributes: cut out the part that is needed")
+                raise error(f"{path} has more than {MOST_ATTRIBUTES:,} attributes: {_advice(root)}")
     if root is None:
         raise ValueError("it is empty")
-    return root
+
+
+def _advice(root: Element) -> str:
+    how = " by `foresee import sumo FILE --around X,Y,RADIUS`" if root.tag.endswith("net") else ""
+    return f"cut out the part that is needed{how}"
 
 
 def _check_opens_none(element: Element, path: Path, error: type[ForeseeError]) -> None:

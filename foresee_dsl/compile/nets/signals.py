@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.bundle import Phase, Signal
 from foresee_dsl.compile.nets.net_reader import topology_of
@@ -90,14 +91,19 @@ def write_programs(
 
 
 def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
-    """Read the signals of a net, by junction.
+    """Read the signals of a net file, as `signals_of` returns them."""
+    root = parse_net(net_file)
+    return signals_of(root, topology_of(root), network)
+
+
+def signals_of(root: Element, topology: Topology, network: Network | None) -> dict[str, Signal]:
+    """Return the signals of a net by junction, from its tree and the topology of that.
 
     `network`: what it was built from; None for a foreign one. Then every phase is a stage of its own, `phase_N`, but
     for programs that we gave it (`give_programs`), and a program that controls several junctions appears once for each.
     """
-    root = parse_net(net_file)
     controlled: dict[str, str] = {}
-    for movement in _with_signal(topology_of(root)):
+    for movement in _with_signal(topology):
         controlled.setdefault(movement.junction, movement.tls or "")
     logics = {e.get("id", ""): e for e in reversed(root.findall("tlLogic"))}
     found = {}

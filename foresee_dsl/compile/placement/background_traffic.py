@@ -24,6 +24,9 @@ from foresee_dsl.language.model import Traffic
 
 GAP_M = 12.0
 """Free road in front of and behind every vehicle at the start, m (ours: a car at 25 km/h can stop within it)."""
+_ROUNDING_M = 0.01
+"""A lane farther than this from where actors are wanted has no place for one, m (ours: far more than what rounding
+adds to a place on it)."""
 STEP_M = 3.0
 """Spacing of the candidate places of vehicles on lanes, m (ours)."""
 MAX_EDGES = 12
@@ -208,6 +211,8 @@ class _Around:
         return self._lane_places[kind]
 
     def _places_on(self, lane: Lane, dead_end: bool, kind: LaneKind) -> list[tuple[Lane, float]]:
+        if not shapely.dwithin(self._near, lane.centreline, _ROUNDING_M):  # most of a large map
+            return []
         last = lane.line.length_m - (DEAD_END_M if dead_end else 3.0)
         leads_on = dead_end or any(m.from_lane == lane.id for m in self._network.movements_from(lane.edge, kind))
         s = np.arange(3.0, last, STEP_M)

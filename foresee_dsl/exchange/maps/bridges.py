@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, distance
 from foresee_dsl.compile.roads.topology import Lane
 
+_ROUNDING_M = 1e-6
+"""Ours: far more than interpolating a height adds to it."""
 _END_M = 10.0
 """Nearer than this to a lane's end it meets others in a junction (ours)."""
 CLEARANCE_M = 3.0
@@ -29,8 +32,13 @@ class Heights:
     @classmethod
     def of(cls, net_file: Path) -> Heights:
         """Read the third coordinates of a net's lanes; those that it leaves out are 0."""
+        return cls.in_tree(parse_net(net_file))
+
+    @classmethod
+    def in_tree(cls, root: Element) -> Heights:
+        """Return the same of a net's tree."""
         found = {}
-        for lane in parse_net(net_file).iter("lane"):
+        for lane in root.iter("lane"):
             points = [[float(value) for value in point.split(",")] for point in lane.get("shape", "").split()]
             marks = [0.0]
             for (x0, y0, *_), (x1, y1, *_) in pairwise(points):
@@ -42,6 +50,11 @@ class Heights:
     def known(self) -> bool:
         """Whether the net has heights at all."""
         return any(abs(z) >= CLEARANCE_M for _, levels in self.lanes.values() for z in levels)
+
+    def may_differ(self, one: str, other: str) -> bool:
+        """Say whether two lanes have heights, at any place of theirs, with the clearance of a bridge between them."""
+        (_, first), (_, second) = self.lanes[one], self.lanes[other]
+        return max(max(first) - min(second), max(second) - min(first)) >= CLEARANCE_M - _ROUNDING_M
 
     def at(self, lane: str, along_m: float) -> float:
         """Return a lane's height at a length along it, m."""
@@ -75,7 +88,7 @@ def bridges(network: RoadNetwork, heights: Heights) -> tuple[Bridge, ...]:
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     found: dict[Bridge, None] = {}
     for i, j in zip(first.tolist(), second.tolist(), strict=True):
-        if i >= j or lanes[i].edge == lanes[j].edge:
+        if i >= j or lanes[i].edge == lanes[j].edge or not _may_be_over(lanes[i], lanes[j], heights):
             continue
         for point in shapely.get_parts(shapely.intersection(lines[i], lines[j])):
             if point.is_empty:  # roundings: they touch, and have no point in common
@@ -95,10 +108,15 @@ def bridge_notes(found: Sequence[Bridge]) -> tuple[str, ...]:
             "routes and traffic away from them",)  # fmt: skip
 
 
+def _may_be_over(one: Lane, other: Lane, heights: Heights) -> bool:
+    """Whether one lane may go over another, wherever they cross: in a junction hundreds cross on one level."""
+    return heights.may_differ(one.id, other.id) if heights.known else not (one.internal or other.internal)
+
+
 def _over(one: Lane, other: Lane, at: XY, heights: Heights) -> bool:
     along = [lane.line.project(*at)[0] for lane in (one, other)]
     if heights.known:
         levels = [heights.at(lane.id, s) for lane, s in zip((one, other), along, strict=True)]
         return abs(levels[0] - levels[1]) >= CLEARANCE_M
     inner = [_END_M < s < lane.line.length_m - _END_M for lane, s in zip((one, other), along, strict=True)]
-    return all(inner) and not (one.internal or other.internal)
+    return all(inner)

@@ -9,12 +9,14 @@ from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
-from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
+from foresee_dsl.compile.foreign.networks import Tell, convert_map, in_silence, notes_of
+from foresee_dsl.compile.nets.netconvert import NetconvertLimitError, run_netconvert, without_header
 from foresee_dsl.compile.nets.safe_xml import parse_xml, unpacked
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
-from foresee_dsl.exchange.maps.sumo import with_starter
+from foresee_dsl.exchange.maps.cutting import EMPTY, Around, Boundary, Part
+from foresee_dsl.exchange.maps.sumo import NET, part_name, with_starter
 from foresee_dsl.exchange.naming import file_name, name_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.files import read_outside
@@ -35,12 +37,20 @@ _DATE = re.compile(rb'(<header\b[^>]*?) date="[^"]*"')
 _OPTIONS = ("--precision", "4", "--no-warnings", "true")
 
 
-def run(file: Path, *, out: Path) -> Imported:
-    """Write `NAME.xodr` and the scenario `NAME.foresee` for an OpenDRIVE map."""
+def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_silence) -> Imported:
+    """Write `NAME.xodr` and the scenario `NAME.foresee` for an OpenDRIVE map.
+
+    Args:
+        part: what is kept of it, as a SUMO network `NAME_part.net.xml`; all by default.
+        tell: is called with the steps that take long.
+    """
     plain = file.name.removesuffix(".gz")
     if not plain.endswith(".xodr"):
         raise ExchangeError(f"{file} is not called like an OpenDRIVE map: its name must end in .xodr")
+    tell("reading the map")
     root = parse_xml(file, "OpenDRIVE", "an OpenDRIVE map")
+    if part is not None:
+        return _run_part(file, part, out, tell)
     return with_starter(
         unpacked(file),
         file_name(plain),
@@ -48,7 +58,51 @@ def run(file: Path, *, out: Path) -> Imported:
         out,
         source=file.name,
         contents=lambda parts: (taken_from(parts), left_out_of(root, parts), notes_on(root, parts)),
+        tell=tell,
     )
+
+
+def _run_part(file: Path, part: Part, out: Path, tell: Tell) -> Imported:
+    """Write the part as a SUMO network: it is netconvert that cuts it out, when it makes a net of the map."""
+    name = part_name(name_of(file.name.removesuffix(".gz").removesuffix(".xodr"), "map"))
+    box = part if isinstance(part, Boundary) else _around(part, file)
+    with tempfile.TemporaryDirectory(prefix="foresee-map-") as folder:
+        net = Path(folder) / NET
+        try:
+            convert_map(file, net, keep=box.option, tell=tell)
+        except NetconvertLimitError as err:
+            raise ExchangeError(f"{err}; or choose a smaller part") from err
+        except CompileError as err:
+            if any(words in str(err) for words in EMPTY):
+                raise ExchangeError(f"{file} has no road in the box {box}{_extent(file)}") from err
+            raise
+        notes = (f"the part is a SUMO network: what lies in the box {box}, wholly or partly", *notes_of(net))
+        return with_starter(
+            net.read_bytes(),
+            f"{name}{NET}",
+            name,
+            out,
+            source=f"a part of {file.name}",
+            contents=lambda parts: (taken_from(parts), Counter(), notes),
+            tell=tell,
+        )
+
+
+def _around(part: Around, file: Path) -> Boundary:
+    if part.point is None:
+        raise ExchangeError(f"{part.place!r} is not a place on {file}: write its x and y in m, `X,Y,RADIUS`"
+                            f"{_extent(file)}")  # fmt: skip
+    return part.box(*part.point)
+
+
+def _extent(file: Path) -> str:
+    """Return in words how far a map reaches: between the beginnings of its pieces of road."""
+    pieces = list(parse_xml(file, "OpenDRIVE", "an OpenDRIVE map").iter("geometry"))
+    try:
+        xs, ys = ([float(piece.attrib[name]) for piece in pieces] for name in ("x", "y"))
+        return f"; its roads begin within the box {Boundary(min(xs), min(ys), max(xs), max(ys))}"
+    except (KeyError, ValueError):
+        return ""
 
 
 def taken_from(parts: Topology) -> dict[str, int]:

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections import Counter
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
+from foresee_dsl.compile.foreign.networks import Tell, in_silence
 from foresee_dsl.compile.nets.net_reader import read_net
-from foresee_dsl.compile.nets.netconvert import NetconvertDiedError, run_netconvert, sumo_home, without_header
+from foresee_dsl.compile.nets.netconvert import (
+    NetconvertDiedError,
+    NetconvertLimitError,
+    run_netconvert,
+    sumo_home,
+    without_header,
+)
 from foresee_dsl.compile.nets.safe_xml import MOST_ELEMENTS, parse_xml, unreadable
 from foresee_dsl.errors import CompileError
+from foresee_dsl.exchange.maps.cutting import CUT, EMPTY, Around, Boundary, Part
 from foresee_dsl.exchange.maps.osm_crossings import crossings_of
-from foresee_dsl.exchange.maps.sumo import NET, counts, with_starter
+from foresee_dsl.exchange.maps.sumo import NET, counts, part_name, with_starter
 from foresee_dsl.exchange.naming import name_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.files import open_outside
@@ -44,8 +54,6 @@ _NOT_ALONE = ("--remove-edges.isolated", "true")
 """Streets that lead to no others are left out, unless there are no others."""
 _MAPPED_CROSSINGS = ("--osm.crossings", "true")
 """Crossings where the map has them; netconvert 1.28 dies of it for some extracts (3 of 28 of osm2streets')."""
-_NO_NODES = "No nodes loaded"
-"""What netconvert 1.28 says of ways whose nodes are not in the extract."""
 _AGAIN = (
     "--junctions.corner-detail",
     "5",
@@ -66,17 +74,30 @@ _CAR_STREETS = frozenset(
 _OTHER_WAYS = ("building", "railway", "waterway", "landuse", "natural", "leisure", "amenity", "barrier", "boundary")
 
 
-def run(file: Path, *, out: Path) -> Imported:
-    """Write `NAME.net.xml` and the scenario `NAME.foresee` for an extract `NAME.osm` that has streets."""
+def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_silence) -> Imported:
+    """Write `NAME.net.xml` and the scenario `NAME.foresee` for an extract `NAME.osm` that has streets.
+
+    Args:
+        part: what is kept of it, as `NAME_part`; all by default. tell: is called with the steps that take long.
+    """
+    box = part.geo_box() if isinstance(part, Around) else part
+    tell(f"reading {file.name}")
     root = read_osm(file)
     if not any(_tag(way, "highway") in _CAR_STREETS for way in root.iterfind("way")):
         raise ExchangeError(f"{file} has no streets: `highway` ways with their nodes are needed")
     if root.find("node") is None:
         raise ExchangeError(f"{file} has no nodes: export it with them")
     name = name_of(file.name.partition(".osm")[0], "map")
-    net, notes = converted(root)
+    extent = None
+    if box is not None:
+        name, extent = part_name(name), extent_of(root)
+        keep_within(root, box)
+    tell("making a network of it with netconvert")
+    net, notes = converted(root, box=box)
     if b"<edge " not in net:
-        net, notes = converted(root, alone=True)
+        net, notes = converted(root, alone=True, box=box)
+    if b"<edge " not in net and box is not None:
+        raise ExchangeError(f"{file} has no street for cars in the box {box}; it reaches {extent}")
     if b"<edge " not in net:
         raise ExchangeError(f"{file} has no street that leads anywhere: a larger extract is needed")
     return with_starter(
@@ -84,20 +105,66 @@ def run(file: Path, *, out: Path) -> Imported:
         f"{name}{NET}",
         name,
         out,
-        source=f"{file.name}, (c) OpenStreetMap contributors",
-        contents=lambda parts: (counts(parts), _left_out(root), (*notes, _GUESSED)),
+        source=f"{'a part of ' if box is not None else ''}{file.name}, (c) OpenStreetMap contributors",
+        contents=lambda parts: (counts(parts), _left_out(root), (*notes, *_kept(box), _GUESSED)),
+        tell=tell,
     )
+
+
+def _kept(box: Boundary | None) -> tuple[str, ...]:
+    return () if box is None else (f"what lies in the box {box} is kept, wholly or partly",)
+
+
+def extent_of(root: Element) -> Boundary | None:
+    """Return the box of an extract's nodes; None where it has none."""
+    places = list(_places(root).values())
+    if not places:
+        return None
+    lons, lats = zip(*places, strict=True)
+    return Boundary(min(lons), min(lats), max(lons), max(lats), geo=True)
+
+
+def keep_within(root: Element, box: Boundary) -> None:
+    """Remove the ways of an extract that lie wholly to one side of a box, and the nodes that no way needs then.
+
+    netconvert cuts exactly; this only spares it the rest.
+    """
+    places = _places(root)
+    needed: set[str] = set()
+    for way in root.findall("way"):
+        refs = [node.get("ref", "") for node in way.iterfind("nd")]
+        points = [places[ref] for ref in refs if ref in places]
+        lons, lats = [lon for lon, _ in points], [lat for _, lat in points]
+        if points and not (max(lons) < box.west or min(lons) > box.east or max(lats) < box.south
+                           or min(lats) > box.north):  # fmt: skip
+            needed.update(refs)
+        else:
+            root.remove(way)
+    for node in root.findall("node"):
+        lon, lat = places.get(node.get("id", ""), (math.nan, math.nan))
+        within = box.west <= lon <= box.east and box.south <= lat <= box.north
+        if not within and node.get("id") not in needed:
+            root.remove(node)
+
+
+def _places(root: Element) -> dict[str, tuple[float, float]]:
+    """Longitude and latitude of each node, degrees."""
+    places = {}
+    for node in root.iterfind("node"):
+        with suppress(ValueError, KeyError):
+            places[node.get("id", "")] = float(node.attrib["lon"]), float(node.attrib["lat"])
+    return places
 
 
 _GUESSED = ("signals without known times have netconvert's fixed programs of 90 s; sidewalks and crossings that OSM "
             "does not say are guessed")  # fmt: skip
 
 
-def converted(root: Element, *, alone: bool = False) -> tuple[bytes, tuple[str, ...]]:
+def converted(root: Element, *, alone: bool = False, box: Boundary | None = None) -> tuple[bytes, tuple[str, ...]]:
     """Return the net of an extract, and what to say of it.
 
     It is written anew for netconvert: so that meets no document type that it would fetch. `alone`: streets that lead to
-    no others too.
+    no others too. `box`: what is kept; all by default.
     """
     from xml.etree.ElementTree import tostring
 
@@ -109,6 +176,7 @@ def converted(root: Element, *, alone: bool = False) -> tuple[bytes, tuple[str, 
         command = ["--osm-files", "map.osm.xml", "--type-files", types, "--output-file", f"map{NET}", *_OPTIONS]
         notes: tuple[str, ...] = ()
         command += () if alone else _NOT_ALONE
+        command += () if box is None else box.option
         if drives_on_the_left(root):
             command += ["--lefthand", "true"]
         try:
@@ -120,8 +188,10 @@ def converted(root: Element, *, alone: bool = False) -> tuple[bytes, tuple[str, 
                 notes = (f"{err} while it put the map's crossings: {put} of them are put by ourselves, at the arms of "
                          "junctions with sidewalks; others are guessed",)  # fmt: skip
         except CompileError as err:
-            if _NO_NODES in str(err):
+            if any(words in str(err) for words in EMPTY):
                 return b"", ()
+            if isinstance(err, NetconvertLimitError):
+                raise ExchangeError(f"{err}; or {CUT}") from err
             raise ExchangeError(f"netconvert cannot make a network of it: {err}") from err
         return without_header((folder / f"map{NET}").read_bytes()), notes
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.nets.signals import read_signals
+from foresee_dsl.compile.foreign.geometry_repair import Geometry, geometry_of
+from foresee_dsl.compile.foreign.networks import Tell, foreign_net, in_silence, notes_of
+from foresee_dsl.compile.nets.cache import read_net_once
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.compile.roads.topology import Movement
-from foresee_dsl.exchange.maps.bridges import Heights, bridges
+from foresee_dsl.compile.roads.topology import Lane, Movement
+from foresee_dsl.exchange.maps.bridges import Bridge, Heights, bridges
 from foresee_dsl.exchange.naming import check_network
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language import model as m
@@ -63,21 +65,51 @@ class Way:
     slowest_mps: float
 
 
+@dataclass(frozen=True)
+class Ground:
+    """A map as the search for a way needs it; it is read once, also where several ways are tried.
+
+    Attributes:
+        file: the map's name, for messages. roads: its network. signals: the junctions with a signal that has a program.
+        bridges: where its roads go over others. geometry: what was wrong with its lines. notes: how its net was made.
+    """
+
+    file: str
+    roads: RoadNetwork
+    signals: frozenset[str]
+    bridges: tuple[Bridge, ...]
+    geometry: Geometry
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, map_file: Path, tell: Tell = in_silence) -> Ground:
+        """Read a `.net.xml` or `.xodr`; an `ExchangeError` where cars cannot drive on it, or ids cannot be expressed.
+
+        `tell`: is called with the steps that take long.
+        """
+        net = foreign_net(map_file, tell)
+        tell("reading the network")
+        parts, signals = read_net_once(net, None)
+        roads = RoadNetwork.of(parts)
+        check_network(roads, map_file.name)
+        root = parse_net(net)
+        heights = Heights.in_tree(root)
+        return cls(map_file.name, roads, frozenset(signals), bridges(roads, heights), geometry_of(root), notes_of(net))
+
+
 def starter(
-    net_file: Path, *, name: str, network: str, doc: str, without: Collection[str] = ()
+    ground: Ground, *, name: str, network: str, doc: str, without: Collection[str] = ()
 ) -> tuple[m.Scenario, Way]:
-    """Return a scenario that runs on a `.net.xml` or `.xodr`, and the way that its ego takes.
+    """Return a scenario that runs on a map, and the way that its ego takes.
 
     `network`: the file as the scenario names it. `without`: edges to keep off. An `ExchangeError`
     where it has no way for a car that is long enough.
     """
-    net = foreign_net(net_file)
-    roads = RoadNetwork.from_net(net)
-    check_network(roads, net_file.name)
-    over = frozenset(edge for one in bridges(roads, Heights.of(net)) for edge in one.edges)
-    way = best_way(roads, frozenset(read_signals(net, None)), over, without)
+    roads = ground.roads
+    over = frozenset(edge for bridge in ground.bridges for edge in bridge.edges)
+    way = best_way(roads, ground.signals, over, without)
     if way is None:
-        raise ExchangeError(f"{net_file.name} has no way of {_SMALL_MAPS[-1][0]:.0f} m for a car: {_why(roads)}")
+        raise ExchangeError(f"{ground.file} has no way of {_SMALL_MAPS[-1][0]:.0f} m for a car: {_why(roads)}")
     body: list[m.ScenarioItem] = [
         m.Doc(text=doc),
         m.Tags(names=("starter",)),
@@ -116,7 +148,7 @@ def _best_of(roads: RoadNetwork, streets: _Streets, bridged: frozenset[str]) -> 
     middle = (SHORTEST_M + LONGEST_M) / 2
     best: tuple[tuple[float, ...], Way] | None = None
     for way in itertools.islice(streets.ways(), _MOST_WAYS):
-        ahead_m = streets.lengths[way.edges[0]] - way.start_m
+        ahead_m = streets.length_m(way.edges[0]) - way.start_m
         rank = (
             any(edge in bridged for edge in way.edges),
             way.slowest_mps < _SLOW_STREET_MPS,
@@ -133,16 +165,17 @@ def _best_of(roads: RoadNetwork, streets: _Streets, bridged: frozenset[str]) -> 
 
 @dataclass(frozen=True)
 class _Streets:
-    """What the search needs of each edge for cars: m, m/s, and the movements onward by the edge that they lead to.
+    """What the search needs of each edge for cars: its rightmost lane, and the movements onward by the edge that they
+    lead to.
 
     `room_m`: the shortest way, and the free road before and behind it.
     """
 
-    lengths: dict[str, float]
-    limits: dict[str, float]
-    onward: dict[str, dict[str, Movement]]
+    roads: RoadNetwork
+    lanes: dict[str, Lane]
     signals: frozenset[str]
     room_m: tuple[float, float, float]
+    _onward: dict[str, dict[str, Movement]] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -153,17 +186,23 @@ class _Streets:
             for edge in roads.edges.values()
             if edge.for_kind("car") and edge.id not in without
         }
-        onward = {
-            edge: {m.to_edge: m for m in roads.movements_from(edge) if m.turn != "back" and m.to_edge in lanes}
-            for edge in lanes
-        }
-        lengths = {edge: lane.line.length_m for edge, lane in lanes.items()}
-        limits = {edge: lane.speed_mps for edge, lane in lanes.items()}
-        return cls(lengths, limits, onward, signals, room_m)
+        return cls(roads, lanes, signals, room_m)
+
+    def length_m(self, edge: str) -> float:
+        """Return an edge's length, m."""
+        return self.lanes[edge].line.length_m
+
+    def onward(self, edge: str) -> dict[str, Movement]:
+        """Return the movements from an edge; of a large map most are never asked for."""
+        if edge not in self._onward:
+            self._onward[edge] = {
+                m.to_edge: m for m in self.roads.movements_from(edge) if m.turn != "back" and m.to_edge in self.lanes
+            }
+        return self._onward[edge]
 
     def ways(self) -> Iterator[Way]:
         """Yield ways of a fitting length from every edge on, none over the same edge twice."""
-        for start in sorted(self.lengths):
+        for start in sorted(self.lanes):
             open_ways: list[tuple[tuple[str, ...], float]] = [((start,), 0.0)]
             while open_ways:
                 edges, after_first_m = open_ways.pop()
@@ -171,12 +210,12 @@ class _Streets:
                 if way is not None and self.room_m[0] <= way.length_m <= LONGEST_M:
                     yield way
                 if len(edges) < _MOST_EDGES and after_first_m < LONGEST_M:
-                    after = (edge for edge in sorted(self.onward[edges[-1]]) if edge not in edges)
-                    open_ways += [((*edges, edge), after_first_m + self.lengths[edge]) for edge in after]
+                    after = (edge for edge in sorted(self.onward(edges[-1])) if edge not in edges)
+                    open_ways += [((*edges, edge), after_first_m + self.length_m(edge)) for edge in after]
 
     def way(self, edges: tuple[str, ...]) -> Way | None:
         """Return the drive over edges, as little of the first and last as is wanted; None where they are too short."""
-        first_m, last_m = self.lengths[edges[0]], self.lengths[edges[-1]]
+        first_m, last_m = self.length_m(edges[0]), self.length_m(edges[-1])
         _, behind_m, beyond_m = self.room_m
         if min(first_m, last_m) < behind_m + beyond_m:
             return None
@@ -185,8 +224,8 @@ class _Streets:
             length_m = goal_m - start_m
         else:
             start_m, goal_m = max(behind_m, first_m - APPROACH_M), min(last_m - beyond_m, APPROACH_M)
-            length_m = first_m - start_m + goal_m + sum(self.lengths[edge] for edge in edges[1:-1])
-        taken = [self.onward[a][b] for a, b in itertools.pairwise(edges)]
+            length_m = first_m - start_m + goal_m + sum(self.length_m(edge) for edge in edges[1:-1])
+        taken = [self.onward(a)[b] for a, b in itertools.pairwise(edges)]
         return Way(
             edges=edges,
             start_m=math.floor(start_m),
@@ -194,8 +233,8 @@ class _Streets:
             length_m=length_m,
             signals=tuple(m.junction for m in taken if m.tls is not None and m.junction in self.signals),
             turns=sum(m.turn != "straight" for m in taken),
-            free_s=sum(self.lengths[e] / max(self.limits[e], 1.0) for e in edges),
-            slowest_mps=min(self.limits[e] for e in edges),
+            free_s=sum(self.length_m(e) / max(self.lanes[e].speed_mps, 1.0) for e in edges),
+            slowest_mps=min(self.lanes[e].speed_mps for e in edges),
         )
 
 

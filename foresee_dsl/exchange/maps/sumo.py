@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import tostring  # no parsing: that is safe_xml's
 
-from foresee_dsl.compile.foreign.geometry_repair import Geometry, geometry_of
-from foresee_dsl.compile.foreign.networks import foreign_net, notes_of
+from foresee_dsl.compile.foreign.geometry_repair import Geometry
+from foresee_dsl.compile.foreign.networks import Tell, in_silence
 from foresee_dsl.compile.foreign.signal_programs import fix_times
-from foresee_dsl.compile.nets.net_reader import read_net
-from foresee_dsl.compile.nets.netconvert import without_header
+from foresee_dsl.compile.nets.netconvert import NetconvertLimitError, without_header
 from foresee_dsl.compile.nets.safe_xml import parse_xml, unpacked
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError, InputError, SimulationError
-from foresee_dsl.exchange.maps.bridges import Heights, bridge_notes, bridges
-from foresee_dsl.exchange.maps.starter import Way, starter
+from foresee_dsl.exchange.maps.bridges import bridge_notes
+from foresee_dsl.exchange.maps.cutting import CUT, Part, cut_net
+from foresee_dsl.exchange.maps.starter import Ground, Way, starter
 from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
 from foresee_dsl.language import model as m
@@ -31,10 +32,28 @@ Contents = tuple[dict[str, int], Counter[str], tuple[str, ...]]
 """What a map holds: what is taken over, what is left out (both with counts), and notes on what was guessed."""
 
 
-def run(file: Path, *, out: Path) -> Imported:
-    """Write `NAME.net.xml` and the scenario `NAME.foresee` for a SUMO network `NAME.net.xml`."""
-    root = parse_xml(file, "net", "a SUMO network", ExchangeError)
+def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_silence) -> Imported:
+    """Write `NAME.net.xml` and the scenario `NAME.foresee` for a SUMO network `NAME.net.xml`.
+
+    Args:
+        part: what is kept of it, as `NAME_part`; all by default. tell: is called with the steps that take long.
+    """
     name = name_of(file.name.removesuffix(".gz").removesuffix(NET).removesuffix(".xml"), "net")
+    if part is None:
+        return _run(file, name, out, file.name, (), tell)
+    with tempfile.TemporaryDirectory(prefix="foresee-net-") as folder:
+        cut, note = cut_net(file, part, Path(folder), tell)
+        return _run(cut, part_name(name), out, f"a part of {file.name}", (note,), tell)
+
+
+def part_name(name: str) -> str:
+    """Return what the part of a map is called: in the map's own folder it replaces none of the map's files."""
+    return f"{name}_part"
+
+
+def _run(file: Path, name: str, out: Path, source: str, notes: tuple[str, ...], tell: Tell) -> Imported:
+    tell("reading the network")
+    root = parse_xml(file, "net", "a SUMO network", ExchangeError)
     if root.find("edge") is None or root.find("location") is None:
         raise ExchangeError(f"{file} is not a complete SUMO network: it has no edges or no location")
     changed = fix_times(root)
@@ -45,39 +64,63 @@ def run(file: Path, *, out: Path) -> Imported:
         }
     )
     data = tostring(root, encoding="utf-8", xml_declaration=True) if changed else without_header(unpacked(file))
+    del root  # as large as all that follows
     return with_starter(
-        data, f"{name}{NET}", name, out, source=file.name, contents=lambda parts: (counts(parts), left_out, ())
+        data,
+        f"{name}{NET}",
+        name,
+        out,
+        source=source,
+        contents=lambda parts: (counts(parts), left_out, notes),
+        tell=tell,
     )
 
 
 def with_starter(
-    data: bytes, file: str, name: str, out: Path, *, source: str, contents: Callable[[Topology], Contents]
+    data: bytes,
+    file: str,
+    name: str,
+    out: Path,
+    *,
+    source: str,
+    contents: Callable[[Topology], Contents],
+    tell: Tell = in_silence,
 ) -> Imported:
     """Write a network and the scenario `NAME.foresee` that runs on it, together or not at all.
 
     Args:
         data, file: the network file's bytes and name. name: of the scenario.
         source: what the network was made of, for the scenario's sentence. contents: reports on the net made of it.
+        tell: is called with the steps that take long.
     """
 
     def write(folder: Path) -> Imported:
         (folder / file).write_bytes(data)
-        net = foreign_net(folder / file)
-        parts = read_net(net)
-        roads = RoadNetwork.of(parts)
+        ground = _ground(folder / file, tell)
+        roads = ground.roads
         doc = sentence(f"A first drive on {source}.")
 
         def find(without: frozenset[str]) -> tuple[Scenario, Way]:
-            return starter(folder / file, name=name, network=file, doc=doc, without=without)
+            tell("looking for a way for the ego")
+            found = starter(ground, name=name, network=file, doc=doc, without=without)
+            tell(f"driving the ego's way of {found[1].length_m:.0f} m")
+            return found
 
         scenario, way, drive = first_that_arrives(find, folder, roads)
         write_text(folder / f"{name}.foresee", scenario)
-        taken, left_out, notes = contents(parts)
-        flat = bridge_notes(bridges(roads, Heights.of(net)))
-        said = (*_of_the_drive(name, way, drive), *notes, *notes_of(net), *_side(roads), *flat)
-        return Imported((), 1, taken, +left_out, (*said, *geometry_notes(geometry_of(net))))
+        taken, left_out, notes = contents(roads)
+        flat = bridge_notes(ground.bridges)
+        said = (*_of_the_drive(name, way, drive), *notes, *ground.notes, *_side(roads), *flat)
+        return Imported((), 1, taken, +left_out, (*said, *geometry_notes(ground.geometry)))
 
     return import_together(out, write)
+
+
+def _ground(file: Path, tell: Tell) -> Ground:
+    try:
+        return Ground.of(file, tell)
+    except NetconvertLimitError as err:
+        raise ExchangeError(f"{err}; or {CUT}") from err
 
 
 def _of_the_drive(name: str, way: Way, drive: Drive) -> tuple[str, ...]:

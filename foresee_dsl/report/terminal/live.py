@@ -31,14 +31,13 @@ from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.terminal.steps import EVERY_S
 from foresee_dsl.report.terminal.tables import duration
 from foresee_dsl.report.terminal.time_left import RUNS, TimeLeft
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 TITLES = {step.kind: step.title for step in RUNS}
 """Of the kinds of run, which are what is shown."""
-EVERY_S = 5.0
-"""Between two lines where there is no terminal. Ours: twelve a minute can be read in a CI log."""
 
 
 class Figures(Listener):
