@@ -25,8 +25,8 @@ from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome, every, some
+from foresee_dsl.simulate.triggers.kinds import Kind, Truth, kind_of, truth_of
 from foresee_dsl.simulate.triggers.record import Run, Runs
-from foresee_dsl.simulate.triggers.truths import Truth, truth_of
 
 Note = Callable[[int, Run | None], None]
 """Told when what a `for` is about begins to hold, or ceases to (None): its place among the condition's `parts`."""
@@ -43,6 +43,7 @@ class Watch:
         """Begin to watch at the frame that is looked at first."""
         self._condition, self._conditions, self._note = condition, conditions, note
         self._windows: dict[int, _Window] = {}
+        self._kinds: dict[int, Kind] = {}
         self._last: tuple[int, Outcome | None] | None = None
         self.truth: Truth = truth_of(condition, conditions) or self._followed
         """Says whether the condition holds at this frame, without its margin; None where it cannot be evaluated."""
@@ -101,7 +102,9 @@ class Watch:
                 outcome, after = self._look(part, after, positive=positive)
                 found.append(outcome)
             return (every if isinstance(condition, Both) else some)(found), after
-        return self._conditions.outcome(condition), number + 1
+        if number not in self._kinds:
+            self._kinds[number] = kind_of(condition, self._conditions)
+        return self._kinds[number].outcome(), number + 1
 
 
 class _Window:

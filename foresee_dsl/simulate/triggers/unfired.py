@@ -12,28 +12,22 @@ from dataclasses import dataclass, field, replace
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.placement.scene import DEFAULT_END_S
-from foresee_dsl.kernels.conditions import box_distance
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.certain import Limits, never
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.measuring import Part
-from foresee_dsl.simulate.actors.moved_actors import PathActor
-from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.unfired import Nearest, Unfired
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
 from foresee_dsl.simulate.trace import STEP_S, Trace
 from foresee_dsl.simulate.triggers.condition_history import Watch
-from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome, Sightlines
+from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
+from foresee_dsl.simulate.triggers.kinds import Kind, kind_of
 from foresee_dsl.simulate.triggers.record import Place
 from foresee_dsl.simulate.triggers.replay import Replay
-
-Near = Callable[[m.Condition], tuple[float, str] | None]
-"""Says how far off a fact without a number is, m, and why."""
 
 
 @Part.JUDGING.measured
@@ -58,7 +52,7 @@ def unfired(
     eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors) if sees else None
     lines = LinesOfSight(replay)
     conditions = Conditions(replay, bundle.signals, eyes=eyes, sightlines=lines)
-    followed = [_Followed(one, conditions, lambda fact: _nearness(fact, replay, lines)) for one in waiting]
+    followed = [_Followed(one, conditions) for one in waiting]
     for frame in range(trace.frames):
         replay.go_to(frame)
         for one in followed:
@@ -108,11 +102,11 @@ def _step(actions: Sequence[m.Action], where: Place) -> m.Then | None:
 class _Followed:
     """A condition that never held, over the frames of its run."""
 
-    def __init__(self, waiting: _Waiting, conditions: Conditions, near: Near) -> None:
+    def __init__(self, waiting: _Waiting, conditions: Conditions) -> None:
         self._waiting, self._conditions = waiting, conditions
         condition = waiting.condition
         joined = condition.conditions if isinstance(condition, m.Both) else (condition,)
-        self._parts = [_Part(part, conditions, near) for part in joined]
+        self._parts = [_Part(part, conditions) for part in joined]
         self._most: tuple[int, tuple[Nearest, ...]] = (-1, ())
 
     def look(self) -> None:
@@ -139,9 +133,9 @@ class _Part:
 
     condition: m.Condition
     conditions: Conditions
-    near: Near
     ever: bool = False
     watch: Watch = field(init=False)
+    kind: Kind | None = None
     inner: Watch | None = None
     best: Outcome | None = None
     nearest: Nearest = field(init=False)
@@ -149,6 +143,8 @@ class _Part:
 
     def __post_init__(self) -> None:
         self.watch = Watch(self.condition, self.conditions)
+        if not isinstance(self.condition, m.Sustained | m.Not | m.Both | m.Either):
+            self.kind = kind_of(self.condition, self.conditions)
         if isinstance(self.condition, m.Sustained):
             self.inner = Watch(self.condition.condition, self.conditions)
         self.nearest = Nearest(written(self.condition))
@@ -161,7 +157,7 @@ class _Part:
         if outcome is None:
             return False
         self.ever = self.ever or outcome.held
-        if not outcome.held and (near := self.near(self.condition)) is not None:
+        if not outcome.held and (near := self._away()) is not None:
             if self.nearest.short is None or near[0] < self.nearest.short:
                 self.nearest = self._by_distance(*near)
         elif self.nearest.held_s is None and not outcome.held and self._nearer(outcome):
@@ -175,7 +171,7 @@ class _Part:
             text = written(outcome.decides)
         if outcome is None:
             return Nearest(text)
-        if (near := self.near(self.condition)) is not None:
+        if (near := self._away()) is not None:
             return self._by_distance(*near)
         time_s, unit = round(self.conditions.time_s, 2), outcome.unit
         if not math.isfinite(outcome.margin):
@@ -184,6 +180,10 @@ class _Part:
         value = self._value(outcome)
         shown = None if value is None else round(value / per, 6)
         return Nearest(text, time_s, shown, round(abs(outcome.margin) / per, 6), unit)
+
+    def _away(self) -> tuple[float, str] | None:
+        """Return how far off a fact without a number is, m, and why."""
+        return None if self.kind is None else self.kind.away()
 
     def _by_distance(self, away_m: float, why: str) -> Nearest:
         away_m, text = round(away_m, 6), written(self.condition)
@@ -197,14 +197,10 @@ class _Part:
     def _value(self, outcome: Outcome) -> float | None:
         """Return what the comparison that decides measures at this frame, SI; None for a fact."""
         decides = outcome.decides
-        if isinstance(self.condition, m.Sustained) or decides is None:
+        if isinstance(self.condition, m.Sustained) or not isinstance(decides, m.Comparison | m.Within):
             return None
-        if isinstance(decides, m.Comparison) and isinstance(decides.left, m.Measure):
-            return self.conditions.value(decides.left)
-        if isinstance(decides, m.Within):
-            inside = self.conditions.outcome(decides)
-            return None if inside is None else si_of(decides.distance) - inside.margin
-        return None
+        outcome_now = kind_of(decides, self.conditions).outcome()
+        return None if outcome_now is None or math.isnan(outcome_now.value) else outcome_now.value
 
     def _look_inside(self, inner: Watch) -> None:
         """Follow for how long what a `for` is about holds."""
@@ -216,41 +212,3 @@ class _Part:
         held_s = round(now_s - self.began_s, 2)
         if self.nearest.held_s is None or held_s > self.nearest.held_s:
             self.nearest = Nearest(written(self.condition), round(now_s, 2), held_s=held_s)
-
-
-def _nearness(fact: m.Condition, simulation: Simulation, lines: Sightlines) -> tuple[float, str] | None:
-    """Return how far off a fact is at the frame that a simulation is at, m, and why; None where that has no distance.
-
-    Of `sees` and `in sight of` it is how far away the other is and whether it is hidden, of `collision` how far the
-    nearest actor is, and of `arrived` how far there is to go.
-    """
-    actor = simulation.by_id.get(getattr(fact, "actor", None) or "")
-    if actor is None or not actor.present:
-        return None
-    match fact:
-        case m.Sees() | m.InSight():
-            other = simulation.by_id.get(fact.other)
-            if other is None or not other.present:
-                return None
-            eye, seen = (actor, other) if isinstance(fact, m.Sees) else (other, actor)
-            why = "too far or missed" if lines.clear(eye.id, seen.id) else "hidden"
-            return box_distance(actor.box, other.box), why
-        case m.Predicate(what="collision"):
-            near = ((box_distance(actor.box, other.box), other.id) for other in simulation.others(actor))
-            return min(near, default=None)
-        case m.Predicate(what="arrived"):
-            left_m = _left_m(actor, simulation)
-            return None if math.isnan(left_m) else (left_m, "to go")
-    return None
-
-
-def _left_m(actor: Actor, simulation: Simulation) -> float:
-    """Return how far an actor is from its goal along its way, m; NaN where it has none."""
-    if isinstance(actor, PathActor):
-        return actor.follower.line.length_m - actor.along
-    line = actor.placed.line
-    if line is None:
-        return math.nan
-    if actor is simulation.ego:
-        return simulation.scene.goal_s - simulation.progress.of(actor, simulation.frame)[0]
-    return line.end_s - simulation.progress.front(actor, simulation.frame)

@@ -1,0 +1,548 @@
+"""What each kind of condition means in a run: one class a kind, bound to the run and its actors.
+
+A kind says by how much it holds (`outcome`), whether it holds where that is cheaper (`truth`), what a look costs, and
+how far off a fact without a number is (`away`). `condition_history` joins kinds by `and`, `or`, `not` and `for`;
+`truth_of` joins their truths, of which the parts that cost least are looked at first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+from functools import partial
+from typing import NamedTuple, assert_never
+
+from foresee_dsl.kernels.conditions import UNSURE, beside_area, box_distance, gap_within, time_to_touch
+from foresee_dsl.language import model as m
+from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
+from foresee_dsl.simulate.actors.moved_actors import PathActor
+from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, eta, point_distance
+from foresee_dsl.simulate.trace import ACCELERATION, SPEED
+from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
+
+Truth = Callable[[], bool | None]
+"""Says whether a condition holds now; None where it cannot be evaluated."""
+
+
+class Cost(IntEnum):
+    """What a look at a condition costs; the parts of an `and` or `or` are looked at in this order.
+
+    A look along a SUMO vehicle's line begins where the last one ended, so that a condition which depends on that is
+    looked at in `EVERY_STEP`, whatever the other parts say. Of the others, `NUMBER` reads one number of the state
+    table, `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and `MARGIN` the whole
+    outcome.
+    """
+
+    EVERY_STEP = 0
+    NUMBER = 1
+    PAIR = 2
+    AREA = 3
+    MARGIN = 4
+
+
+class Kind:
+    """A condition without parts, in one run.
+
+    Attributes:
+        cost: of a look at its truth.
+    """
+
+    def __init__(self, condition: m.Condition, run: Conditions) -> None:
+        self.condition, self.run = condition, run
+        self.cost = _cost_of(condition, run)
+
+    def outcome(self) -> Outcome | None:
+        """Return whether it holds now and by how much; None where it cannot be evaluated."""
+        raise NotImplementedError
+
+    def truth(self) -> bool | None:
+        """Return whether it holds now; None where it cannot be evaluated."""
+        outcome = self.outcome()
+        return None if outcome is None else bool(outcome.held)
+
+    def away(self) -> tuple[float, str] | None:
+        """Return how far off a fact without a number is, m, and why; None where that has no distance."""
+        return None
+
+    def fact(self, held: bool) -> Outcome:
+        """Return the outcome of a condition that is no comparison."""
+        return Outcome(held, decides=self.condition)
+
+    def judged(self, held: bool, slack: float, bound: m.AnyValue, value: float) -> Outcome:
+        """Return the outcome of a comparison with a bound, in whose unit the margin is."""
+        quantity = quantity_of(bound)
+        return Outcome(held, slack, quantity.unit, self.condition, quantity.dimension, value)
+
+
+class _Compared(Kind):
+    """`ego.speed < 3 m/s`: a measure, compared with a bound."""
+
+    def __init__(self, condition: m.Comparison, run: Conditions) -> None:
+        if not isinstance(condition.left, m.Measure):
+            raise TypeError(f"`{condition.left!r}` says nothing about a run")
+        super().__init__(condition, run)
+        self._bound, self._right = si_of(condition.right), condition.right
+        self._above, self._equal = condition.op[0] == ">", condition.op[-1] == "="
+        self._measured = _measured(condition.left, run)
+        self.cost = self._measured.cost
+
+    def _held(self, value: float) -> tuple[bool, float]:
+        slack = value - self._bound if self._above else self._bound - value
+        return slack >= 0 if self._equal else slack > 0, slack
+
+    def outcome(self) -> Outcome | None:
+        value = self._measured.value()
+        return None if math.isnan(value) else self.judged(*self._held(value), self._right, value)
+
+    def truth(self) -> bool | None:
+        value = self._measured.until(self._bound)
+        return None if math.isnan(value) else bool(self._held(value)[0])
+
+
+class _Arrives(Kind):
+    """`arrived(ego)`."""
+
+    def __init__(self, condition: m.Predicate, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._name = condition.actor
+
+    def outcome(self) -> Outcome:
+        return self.fact(self.run.arrived(self._name))
+
+    def truth(self) -> bool:
+        return bool(self.run.arrived(self._name))
+
+    def away(self) -> tuple[float, str] | None:
+        actor, simulation = self.run.actor(self._name), self.run.simulation
+        if actor is None:
+            return None
+        line, left_m = actor.placed.line, math.nan
+        if isinstance(actor, PathActor):
+            left_m = actor.follower.line.length_m - actor.along
+        elif line is not None and actor is simulation.ego:
+            left_m = simulation.scene.goal_s - simulation.progress.of(actor, simulation.frame)[0]
+        elif line is not None:
+            left_m = line.end_s - simulation.progress.front(actor, simulation.frame)
+        return None if math.isnan(left_m) else (left_m, "to go")
+
+
+class _Collides(Kind):
+    """`collision(ego)`."""
+
+    def __init__(self, condition: m.Predicate, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._name = condition.actor
+
+    def outcome(self) -> Outcome:
+        return self.fact(self.run.collides(self._name))
+
+    def truth(self) -> bool:
+        return bool(self.run.collides(self._name))
+
+    def away(self) -> tuple[float, str] | None:
+        actor = self.run.actor(self._name)
+        if actor is None:
+            return None
+        others = self.run.simulation.others(actor)
+        return min(((box_distance(actor.box, other.box), other.id) for other in others), default=None)
+
+
+class _InAnyJunction(Kind):
+    """`ego in junction`."""
+
+    def __init__(self, condition: m.InJunction, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._name = condition.actor
+
+    def outcome(self) -> Outcome | None:
+        actor = self.run.actor(self._name)
+        away = math.nan if actor is None else self._away(actor)
+        if math.isnan(away):
+            return None
+        # How deep it is inside means nothing.
+        return Outcome(False, -away, "m", self.condition, "length") if away > 0 else self.fact(True)
+
+    def _away(self, actor: Actor) -> float:
+        return self.run.outlines.nearest(actor.box)
+
+
+class _InJunction(_InAnyJunction):
+    """`ego in junction(j4)`."""
+
+    def __init__(self, condition: m.InJunction, run: Conditions) -> None:
+        super().__init__(condition, run)
+        junction = self._junction = word_of(condition.junction or "")
+        area, borders, bounds = run.outlines.of(junction)
+        row = run.rows.get(condition.actor)
+        self._beside: Callable[[], float] | None = None
+        if row is not None and not area.is_empty:
+            self._beside = partial(beside_area, run.states, run.sizes, row, borders, bounds)
+        if row is not None:
+            self.cost = Cost.AREA
+
+    def _away(self, actor: Actor) -> float:
+        return self.run.outlines.distance(actor.box, self._junction)
+
+    def truth(self) -> bool | None:
+        actor = self.run.actor(self._name)
+        if actor is None or self._beside is None:
+            return None
+        side = self._beside()
+        return not self._away(actor) > 0 if side == UNSURE else side < 0
+
+
+class _Beside(Kind):
+    """`a ahead of b`, `a behind b`, `a in lane of b`, `a in lane 1`: where an actor is along and across the ways."""
+
+    def __init__(self, condition: m.Ahead | m.Behind | m.SameLane | m.InLane, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._of = condition
+
+    def outcome(self) -> Outcome | None:
+        actor = self.run.actor(self._of.actor)
+        other = actor if isinstance(self._of, m.InLane) else self.run.actor(self._of.other)
+        inside = math.nan if actor is None or other is None else self._inside(actor, other)
+        return None if math.isnan(inside) else Outcome(inside >= 0, inside, "m", self.condition, "length")
+
+    def _inside(self, actor: Actor, other: Actor) -> float:
+        ways = self.run.ways
+        match self._of:
+            case m.Ahead():
+                return ways.ahead_m(actor, other)
+            case m.Behind():
+                return ways.behind_m(actor, other)
+            case m.SameLane():
+                return ways.same_lane_m(actor, other)
+            case m.InLane(number=number, road=road):
+                return ways.in_lane_m(actor, round(si_of(number)), None if road is None else word_of(road))
+            case _:
+                assert_never(self._of)
+
+
+class _Seen(Kind):
+    """`ego sees walker`, by its sensors; `walker in sight of bus`, by a bare line of sight."""
+
+    def __init__(self, condition: m.Sees | m.InSight, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._sensed = isinstance(condition, m.Sees)
+        names = condition.actor, condition.other
+        self._eye, self._seen = names if self._sensed else names[::-1]
+
+    def outcome(self) -> Outcome | None:
+        eye, seen, run = self.run.actor(self._eye), self.run.actor(self._seen), self.run
+        if eye is None or seen is None:
+            return None
+        if self._sensed:
+            return None if run.eyes is None else self.fact(run.eyes.reports(seen.id))
+        return None if run.sightlines is None else self.fact(run.sightlines.clear(eye.id, seen.id))
+
+    def away(self) -> tuple[float, str] | None:
+        eye, seen, lines = self.run.actor(self._eye), self.run.actor(self._seen), self.run.sightlines
+        if eye is None or seen is None or lines is None:
+            return None
+        why = "too far or missed" if lines.clear(eye.id, seen.id) else "hidden"
+        first, second = (eye, seen) if self._sensed else (seen, eye)
+        return box_distance(first.box, second.box), why
+
+
+class _Near(Kind):
+    """`walker within 10 m of ego`."""
+
+    def __init__(self, condition: m.Within, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._within = condition
+        if isinstance(condition.of, m.OfActor):
+            self.cost = Cost.EVERY_STEP
+
+    def outcome(self) -> Outcome | None:
+        actor = self.run.actor(self._within.actor)
+        away = math.nan if actor is None else self._away(actor)
+        if math.isnan(away):
+            return None
+        slack = si_of(self._within.distance) - away
+        return self.judged(slack >= 0, slack, self._within.distance, away)
+
+    def _away(self, actor: Actor) -> float:
+        of, run = self._within.of, self.run
+        if isinstance(of, m.Named):
+            name = word_of(of.name)
+            if run.is_junction(name):
+                return run.outlines.distance(actor.box, name)
+            other = run.actor(name)
+            return math.nan if other is None else run.gap(actor, other)
+        if isinstance(of, m.OfActor):
+            pose = run.ways.place(of)
+            return math.nan if pose is None else point_distance(actor.box, pose[0], pose[1])
+        x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, m.Point) else run.simulation.scene.places[of]
+        return point_distance(actor.box, x, y)
+
+
+class _Signalled(Kind):
+    """`ego.signal(j4) is red`, `signal(j4) is ns_go`."""
+
+    def __init__(self, condition: m.Shows, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._actor, self._junction = condition.actor, word_of(condition.junction)
+        self._state = word_of(condition.state)
+
+    def outcome(self) -> Outcome | None:
+        signal, shown = self.run.signals.get(self._junction), self.run.simulation.world.signals
+        if signal is None:
+            return None
+        if self._actor is None:
+            stage, _ = shown.stage(signal.tls)
+            return self.fact(signal.stages[stage] == self._state)
+        actor = self.run.actor(self._actor)
+        link = None if actor is None else self._link(actor, signal.tls)
+        return None if link is None else self.fact(shown.colour(*link) == self._state)
+
+    def _link(self, actor: Actor, tls: str) -> tuple[str, int] | None:
+        """Return which signal, and which of its links, an actor has to look at until it has left the junction."""
+        if isinstance(actor, PathActor):
+            stops = actor.placed.walk_stops
+            return next(((name, link) for _, leaves, name, link in stops if name == tls and leaves > actor.along), None)
+        for passage, _ in self.run.simulation.progress.ahead(actor, self.run.simulation.frame, math.inf):
+            movement = passage.movement
+            if passage.junction == self._junction:
+                return (movement.tls, movement.link) if movement.tls is not None and movement.link >= 0 else None
+        return None
+
+
+def kind_of(condition: m.Condition, run: Conditions) -> Kind:
+    """Bind a condition without parts to a run."""
+    kind: Kind
+    match condition:
+        case m.Comparison():
+            kind = _Compared(condition, run)
+        case m.Predicate(what="arrived"):
+            kind = _Arrives(condition, run)
+        case m.Predicate():
+            kind = _Collides(condition, run)
+        case m.InJunction() if condition.junction is None:
+            kind = _InAnyJunction(condition, run)
+        case m.InJunction():
+            kind = _InJunction(condition, run)
+        case m.Ahead() | m.Behind() | m.SameLane() | m.InLane():
+            kind = _Beside(condition, run)
+        case m.Sees() | m.InSight():
+            kind = _Seen(condition, run)
+        case m.Within():
+            kind = _Near(condition, run)
+        case m.Shows():
+            kind = _Signalled(condition, run)
+        case m.Equals():
+            raise TypeError("a condition about a parameter says nothing about a run")
+        case m.Sustained() | m.Not() | m.Both() | m.Either():
+            raise TypeError(f"{condition.kind} has parts: `condition_history.Watch` evaluates it")
+        case _:
+            assert_never(condition)
+    return kind
+
+
+# --- measures --------------------------------------------------------------------------------------------------------
+
+
+class _Measured:
+    """A measure in one run.
+
+    Attributes:
+        cost: of a look at its value.
+    """
+
+    def __init__(self, measure: m.Measure, run: Conditions) -> None:
+        self.what, self.run, self.cost = measure.what, run, _cost_of(measure, run)
+        self.name, self.other = measure.actor or "", word_of(measure.other or "")
+
+    def value(self) -> float:
+        """Return its value now; NaN where there is none."""
+        raise NotImplementedError
+
+    def until(self, bound: float) -> float:
+        """Return its value, or infinity where that is surely above a bound."""
+        del bound
+        return self.value()
+
+
+class _Time(_Measured):
+    """`time`."""
+
+    def __init__(self, measure: m.Measure, run: Conditions) -> None:
+        super().__init__(measure, run)
+        self.cost = Cost.NUMBER
+
+    def value(self) -> float:
+        return self.run.simulation.time_s
+
+
+class _State(_Measured):
+    """`a.speed`, `a.acceleration`: a number of the state table."""
+
+    def __init__(self, measure: m.Measure, run: Conditions) -> None:
+        super().__init__(measure, run)
+        self._place = run.rows.get(self.name, 0), SPEED if self.what == "speed" else ACCELERATION
+        self.cost = Cost.NUMBER
+
+    def value(self) -> float:
+        return math.nan if self.run.actor(self.name) is None else self.run.states.item(*self._place)
+
+
+class _ToJunction(_Measured):
+    """`distance(a, j4)`, `a.eta(j4)`: along the route to where it enters a junction."""
+
+    def __init__(self, measure: m.Measure, run: Conditions) -> None:
+        super().__init__(measure, run)
+        actor = run.simulation.by_id.get(self.name)
+        self.cost = Cost.AREA if actor is None or _looks_anywhere(actor, run) else Cost.EVERY_STEP
+
+    def value(self) -> float:
+        actor, simulation = self.run.actor(self.name), self.run.simulation
+        if actor is None:
+            return math.nan
+        left_m = simulation.progress.to_junction(actor, self.other, simulation.frame)
+        if self.what == "distance":
+            return left_m
+        return math.inf if math.isnan(left_m) else eta(left_m, actor.speed)
+
+
+class _BetweenFootprints(_Measured):
+    """`distance(a, b)`, `ttc(a, b)`, `headway(a, b)`."""
+
+    def __init__(self, measure: m.Measure, run: Conditions) -> None:
+        super().__init__(measure, run)
+        self.cost = Cost.PAIR
+        rows = run.rows.get(self.name, 0), run.rows.get(self.other, 0)
+        self._table = run.states, run.sizes, *rows
+
+    def value(self) -> float:
+        actor, other = self.run.actor(self.name), self.run.actor(self.other)
+        if actor is None or other is None:
+            return math.nan
+        if self.what == "ttc":
+            return float(time_to_touch(*self._table))
+        gap_m = self.run.gap(actor, other)
+        return gap_m if self.what == "distance" else gap_m / max(actor.speed, SLOWEST_MPS)
+
+    def until(self, bound: float) -> float:
+        actor, other = self.run.actor(self.name), self.run.actor(self.other)
+        if self.what == "ttc" or actor is None or other is None:
+            return self.value()
+        if self.what == "distance":
+            return gap_within(*self._table, bound)
+        speed_mps = max(actor.speed, SLOWEST_MPS)
+        return gap_within(*self._table, bound * speed_mps) / speed_mps
+
+
+class _Offset(_Measured):
+    """`a.offset`: from the middle of its lane."""
+
+    def value(self) -> float:
+        actor = self.run.actor(self.name)
+        lane = None if actor is None else self.run.ways.lane(actor)
+        return math.nan if lane is None else lane[1]
+
+
+class _AlongTheWay(_Measured):
+    """`lateral(a, b)`, `overlap(a, b)`, `relative_speed(a, b)`."""
+
+    def value(self) -> float:
+        actor, other = self.run.actor(self.name), self.run.actor(self.other)
+        if actor is None or other is None:  # one of the traffic may have found no room
+            return math.nan
+        if self.what == "lateral":
+            return self.run.ways.lateral_m(actor, other)
+        if self.what == "overlap":
+            return self.run.ways.overlap_m(actor, other)
+        return actor.speed - other.speed * math.cos(other.heading - actor.heading)
+
+
+def _measured(measure: m.Measure, run: Conditions) -> _Measured:
+    """Bind a measure to a run."""
+    measured: type[_Measured]
+    match measure.what:
+        case "time":
+            measured = _Time
+        case "speed" | "acceleration":
+            measured = _State
+        case "eta":
+            measured = _ToJunction
+        case "distance":
+            to_junction = run.is_junction(word_of(measure.other or ""))
+            measured = _ToJunction if to_junction else _BetweenFootprints
+        case "ttc" | "headway":
+            measured = _BetweenFootprints
+        case "offset":
+            measured = _Offset
+        case "lateral" | "overlap" | "relative_speed":
+            measured = _AlongTheWay
+        case _:
+            assert_never(measure.what)
+    return measured(measure, run)
+
+
+def _looks_anywhere(actor: Actor, run: Conditions) -> bool:
+    """Whether it makes no difference when the place of an actor on its line was looked up before: that of the ego is
+    looked up in every frame, that of an actor on a path is known."""
+    return actor is run.simulation.ego or isinstance(actor, PathActor)
+
+
+def _cost_of(item: m.Condition | m.Measure, run: Conditions) -> Cost:
+    by_id = run.simulation.by_id
+    actors = (by_id.get(name) for name in (getattr(item, "actor", None), getattr(item, "other", None)) if name)
+    anywhere = all(actor is None or _looks_anywhere(actor, run) for actor in actors)
+    return Cost.MARGIN if anywhere else Cost.EVERY_STEP
+
+
+# --- without margins -------------------------------------------------------------------------------------------------
+
+
+class _Costing(NamedTuple):
+    truth: Truth
+    cost: Cost
+
+
+def truth_of(condition: m.Condition, run: Conditions) -> Truth | None:
+    """Return a function that says whether a condition holds at the frame that a run is at; None for one with a `for`,
+    which has to be followed from frame to frame."""
+    if any(isinstance(part, m.Sustained) for part in parts(condition)):
+        return None
+    return _costing(condition, run).truth
+
+
+def _costing(condition: m.Condition, run: Conditions) -> _Costing:
+    if isinstance(condition, m.Not):
+        inner = _costing(condition.condition, run)
+        return _Costing(partial(_opposite, inner.truth), inner.cost)
+    if isinstance(condition, m.Both | m.Either):
+        joined = sorted((_costing(part, run) for part in condition.conditions), key=lambda part: part.cost)
+        every_step = tuple(part.truth for part in joined if part.cost == Cost.EVERY_STEP)
+        rest = tuple(part.truth for part in joined if part.cost != Cost.EVERY_STEP)
+        cost = Cost.EVERY_STEP if every_step else max(part.cost for part in joined)
+        return _Costing(partial(_joined, every_step, rest, isinstance(condition, m.Either)), cost)
+    kind = kind_of(condition, run)
+    return _Costing(kind.truth, kind.cost)
+
+
+def _opposite(truth: Truth) -> bool | None:
+    held = truth()
+    return None if held is None else not held
+
+
+def _joined(every_step: tuple[Truth, ...], rest: tuple[Truth, ...], enough: bool) -> bool | None:
+    """Join the parts of an `or` (`enough`: True) or an `and` (False): one part that is `enough` decides.
+
+    `every_step`: parts that are looked at in every step. `rest`: those that are looked at until one decides.
+    """
+    decided, unknown = False, False
+    for truth in every_step:
+        held = truth()
+        decided, unknown = decided or held is enough, unknown or held is None
+    if decided:
+        return enough
+    for truth in rest:
+        held = truth()
+        if held is enough:
+            return enough
+        unknown = unknown or held is None
+    return None if unknown else not enough
