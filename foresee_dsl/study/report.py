@@ -90,9 +90,10 @@ class Part:
 def write_page(
     folder: StudyFolder, results: Results, tables: Mapping[str, Sequence[Table]], figures: Sequence[str], page: Path
 ) -> None:
-    """Write the page, without the tables of wall time, which differ from machine to machine.
+    """Write the page: answers and figures, with links to the tables.
 
-    Figures are copied beside a page that is outside the study's folder (into `NAME/` beside `NAME.md`).
+    Tables of wall time are left out, as they differ from machine to machine. Figures and tables are copied beside a
+    page that is outside the study's folder (into `NAME/` beside `NAME.md`).
     """
     record = folder.read()
     inside = page.resolve().parent == folder.at.resolve()
@@ -112,6 +113,9 @@ def write_page(
         (page.parent / pictures).mkdir(parents=True, exist_ok=True)
         for name in shown:
             shutil.copyfile(folder.figures / f"{name}.svg", page.parent / pictures / f"{name}.svg")
+    if not inside:
+        for table in (table for part in parts for table in part.tables):
+            write_whole(page.parent / pictures / f"{table.name}.csv", table.as_csv())
     names = {case.name for m in results.campaigns if m.group == BUNDLED for case in m.cases}
     text = templates("study", markup=False).get_template("results.md.j2").render(
         half=results.half.value,
@@ -123,6 +127,7 @@ def write_page(
         notes=record.notes,
         parts=parts,
         pictures=pictures,
+        tables_at=folder.tables.name if inside else pictures,
     )  # fmt: skip
     lines = "\n".join(line.rstrip() for line in text.splitlines())
     write_whole(page, re.sub(r"\n{3,}", "\n\n", lines).strip("\n") + "\n")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.avoidance.anticipating import Answer, AnticipatingDriver, Anticipation
+from foresee_dsl.avoidance.anticipating.assessing import _Assessment, _Confirmed
 from foresee_dsl.avoidance.anticipating.manoeuvre import Plan, sidestep_s
 from foresee_dsl.avoidance.anticipating.settings import (
     COMFORTABLE_MPS2,
@@ -23,6 +24,8 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
+from foresee_dsl.simulate.trace import ACCELERATION
+from tests.support.handmade_traces import make_trace, straight
 from tests.support.nets import COMPACT, VAN, build_grid
 from tests.support.scenes import Cruise, LaneKeeper, Town
 
@@ -142,3 +145,39 @@ def test_a_step_to_the_side_keeps_the_limits_of_comfort(sideways_m: float) -> No
     middle = len(times) // 2
     jerk = (bend[middle + 1] - bend[middle - 1]) / (times[middle + 1] - times[middle - 1])
     assert abs(jerk) <= LATERAL_JERK_MPS3 + 1e-6
+
+
+def asked(town: Town, *, side: str = "front", braked_mps2: float = 0.0, alone: bool = False) -> _Assessment:
+    """What is asked about a walker that turns into the ego's way; `alone`: the walker is far off when it is asked."""
+    bundle = walks_into_the_way(town, 5.0)
+    result = run(bundle, LaneKeeper(10.0), sensors=IDEAL)
+    assert result.impact is not None
+    states = result.trace.states.copy()
+    states[-30:, 0, ACCELERATION] = -braked_mps2
+    result = replace(result, trace=replace(result.trace, states=states))
+    if alone:
+        ego, walker = bundle.scene.actors
+        elsewhere = replace(walker, path=[(x + 500.0, y + 500.0) for x, y in walker.path])
+        bundle = replace(bundle, scene=replace(bundle.scene, actors=(ego, elsewhere)))
+    return _Assessment(Failure.of(result, bundle), replace(result.impact, side=side))
+
+
+def test_a_drive_that_is_nearly_the_same_and_passes_is_chance(town: Town) -> None:
+    found = asked(town, alone=True)._by_driving_ahead(None)
+    assert found is not None
+    assert (found.answer, "chance decides" in found.why) == (Answer.UNDECIDED, True)
+
+
+@pytest.mark.parametrize(("braked_mps2", "answer"), [(3.0, Answer.NO), (4.0, Answer.UNDECIDED)])
+def test_who_is_hit_from_behind_after_braking_hard_is_not_judged(
+    town: Town, braked_mps2: float, answer: Answer
+) -> None:
+    assert asked(town, side="rear", braked_mps2=braked_mps2)._not(None, None).answer is answer
+
+
+@pytest.mark.parametrize(("gap_m", "clear"), [(0.09, False), (0.1, True), (2.0, True)])
+def test_a_hairs_breadth_prevents_nothing(town: Town, gap_m: float, clear: bool) -> None:
+    beside = make_trace({"ego": straight("car", 0, 0, 0.0, 5), "by": straight("car", 0, 1.8 + gap_m + 1e-9, 0.0, 5)})
+    passed = replace(run(walks_into_the_way(town, 5.0), LaneKeeper(10.0)), verdict=Verdict.PASS, trace=beside)
+    assert _Confirmed(passed).clear is clear
+    assert not _Confirmed(replace(passed, verdict=Verdict.F1)).clear

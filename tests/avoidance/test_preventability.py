@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 
 from foresee_dsl.avoidance.judge import Failure, contact
-from foresee_dsl.avoidance.r157.assessing import Preventable, R157Driver
+from foresee_dsl.avoidance.r157.assessing import Preventable, R157Driver, _after_braking
 from foresee_dsl.avoidance.r157.replay import Replay
+from foresee_dsl.avoidance.r157.risk import Perception
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
+from foresee_dsl.simulate.trace import Y
 from tests.support.nets import COMPACT, build_grid
 from tests.support.scenes import Cruise, LaneKeeper, Town
 
@@ -218,3 +220,31 @@ def test_braking_builds_up_as_the_model_says_and_keeps_the_way(town: Town) -> No
     line = recorded.trace.states[:, 0, :2]
     aside = [np.hypot(*(line - spot).T).min() for spot in braked.states[:, 0, :2]]
     assert max(aside) < 0.2  # recorded spots are 0.35 m apart
+
+
+def test_how_the_run_with_braking_may_end(town: Town) -> None:
+    failed = failing(cut_in(town, 24.0), LaneKeeper(12.0), Verdict.F5)
+    seen, struck = Perception(1.0, at_once=False), failed.impact
+    assert struck is not None
+
+    def answer(**ends: object) -> Preventable:
+        return _after_braking(seen, struck, replace(failed, **ends)).verdict
+
+    ends = (Verdict.PASS, Verdict.STUCK, Verdict.TIMEOUT)
+    clear = {verdict: answer(verdict=verdict, impact=None) for verdict in ends}
+    assert set(clear.values()) == {Preventable.YES}
+    assert answer(verdict=Verdict.F1, impact=None) is Preventable.UNKNOWN  # off the road
+    assert answer() is Preventable.NO
+    assert answer(impact=replace(struck, with_="somebody")) is Preventable.UNKNOWN
+    assert answer(impact=replace(struck, ego_mps=0.05)) is Preventable.UNKNOWN  # it stood by then
+
+
+@pytest.mark.parametrize(("off_m", "astray"), [(0.05, False), (0.15, True)])
+def test_a_replay_that_comes_elsewhere_is_not_the_failure(town: Town, off_m: float, astray: bool) -> None:
+    bundle = cut_in(town, 24.0)
+    result = failing(bundle, LaneKeeper(12.0), Verdict.F5)
+    states = result.trace.states.copy()
+    states[-1, 0, Y] += off_m
+    found = Failure.of(replace(result, trace=replace(result.trace, states=states)), bundle).astray
+    assert bool(found) is astray
+    assert found.endswith(f"and {off_m:.2f} m off") or not astray

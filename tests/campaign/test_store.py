@@ -203,3 +203,13 @@ def test_a_file_that_is_in_the_way_is_said(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="file"):
         Store(tmp_path / "file" / "store")
     assert store_module.COLUMNS[0] == "key"
+
+
+def test_mean_times_are_of_whole_runs_of_the_driver_and_of_steps_without_one(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        for key, driver, wall_s, broken in (
+            ("a", "pdm", 1.0, False), ("b", "pdm", 3.0, False), ("c", "pdm", 500.0, True), ("d", "idm", 9.0, False),
+        ):  # fmt: skip
+            store.add(row(key, driver=driver, wall_s=wall_s, broken=broken))
+        store.add(row("e", kind="mutants", driver="", wall_s=0.5))
+        assert store.mean_wall_s("pdm") == {"child": 2.0, "mutants": 0.5}

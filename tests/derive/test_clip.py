@@ -33,6 +33,7 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
+from foresee_dsl.simulate.trace import STEER
 from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, TriggerState, add
 from tests.support.handmade_traces import EAST, SOUTH, make_trace, straight, until
 from tests.support.situations import Actor, case_of, crossing, q, risky, walker
@@ -318,3 +319,13 @@ def test_a_clip_of_twenty_actors_is_short():
     }
     text = print_model(cut(make_trace(crossing(**queue), signals={f"j{k}": (("a",), 0, 0.0) for k in range(9)})))
     assert len(text.splitlines()) < 120
+
+
+def test_the_egos_wheels_are_turned_as_they_were_and_others_are_not():
+    trace = make_trace(crossing())
+    trace.states[:, 0, STEER] = np.linspace(-0.2, 0.2, trace.frames)
+    trace.states[:, 1, STEER] = 0.1
+    found = cut(trace)
+    frame = trace.frame_at(found.start_s)
+    assert of(found, Ego)[0].state.steer.si == pytest.approx(trace.states[frame, 0, STEER], abs=1e-4)
+    assert actor(found, "runner").state.steer is None

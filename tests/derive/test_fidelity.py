@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.derive.clipping.clip import clip
-from foresee_dsl.derive.clipping.fidelity import deviation, with_fidelity
+from foresee_dsl.derive.clipping.fidelity import deviation, share_within, with_fidelity
 from foresee_dsl.language.model import Fidelity, Quantity
 from tests.support.handmade_traces import EAST, make_trace, straight, until
 from tests.support.situations import case_of, crossing, risky
@@ -72,3 +72,16 @@ def test_fidelity_is_written_once_in_centimetres():
     (line,) = [item for item in cut.body if isinstance(item, Fidelity)]
     assert line.deviation == Quantity.of(0.13, "length", 2)
     assert cut.body[-1] is line
+
+
+def test_an_actor_that_the_clip_could_not_place_is_infinitely_far():
+    child = window(PARENT, 100, 301)
+    states = child.states.copy()
+    states[:, 2] = np.nan
+    found = deviation(PARENT, 100, replace(child, states=states))
+    assert found.actors["lead"] == found.largest_m == np.inf
+
+
+def test_within_means_a_tenth_of_a_metre():
+    assert share_within((0.0, 0.1, 0.11, 0.2)) == 0.5
+    assert share_within(()) == 1.0

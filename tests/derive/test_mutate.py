@@ -7,7 +7,7 @@ import pytest
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.local_search import near_changes
-from foresee_dsl.derive.mutate import Draw, Mutator, mutate
+from foresee_dsl.derive.mutate import Draw, Mutator, _risky_frame, mutate
 from foresee_dsl.derive.operators import Operator, operators
 from foresee_dsl.derive.operators.model_swap import fits
 from foresee_dsl.derive.presets import FOCUSED, PAPER, UnknownPresetError
@@ -347,3 +347,38 @@ def test_a_head_start_is_where_it_would_have_been_and_on_nobody():
     assert max(c.now.si for c in changes(fewer, "moving")) <= 0.6
     standing = children(near(walker=walker(28, -6, math.pi / 2, 1.4, start_s=2.0)), actor="walker", preset=preset)
     assert not changes(standing, "moving")
+
+
+def test_another_seed_draws_other_values():
+    first, again, other = (
+        [change.now for child in children(near(), seed=seed) for change in child.changes] for seed in (1, 1, 2)
+    )
+    assert first == again != other
+
+
+def test_recipes_that_are_whole_leave_no_halves_of_others():
+    # It rolls at 1 m/s: too slow to be steered, so `model_swap+steer` cannot be done; a swap alone is nobody's recipe.
+    tracks = near()
+    slow = straight("car", 25, -9, NORTH, 1)
+    tracks["runner"] = Track("car", slow.states, ("south", "north_back"), (), ("south_0",), 4.0)
+    made = children(tracks, count=12)
+    assert {child.origin.operator for child in made}
+    assert {child.origin.operator for child in made} <= set(FOCUSED.recipes)
+
+
+@pytest.mark.parametrize("at_s", [3.0, 5.0, 6.5])
+def test_the_risky_point_is_where_the_clip_says(at_s):
+    trace = make_trace(near())
+    found = clip(case_of(), trace, risky(trace, "runner", at_s), before_s=2, after_s=3, name="p1", parent="r.foresee")
+    run = replace(
+        trace, **{n: getattr(trace, n)[:101] for n in ("time_s", "states", "lanes", "along", "stages", "elapsed")}
+    )
+    assert _risky_frame(found, run) == 40
+
+
+@pytest.mark.parametrize(("mps", "steered"), [(1.9, False), (2.1, True)])
+def test_a_target_slower_than_the_presets_least_speed_is_not_steered(mps, steered):
+    tracks = near()
+    slow = straight("car", 25, -2 - 5 * mps, NORTH, mps)
+    tracks["runner"] = Track("car", slow.states, ("south", "north_back"), (), ("south_0",), 4.0)
+    assert bool(changes(children(tracks, count=12), "steer")) is steered

@@ -4,9 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foresee_dsl.forecast.foresee import ForeseeRanker, _PerturbedEgo, close_encounters
+from foresee_dsl.forecast.foresee import ForeseeRanker, _best_per_actor, _PerturbedEgo, close_encounters
 from foresee_dsl.forecast.settings import ForeseeSettings
-from foresee_dsl.simulate.trace import Y
+from foresee_dsl.simulate.trace import X, Y
 from tests.support.handmade_traces import EAST, NORTH, SOUTH, WEST, make_trace, straight
 
 # The ego drives east along y = 0 at 5 m/s from x = 0; it is at x = 50 after 10 s.
@@ -144,3 +144,26 @@ def test_a_rank_is_the_same_every_time_and_hardly_depends_on_the_seed():
 
 def test_a_run_with_only_the_ego_has_no_risky_point():
     assert rank({}) == ()
+
+
+def test_step_1c_goes_on_for_a_second_after_the_encounter():
+    # Beside the ego all along: half a degree that is reached after 3 s is 0.07 m then and 0.12 m a second later.
+    tracks = {"beside": straight("car", 0, 2.09 + 1.8, EAST, 5)}
+    (point,) = rank(tracks)
+    assert point.group == "critical"
+    shorter = ForeseeRanker(ForeseeSettings(beyond_s=0.0))
+    assert shorter.rank(make_trace({"ego": EGO, **tracks})) == ()
+
+
+def test_points_of_one_actor_within_a_second_are_one_encounter():
+    (point,) = rank({"runner": straight("car", 50, -48, NORTH, 4)})
+    again, later = (replace(point, time_s=point.time_s + apart_s) for apart_s in (0.95, 1.0))
+    assert _best_per_actor([point, again, later], same_s=1.0) == ([point], [later])
+
+
+def test_the_corridor_counts_both_half_widths():
+    for side_m, group in ((1.7, "critical crossing"), (1.9, "critical")):  # both cars are 1.8 m wide
+        comes_near = straight("car", 8, 3.3, EAST, 5)
+        comes_near.states[:, Y] = np.interp(np.arange(len(comes_near.states)), [100, 260], [3.3, side_m])
+        comes_near.states[:, X] -= np.interp(np.arange(len(comes_near.states)), [100, 260], [0.0, 7.0])
+        assert {p.group for p in rank({"near": comes_near})} == {group}

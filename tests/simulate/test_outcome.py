@@ -272,6 +272,7 @@ def test_stuck_after_standing_with_nothing_to_wait_for() -> None:
     assert frames_until_stuck(range(0, 200)) == pytest.approx(10.0 + 20.0)  # a red signal until 10 s
     assert frames_until_stuck(range(700, 1000)) == pytest.approx(22.0)
     assert frames_until_stuck(range(400, 1000)) is None
+    assert frames_until_stuck(range(240, 241)) == pytest.approx(12.05 + 20.0)  # a moment with something to wait for
 
 
 def test_lists_must_match() -> None:
@@ -289,3 +290,10 @@ def test_a_wheel_over_the_kerb_is_off_the_road_and_the_bumper_is_not() -> None:
     assert min(y for _, y in over) < 0
     nose = off_road_points(bicycle, BicycleState(0, 1.6, SOUTH, 5))
     assert min(y for _, y in nose) > 0  # 0.75 m of bonnet
+
+
+def test_a_step_forward_begins_the_stand_anew() -> None:
+    watcher = judge()
+    decisions = (look(watcher, k * 0.05, speed=1.0 if k == 300 else 0.0) for k in range(1, 1000))  # it moves after 15 s
+    ended = next(decision for decision in decisions if decision is not None)
+    assert (ended.verdict, ended.time_s) == (Verdict.STUCK, pytest.approx(15.05 + 20.0))

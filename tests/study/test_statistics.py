@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.study.statistics import NotTested, Pair, compare
-from foresee_dsl.study.statistics.bootstrap import RESAMPLES, ratio_interval, resampled_ratios
+from foresee_dsl.study.statistics.bootstrap import RESAMPLES, percentiles, ratio_interval, resampled_ratios
 from foresee_dsl.study.statistics.comparison import sign_flips, signed_rank
 from foresee_dsl.study.statistics.effects import a12, a12_size, cohens_d, holm
 
@@ -120,3 +120,7 @@ def test_repetitions_of_a_test_case_are_drawn_together(first: list[int], second:
     once, three = compare(pairs), compare(thrice)
     assert np.array_equal(once.interval, three.interval, equal_nan=True)
     assert once.flips == three.flips  # copies are no evidence
+
+
+def test_an_interval_is_the_middle_95_percent_of_the_resamples() -> None:
+    assert percentiles(np.arange(1001.0)) == (25.0, 975.0)
