@@ -9,7 +9,7 @@ import pytest
 from defusedxml import ElementTree
 from rich.console import Console
 
-from benchmarks import bench_engine, bench_forecast, bench_workers, library, run, sections, whose_fault
+from benchmarks import bench_engine, bench_forecast, bench_workers, library, run, sections
 from benchmarks.figures import Figure
 from benchmarks.peers import __main__ as peers
 from benchmarks.peers import scene
@@ -120,22 +120,6 @@ def test_the_study_is_as_large_as_the_papers() -> None:
     repeat = int(study.given["repeat"])
     assert {**study.given, "repeat": 1} == {**bundled.given, "repeat": 1}
     assert 34_416 <= 1_220 * repeat < 36_000
-
-
-def test_whose_fault_it_is_is_counted_and_contradictions_are_named(capsys: pytest.CaptureFixture[str]) -> None:
-    golden = Path(__file__).parent / "cases" / "campaign" / "crosser" / "campaign.json"
-    campaign = json.loads(golden.read_text(encoding="utf-8").replace('"sha256:..."', '""'))
-    (failing,) = [child for clip in campaign["clip_runs"] for child in clip["children"] if child["story"]]
-    assert failing["anticipation"]["answer"] == "not preventable"
-    for before, column in (("pass", "avoided"), ("F4", "not avoided"), (None, "avoided")):
-        failing["references"] = [{"driver": "pdm", "avoids": True, "before_mutation": before}]
-        found = list(whose_fault.failures_of(campaign))
-        assert [failure.column for failure in found] == [column]
-        assert f"| an anticipating driver | {column} |" in "\n".join(whose_fault.matrix(found))
-        named = failing["mutant"] in "\n".join(whose_fault.contradictions(found))
-        assert named == (column == "avoided")
-    assert whose_fault.main([]) == 2
-    assert "name a finished campaign" in capsys.readouterr().err
 
 
 def test_a_schedule_waits_for_what_a_task_follows_from_and_for_the_campaigns_own_process() -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.avoidable import counted
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.store import Store
@@ -60,15 +59,6 @@ def test_a_failure_that_another_driver_avoids_is_found(found: CampaignResult) ->
     assert children
     assert {name for child in children for name in child.operators} <= set(NAMES.values())
     assert any(child.avoided for child in children)
-
-
-def test_the_benchmark_counts_it(found: CampaignResult) -> None:
-    counts = list(counted(found).values())
-    assert len(counts) == 1
-    assert counts[0].failures == found.total.failed >= counts[0].avoided > 0
-    assert counts[0].findings == len(found.findings) >= counts[0].avoidable_findings > 0
-    assert counts[0].simulated_s == pytest.approx(found.total.simulated_s)
-    assert 0 < counts[0].derived_s < counts[0].simulated_s
 
 
 def test_clips_are_cut_only_where_something_good_may_be_found(found: CampaignResult, tmp_path: Path) -> None:
