@@ -268,7 +268,10 @@ def test_two_processes_make_the_cache_at_once(tmp_path: Path):
 
 def test_no_cache_can_be_made(tmp_path: Path):
     (tmp_path / "file").write_text("in the way")
-    check(command(tmp_path / "file"))
+    process = command(tmp_path / "file")
+    out, err = process.communicate(timeout=60)
+    assert (out, process.returncode) == ("red_light_runner_r02_p1\n", 0)
+    assert "cannot be used" in err
 
 
 def test_the_language_loads_nothing_heavy():
