@@ -65,7 +65,7 @@ class LanesUnderPaths:
         """Find the lane under one of a path's cells; return all of them."""
         cells = self.cells(follower)
         x, y, heading = follower.line.at(cell * CELL_M)
-        if not shapely.contains_xy(self._network.drivable, x, y):
+        if not shapely.contains_xy(self._network.drivable_around(x, y), x, y):
             cells[cell] = OFF_ROAD, 0.0
         elif (near := self._network.nearest_lane(x, y, None, "car", _MATCH_M)) is None:
             cells[cell] = NO_LANE, heading

@@ -40,8 +40,8 @@ class Squares:
     """
 
     def __init__(self, network: RoadNetwork) -> None:
-        self._area = network.drivable
-        left, bottom, right, top = self._area.bounds
+        self._area = network.drivable_around
+        left, bottom, right, top = network.bounds
         self.left, self.bottom = left, bottom
         self.cell = max(CELL_M, float(np.sqrt((right - left) * (top - bottom) / _MOST_CELLS)))
         shape = floor((right - left) / self.cell) + 1, floor((top - bottom) / self.cell) + 1
@@ -60,5 +60,5 @@ class Squares:
         if self.known[column, row] == _UNKNOWN:
             left, bottom = self.left + column * self.cell, self.bottom + row * self.cell
             square = shapely.box(left, bottom, left + self.cell, bottom + self.cell)
-            self.known[column, row] = WHOLE if shapely.contains_properly(self._area, square) else _PARTLY
-        return self.known[column, row] == WHOLE or bool(shapely.contains_xy(self._area, x, y))
+            self.known[column, row] = WHOLE if shapely.contains_properly(self._area(x, y), square) else _PARTLY
+        return self.known[column, row] == WHOLE or bool(shapely.contains_xy(self._area(x, y), x, y))
