@@ -145,6 +145,13 @@ def test_avoidable_findings_of_an_exhaustive_search_count_where_reference_driver
     assert avoidable(replace(driven, against=())) == ""
 
 
+def test_a_child_that_is_stuck_fails_and_is_no_collision() -> None:
+    children = (HIT, HIT._replace(verdict=Verdict.STUCK, story="another"), MISS)
+    case = replace(made("foresee", 0).cases[0], clips=(MeasuredClip(0, Verdict.PASS, 10.0, 0.2, children),))
+    assert [case.count(what) for what in Counted] == [1, 1, 1]
+    assert replace(case, clips=(replace(case.clips[0], children=children[1:]),)).fails
+
+
 def test_a_test_case_that_drivefuzz_brings_to_fail_is_not_asked_again() -> None:
     first, second = made("foresee", 3), made("foresee", 5, seed=SECOND_ITERATION, names=NAMES[3:])
     one = split(NAMES, fuzzed({"case0", "case7"}, 1), first)
