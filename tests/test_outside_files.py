@@ -136,7 +136,7 @@ def test_no_command_waits_for_a_file_that_is_not_ordinary(
 def test_files_are_opened_in_one_place() -> None:
     own = {
         "files.py",  # the helper itself
-        "disk_cache.py", "kernels/machine_code.py", "compile/nets/cache.py", "compile/nets/network_builder.py",
+        "disk_cache.py", "kernels/compiling.py", "compile/nets/cache.py", "compile/nets/network_builder.py",
         "compile/templates.py", "compile/foreign/networks.py", "compile/foreign/crosswalks.py",
         "simulate/sumo_start.py", "campaign/import_closure.py", "campaign/keys.py", "campaign/steps/inputs.py",
         "campaign/folder.py",
@@ -146,7 +146,11 @@ def test_files_are_opened_in_one_place() -> None:
         "exchange/maps/osm.py", "cli/about.py", "cli/writing/init.py",
     }  # fmt: skip
     readers = (".read_bytes()", ".read_text(", '.open("rb")', "np.load(", "zlib.decompress(", "GzipFile(", "ZipFile(")
-    allowed = {("simulate/npz.py", "ZipFile("), ("compile/nets/safe_xml.py", "GzipFile(")}
+    allowed = {
+        ("simulate/npz.py", "ZipFile("),
+        ("compile/nets/safe_xml.py", "GzipFile("),
+        ("campaign/storage/store.py", '.open("rb")'),  # the head of a database that SQLite opened before
+    }
     package = ROOT / "foresee_dsl"
     found = {
         (name, reader)
