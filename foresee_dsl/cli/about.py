@@ -24,13 +24,14 @@ def drivers(json: JsonOption = False) -> None:
     if json:
         print_json({"drivers": found})
         return
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
     for heading in ("driver", "version", "package", "about"):
         table.add_column(heading)
     for d in found:
-        table.add_row(d.name, d.version, d.package, d.doc)
+        table.add_row(*(escape(words) for words in (d.name, d.version, d.package, d.doc)))
     console().print(table)
 
 
@@ -113,12 +114,14 @@ def doctor(json: JsonOption = False) -> None:
     if json:
         print_json({"ok": all(f.ok for f in findings), "findings": findings})
     else:
+        from rich.markup import escape
+
         screen = console()
         for f in findings:
             mark = "[green]ok  [/green]" if f.ok else "[red]FAIL[/red]"
-            screen.print(f"{mark} {f.what}: {f.detail}")
+            screen.print(f"{mark} {escape(f.what)}: {escape(f.detail)}")
             if f.mend:
-                screen.print(f"     [yellow]{f.mend}[/yellow]")
+                screen.print(f"     [yellow]{escape(f.mend)}[/yellow]")
     if not all(f.ok for f in findings):
         raise typer.Exit(FAILED)
 
