@@ -21,6 +21,7 @@ from benchmarks.faults.searching import Search, searched
 from benchmarks.faults.table import Benchmark, as_json, as_markdown
 from foresee_dsl.campaign.keys import driver_identity
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.drivers.consent import allow
 from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
@@ -129,10 +130,13 @@ def test_there_are_enough_kinds_and_the_documentation_has_them() -> None:
 
 
 def test_a_fault_is_named_by_driver_kind_and_strength() -> None:
+    allow("fault:idm/weak_brakes@0.25")
     driver = load_driver("fault:idm/weak_brakes@0.25")
     assert (driver.name, driver.version) == ("idm with weak_brakes@0.25", "1")
-    keys = {driver_identity(f"fault:{text}") for text in ("pdm/weak_brakes@0.2", "pdm/weak_brakes@0.3",
-                                                          "idm/weak_brakes@0.2", "pdm/slow_brakes@0.2")}  # fmt: skip
+    addresses = [f"fault:{text}" for text in ("pdm/weak_brakes@0.2", "pdm/weak_brakes@0.3", "idm/weak_brakes@0.2",
+                                              "pdm/slow_brakes@0.2")]  # fmt: skip
+    allow(*addresses)
+    keys = {driver_identity(address) for address in addresses}
     assert len(keys) == 4
 
 
@@ -149,6 +153,7 @@ def test_a_fault_is_named_by_driver_kind_and_strength() -> None:
     ],
 )
 def test_what_names_no_fault_is_refused_with_what_to_write(text: str, says: str) -> None:
+    allow(f"fault:{text}")
     with pytest.raises(DriverError, match=says):
         load_driver(f"fault:{text}")
 

@@ -7,6 +7,8 @@ import os
 import sys
 from pathlib import Path
 
+from foresee_dsl.drivers.consent import allow
+
 PLUG_IN = Path(__file__).parent / "plug_in"
 
 
@@ -22,8 +24,10 @@ def add_plug_in() -> None:
 
 
 def address(fault: str, strength: float) -> str:
-    """Return the address of a faulty driver: `fault:pdm/late_objects@0.4`."""
-    return f"fault:{fault}@{strength:g}"
+    """Return the address of a faulty driver, `fault:pdm/late_objects@0.4`, which is allowed from here on."""
+    text = f"fault:{fault}@{strength:g}"
+    allow(text)  # an address with a colon is a program to `drivers.consent`
+    return text
 
 
 def healthy(fault: str) -> str:

@@ -188,7 +188,7 @@ def test_what_is_no_failing_mutant_is_refused_in_words(done: Path, names: list[s
     finally:
         stale.unlink()
     (tmp_path / "campaign.json").write_text("[1]")
-    assert "no campaign's JSON" in says("minimise", "nothing", "--campaign", tmp_path)
+    assert "is not what a campaign writes" in says("minimise", "nothing", "--campaign", tmp_path)
 
 
 def _stale(text: str) -> str:

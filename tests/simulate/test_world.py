@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -151,17 +148,3 @@ def test_an_impossible_route_is_refused(town: Town) -> None:
     _, world = _world(town)
     with pytest.raises(SimulationError, match="car"):
         world.add_vehicle(replace(car, route=("nowhere",)))
-
-
-def test_libsumo_comes_without_traci_and_its_package_is_whole_afterwards() -> None:
-    code = (
-        "import sys\n"
-        "from foresee_dsl.simulate.world import _import_libsumo\n"
-        "functions = _import_libsumo()\n"
-        "print(*({'traci', 'sumolib'} & set(sys.modules)))\n"
-        "import libsumo\n"
-        "print(libsumo.vehicle is functions.vehicle, libsumo.isLibsumo(), _import_libsumo() is functions)\n"
-    )
-    home = {name: value for name, value in os.environ.items() if not name.startswith(("SUMO_HOME", "PROJ_"))}
-    done = subprocess.run([sys.executable, "-c", code], env=home, capture_output=True, text=True, check=True)
-    assert done.stdout == "\nTrue True True\n"
