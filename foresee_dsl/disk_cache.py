@@ -30,9 +30,8 @@ def entry(folder: str, depends_on: Iterable[str | bytes]) -> Path | None:
     """
     digest = hashlib.sha256(_code())
     for part in depends_on:
-        data = (
-            part.encode("utf-8", "surrogatepass") if isinstance(part, str) else part
-        )  # names of files need be no UTF-8
+        # The name of a file may hold bytes that are not UTF-8, which Python keeps as surrogates.
+        data = part.encode("utf-8", "surrogatepass") if isinstance(part, str) else part
         digest.update(b"%d:" % len(data))  # so that ("ab", "c") and ("a", "bc") differ
         digest.update(data)
     try:

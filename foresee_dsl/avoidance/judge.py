@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Protocol, TypeVar
 
-from foresee_dsl.avoidance.r157.replay import Replay
+from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.language.project.document import TestCase

@@ -68,7 +68,7 @@ class ReferenceRun:
 
     @property
     def told(self) -> str:
-        """Who avoids it, how, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
+        """The driver, what it does otherwise, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
         text = f"{self.driver} {', '.join(self.how) or 'passes, driving nearly the same way'}"
         return text if self.before in (None, Verdict.PASS) else f"{text} (but fails before the mutation: {self.before})"
 

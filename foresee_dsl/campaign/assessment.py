@@ -52,18 +52,18 @@ class DriverRun:
     step_ms: float
     digest: str
     notes: DriverNotes = NO_NOTES
-    broken: tuple[str, ...] = ()
+    broken_expectations: tuple[str, ...] = ()
     """The expectations that do not hold, a sentence each."""
 
     shown = (
-        "case family driver version verdict broken_expectations=broken reason duration_s way_m hard_brakings step_ms "
+        "case family driver version verdict broken_expectations reason duration_s way_m hard_brakings step_ms "
         "digest output=notes.output traceback=notes.traceback hang=notes.hang"
     )
 
     @property
     def passed(self) -> bool:
         """Whether nothing failed."""
-        return passes(self.verdict, self.broken)
+        return passes(self.verdict, self.broken_expectations)
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEAD
         step_ms=timed.spent_s / max(timed.steps, 1) * 1000,
         digest=result.trace.digest,
         notes=result.notes,
-        broken=result.broken,
+        broken_expectations=result.broken_expectations,
     )
 
 

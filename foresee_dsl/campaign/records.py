@@ -76,18 +76,18 @@ class SeedOutcome(Judged):
     notes: DriverNotes | None = None
     references: tuple[ReferenceRun, ...] = ()
     """Of a failure: its runs with other drivers."""
-    broken: tuple[str, ...] = ()
+    broken_expectations: tuple[str, ...] = ()
     """The expectations that do not hold, a sentence each."""
 
     shown = (
-        "test_case=id family meaning verdict broken_expectations=broken reason duration_s:2 risky_points impact "
+        "test_case=id family meaning verdict broken_expectations reason duration_s:2 risky_points impact "
         "near_misses=near preventability anticipation references story notes trace"
     )
 
     @property
     def passed(self) -> bool:
         """Whether nothing failed."""
-        return passes(self.verdict, self.broken)
+        return passes(self.verdict, self.broken_expectations)
 
 
 @dataclass(frozen=True)
@@ -166,18 +166,18 @@ class ChildOutcome(Judged):
     """The round that asked for it, where children are allocated in rounds."""
     drawn_near: str = ""
     """The child of the same clip near which it was drawn, if it was."""
-    broken: tuple[str, ...] = ()
+    broken_expectations: tuple[str, ...] = ()
     """As of a `SeedOutcome`."""
 
     shown = (
-        "mutant=name round drawn_near? meaning operators changes verdict broken_expectations=broken with=with_ reason "
+        "mutant=name round drawn_near? meaning operators changes verdict broken_expectations with=with_ reason "
         "digest file=failed_file? impact near_misses=near preventability anticipation references story"
     )
 
     @property
     def passed(self) -> bool:
         """Whether nothing failed."""
-        return passes(self.verdict, self.broken)
+        return passes(self.verdict, self.broken_expectations)
 
     @property
     def changes(self) -> list[str]:

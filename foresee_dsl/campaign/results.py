@@ -120,7 +120,7 @@ class CampaignResult:
         """The test cases and children that only break an expectation."""
         runs: list[SeedOutcome | ChildOutcome] = [*self.seeds]
         runs += [child for clip in self.clips for child in clip.children]
-        return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken)
+        return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
 
     @property
     def fidelity(self) -> FidelityFigures:

@@ -53,13 +53,14 @@ class Layer(StrEnum):
 LINES = (Layer.MARKING, Layer.EDGE_LINE, Layer.STOP_LINE)
 """Layers of lines; the others are of areas."""
 _FAST_MPS = 80 / 3.6 - 0.01
-"""A road on which cars may drive at least so fast has solid lines at its edges. Ours, after Germany's roads outside of
+"""A road whose speed limit is at least this, m/s, has solid lines at its edges. Ours, after Germany's roads outside of
 towns, which have them (guideline RMS) and 100 km/h, or 80 where the road is narrow."""
 _SAME_LINE_M = 1.0
 """The left sides of both directions of a road that are nearer to each other are its middle line (ours: a median is
 wider)."""
 _INSIDE_M = 0.25
-"""So far inside of the lane its edge line lies. Ours: where the road ends there, the line stands out from the verge."""
+"""Distance of an edge line from the side of its lane, m. Ours: where the road ends there, the line stands out from the
+verge."""
 Ground = Mapping[Layer, "BaseGeometry"]
 
 
@@ -175,8 +176,10 @@ def _between(lanes: Iterable[Lane], divided: frozenset[str]) -> Iterable[FloatAr
 
 
 def _side(lane: Lane, sign: int, inside_m: float = 0.0) -> FloatArray:
-    """Return a lane's left (-1) or right (1) side, or a line so far inside of it; fewer than two points where the lane
-    has no length."""
+    """Return a lane's left (-1) or right (1) side, or a line `inside_m` inside of it.
+
+    A lane without a length has fewer than two points.
+    """
     apart = [lane.shape[0], *(b for a, b in pairwise(lane.shape) if a != b)]
     moved_m = sign * (lane.width_m / 2 - inside_m)
     return np.array(shift_right(apart, moved_m)) if len(apart) > 1 else np.empty((0, 2))

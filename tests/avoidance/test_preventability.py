@@ -14,8 +14,8 @@ import pytest
 
 from foresee_dsl.avoidance.judge import Failure, contact
 from foresee_dsl.avoidance.r157.assessing import Preventable, R157Driver, _after_braking
-from foresee_dsl.avoidance.r157.replay import Replay
 from foresee_dsl.avoidance.r157.risk import Perception
+from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict

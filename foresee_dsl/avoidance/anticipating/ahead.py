@@ -23,8 +23,8 @@ from foresee_dsl.avoidance.anticipating.settings import (
     SETS_OFF_MPS2,
 )
 from foresee_dsl.avoidance.anticipating.way import Way
-from foresee_dsl.avoidance.r157.replay import JERK_MPS3, Replay, pedals_for, wheel_share
 from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S, MOVED_M
+from foresee_dsl.avoidance.replay import JERK_MPS3, Replay, pedals_for, wheel_share
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, SeenActor, VehicleLimits
 from foresee_dsl.simulate.actors.dynamics import Bicycle

@@ -9,7 +9,7 @@ import numpy as np
 
 from foresee_dsl.avoidance.anticipating.settings import BUILDS_UP_S, COMFORTABLE_MPS2, LATERAL_JERK_MPS3, LATERAL_MPS2
 from foresee_dsl.avoidance.anticipating.way import Way
-from foresee_dsl.avoidance.r157.replay import BRAKING_MPS2, KEEPS_PATH_M, Replay, pedals_for, wheel_share
+from foresee_dsl.avoidance.replay import BRAKING_MPS2, KEEPS_PATH_M, Replay, pedals_for, wheel_share
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.kernels.arrays import FloatArray

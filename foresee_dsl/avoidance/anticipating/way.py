@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from foresee_dsl.avoidance.r157.risk import RecordedPath
+from foresee_dsl.avoidance.replay import RecordedPath
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.kernels.arrays import FloatArray

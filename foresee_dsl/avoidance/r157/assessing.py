@@ -13,8 +13,8 @@ from enum import StrEnum
 from typing import ClassVar, Literal, Self, assert_never
 
 from foresee_dsl.avoidance.judge import R157, Failure, contact
-from foresee_dsl.avoidance.r157.replay import Replay
 from foresee_dsl.avoidance.r157.risk import Perception, perceive
+from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run

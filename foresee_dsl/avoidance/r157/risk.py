@@ -16,11 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.avoidance.replay import RecordedPath
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.simulate.sensing.in_hindsight import in_view, sight_of
 from foresee_dsl.simulate.sensing.sight import Sight
-from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, YAW_RATE, Trace, X, Y
+from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
 """The risk has to last this long to be perceived: ours, after R157, Annex 4, appendix 3: JRC-FSM
@@ -45,35 +46,6 @@ MOVED_M = 0.001
 """A shorter step between two frames has no direction. Ours: it is 2 cm/s."""
 PREDICTED_EVERY_S = 0.05
 """Ours: a step of the simulation; at 20 m/s a metre."""
-
-
-class RecordedPath:
-    """Where the ego drove in a run, by length instead of time, to drive it at another speed; straight on at its end.
-
-    Attributes:
-        along: [T] m, how far the ego has come at each frame.
-    """
-
-    def __init__(self, trace: Trace) -> None:
-        states = trace.states[:, 0]
-        steps = np.hypot(*np.diff(states[:, [X, Y]], axis=0).T) if len(states) > 1 else np.empty(0)
-        self.along: FloatArray = np.r_[0.0, np.cumsum(steps)]
-        # A little is added to each step, for places at which the ego stood to have an order.
-        self._marks = self.along + np.arange(len(self.along)) * 1e-9
-        self._poses = np.column_stack([states[:, X], states[:, Y], np.unwrap(states[:, HEADING])])
-        self._steer = np.array(states[:, STEER])
-
-    def at(self, along_m: FloatArray) -> FloatArray:
-        """Return x, y, heading at lengths [N] m of the path, [N, 3]."""
-        poses = np.column_stack([np.interp(along_m, self._marks, column) for column in self._poses.T])
-        beyond = np.maximum(along_m - self._marks[-1], 0.0)
-        poses[:, 0] += beyond * np.cos(poses[:, 2])
-        poses[:, 1] += beyond * np.sin(poses[:, 2])
-        return poses
-
-    def steer(self, along_m: float) -> float:
-        """Return the angle of the front wheels (rad) at a length; the last one beyond the end."""
-        return float(np.interp(along_m, self._marks, self._steer))
 
 
 @dataclass(frozen=True)

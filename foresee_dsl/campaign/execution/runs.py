@@ -37,12 +37,12 @@ class CaseRun:
     @property
     def passed(self) -> bool:
         """Whether nothing failed."""
-        return passes(self.verdict, self.broken)
+        return passes(self.verdict, self.broken_expectations)
 
     @property
-    def broken(self) -> tuple[str, ...]:
+    def broken_expectations(self) -> tuple[str, ...]:
         """The expectations that do not hold, a sentence each."""
-        return self.result.broken if self.result is not None else ()
+        return self.result.broken_expectations if self.result is not None else ()
 
 
 def run_cases(

@@ -122,4 +122,4 @@ def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[Ran, st
     label = recorded_driver(driver, str(result.trace.meta.get("driver_version", "")))
     reason = result.reason or result.verdict.label
     near = plain(result.near_misses)
-    return Ran(test.address, test.address, case.family, result.verdict, reason, near, result.broken), label
+    return Ran(test.address, test.address, case.family, result.verdict, reason, near, result.broken_expectations), label

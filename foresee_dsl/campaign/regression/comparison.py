@@ -47,7 +47,7 @@ class Ran:
 
     Attributes:
         key: equal for the same test case on both sides. name: for people. near: the near misses, as in `campaign.json`.
-        broken: the expectations that do not hold.
+        broken_expectations: those that do not hold, a sentence each.
     """
 
     key: str
@@ -56,14 +56,14 @@ class Ran:
     verdict: Verdict
     reason: str
     near: Mapping[str, Any] | None = None
-    broken: tuple[str, ...] = ()
+    broken_expectations: tuple[str, ...] = ()
 
     shown = "verdict reason"
 
     @property
     def failed(self) -> bool:
         """Whether it did not pass: failures, broken expectations, and also crashes and timeouts."""
-        return not passes(self.verdict, self.broken)
+        return not passes(self.verdict, self.broken_expectations)
 
 
 @dataclass(frozen=True)

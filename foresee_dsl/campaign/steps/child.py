@@ -107,7 +107,7 @@ def run_child(
         near=result.near_misses,
         story=story,
         notes=notes_of(result),
-        broken=result.broken,
+        broken_expectations=result.broken_expectations,
     )
     return outcome, result
 

@@ -68,7 +68,7 @@ class SeedStep(Step[None, None]):
             near=result.near_misses,
             judgements=known.judgements,
             story=known.story,
-            broken=result.broken,
+            broken_expectations=result.broken_expectations,
             notes=result.notes if result.notes != DriverNotes() else None,
         )
         return outcome, result.trace

@@ -189,7 +189,7 @@ class SceneBuilder:
                 yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
 
     def _beside_all_roads(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
-        """Yield the paths that touch no lane and no sidewalk: whoever follows one meets nobody."""
+        """Yield the paths that touch no lane and no sidewalk: an actor that follows one meets no other actor."""
         for actor in placed:
             path = path_of(self._actors[actor.id])
             if path is None or not actor.path:

@@ -87,7 +87,7 @@ class PathAlong(Item):
 
     The lengths count from where that actor starts, as those of places do. The other way round, `from 96 m to 2 m`, it
     leads against the route; the offset is to the left of the route either way. Corners of the route's line become arcs,
-    so that whoever follows the line slows down in its bends and not at its corners.
+    so that an actor that follows the line slows down in its bends and not at its corners.
     """
 
     pattern = "path along {actor}.route from {begin} to {end} [offset {offset}]"

@@ -20,8 +20,7 @@ class Phrase:
 
     Attributes:
         rules: the grammar's rules in whose place it may stand; empty for all.
-        message, help: with the groups of the pattern, as `re.Match.expand` puts them in.
-        whole: the pattern must reach to the statement's end.
+        message, help: may name groups of the pattern, which `re.Match.expand` fills in.
     """
 
     rules: tuple[str, ...]

@@ -114,7 +114,7 @@ def _name_in(address: str) -> str:
 def of_run(address: str, driver: str, seed: int, result: RunResult, attachments: Sequence[str] = ()) -> CaseResult:
     """Return the result of one run."""
     return _of(
-        address, _name_in(address), result.verdict, result.reason, place_of(address), result.broken,
+        address, _name_in(address), result.verdict, result.reason, place_of(address), result.broken_expectations,
         reproduce=reproduce(address, driver, seed), attachments=tuple(attachments), time_s=result.duration_s,
     )  # fmt: skip
 
@@ -140,8 +140,8 @@ def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...
     several = len({one.driver for one in listed}) > 1
     return tuple(
         _of(one.case, _name_in(one.case) + (f" [{one.driver}]" if several else ""), one.verdict, one.reason,
-            place_of(one.case), one.broken, details=_notes(one.notes), reproduce=reproduce(one.case, one.driver, seed),
-            time_s=one.duration_s)
+            place_of(one.case), one.broken_expectations, details=_notes(one.notes),
+            reproduce=reproduce(one.case, one.driver, seed), time_s=one.duration_s)
         for one in listed
     )  # fmt: skip
 
@@ -156,13 +156,13 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
     driver, seed = result.settings.driver, result.settings.seed
     seeds = [
         _of(one.id, one.id.partition("::")[2] or one.scenario, one.verdict, one.reason, place_of(one.id),
-            one.broken, details=_told(one), reproduce=reproduce(one.id, driver, seed),
+            one.broken_expectations, details=_told(one), reproduce=reproduce(one.id, driver, seed),
             attachments=(str(out / one.trace),) if one.trace else (), time_s=one.duration_s)
         for one in result.seeds
     ]  # fmt: skip
     children = [
         _of(clip.seed, child.name, child.verdict, child.reason, place_of(str(out / child.file), child.text),
-            child.broken, details=_told(child), sibling_of=siblings.get(child.name, ""),
+            child.broken_expectations, details=_told(child), sibling_of=siblings.get(child.name, ""),
             reproduce=reproduce(str(out / child.file), driver, seed), time_s=child.duration_s)
         for clip in result.clips
         for child in clip.children

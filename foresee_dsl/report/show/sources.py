@@ -106,7 +106,7 @@ def of_address(address: str, wish: Wish) -> Shown:
 
 
 def parent_of(shown: Shown, wish: Wish, say: Callable[[str], None]) -> Shown | None:
-    """Return the run of a mutant's clip with the same driver and seed; None of what is no mutant.
+    """Return the run of a mutant's clip with the same driver and seed; None where the shown run is not a mutant's.
 
     Args:
         shown: the mutant's run. wish: what the user asked for.

@@ -223,7 +223,7 @@ def _print_breaking(console: Console, result: CampaignResult) -> None:
     """Print the expectations that do not hold in runs whose verdict is `pass`, and in which runs."""
     names: dict[str, list[str]] = {}
     for run in result.breaking:
-        for sentence in run.broken:
+        for sentence in run.broken_expectations:
             names.setdefault(sentence, []).append(run.id if isinstance(run, SeedOutcome) else run.name)
     if names:
         runs = counted(len(result.breaking), "run")

@@ -59,7 +59,8 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
         told = set()
         for run in (run for run in runs if not run.passed):
             how = safe(without_verdict(run.verdict, run.reason), WHOLE)
-            text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {ending(run.verdict, run.broken)}: {how}"
+            ended = ending(run.verdict, run.broken_expectations)
+            text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {ended}: {how}"
             console.print(Text(text), soft_wrap=True)
             if (run.driver, run.reason) not in told:  # once for each place in a driver's code
                 told.add((run.driver, run.reason))

@@ -114,7 +114,7 @@ class FirstFailure(Listener):
         problem = verdict is not Verdict.PASS if row.kind == "seed" else is_problem(verdict) or row.broken
         if not problem and row.kind in ("seed", "child"):
             run = decode(row.record, SeedOutcome if row.kind == "seed" else ChildOutcome)
-            problem = isinstance(run, SeedOutcome | ChildOutcome) and bool(run.broken)
+            problem = isinstance(run, SeedOutcome | ChildOutcome) and bool(run.broken_expectations)
         if problem and not self.name:
             self.name = row.name
 

@@ -21,7 +21,7 @@ _LINES = 30
 
 def print_case_run(console: Console, one: CaseRun, trace: Path | None) -> None:
     """Print how one run ended: verdict and reason, what happened, what the driver raised and printed."""
-    text = Text.assemble(f"{safe(one.case.id, WHOLE)}: ", ending(one.verdict, one.broken))
+    text = Text.assemble(f"{safe(one.case.id, WHOLE)}: ", ending(one.verdict, one.broken_expectations))
     text.append(f", {safe(without_verdict(one.verdict, one.reason), WHOLE)}")
     if one.result is not None:
         text.append(f" ({one.result.duration_s:.1f} s, {one.result.steps} steps)")
@@ -62,7 +62,7 @@ def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: 
         print_case_run(console, one, traces.get(one.case.id))
     console.print()
     rows = [
-        (safe(one.case.id, WHOLE), ending(one.verdict, one.broken).plain,
+        (safe(one.case.id, WHOLE), ending(one.verdict, one.broken_expectations).plain,
          f"{one.result.time_s:.2f} s" if one.result else "", _held(one),
          "yes" if one.notes.output.strip() else "")
         for one in runs

@@ -205,14 +205,14 @@ class RunResult:
     """Triggers and steps that never came; worked out where somebody asks (`simulate.triggers.unfired`)."""
 
     @property
-    def broken(self) -> tuple[str, ...]:
+    def broken_expectations(self) -> tuple[str, ...]:
         """The expectations that do not hold, a sentence each."""
         return tuple(one.broken_sentence for one in self.expectations if not one.held)
 
     @property
     def passed(self) -> bool:
         """Whether nothing failed."""
-        return passes(self.verdict, self.broken)
+        return passes(self.verdict, self.broken_expectations)
 
     @cached_property
     def near_misses(self) -> NearMisses:

@@ -9,37 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from enum import IntEnum
 from functools import partial
 from typing import NamedTuple, assert_never
 
-from foresee_dsl.kernels.conditions import UNSURE, beside_area, box_distance, gap_within, time_to_touch
+from foresee_dsl.kernels.conditions import UNSURE, beside_area, box_distance
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import Actor
-from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, eta, point_distance
-from foresee_dsl.simulate.trace import ACCELERATION, SPEED
+from foresee_dsl.simulate.results.metrics import point_distance
 from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
+from foresee_dsl.simulate.triggers.measures import Cost, cost_of, measured
 
 Truth = Callable[[], bool | None]
 """Says whether a condition holds now; None where it cannot be evaluated."""
-
-
-class Cost(IntEnum):
-    """What a look at a condition costs; the parts of an `and` or `or` are looked at in this order.
-
-    A look along a SUMO vehicle's line begins where the last one ended, so that a condition which depends on that is
-    looked at in `EVERY_STEP`, whatever the other parts say. Of the others, `NUMBER` reads one number of the state
-    table, `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and `MARGIN` the whole
-    outcome.
-    """
-
-    EVERY_STEP = 0
-    NUMBER = 1
-    PAIR = 2
-    AREA = 3
-    MARGIN = 4
 
 
 class Kind:
@@ -51,7 +34,7 @@ class Kind:
 
     def __init__(self, condition: m.Condition, run: Conditions) -> None:
         self.condition, self.run = condition, run
-        self.cost = _cost_of(condition, run)
+        self.cost = cost_of(condition, run)
 
     def outcome(self) -> Outcome | None:
         """Return whether it holds now and by how much; None where it cannot be evaluated."""
@@ -85,7 +68,7 @@ class _Compared(Kind):
         super().__init__(condition, run)
         self._bound, self._right = si_of(condition.right), condition.right
         self._above, self._equal = condition.op[0] == ">", condition.op[-1] == "="
-        self._measured = _measured(condition.left, run)
+        self._measured = measured(condition.left, run)
         self.cost = self._measured.cost
 
     def _held(self, value: float) -> tuple[bool, float]:
@@ -339,159 +322,6 @@ def kind_of(condition: m.Condition, run: Conditions) -> Kind:
         case _:
             assert_never(condition)
     return kind
-
-
-# --- measures --------------------------------------------------------------------------------------------------------
-
-
-class _Measured:
-    """A measure in one run.
-
-    Attributes:
-        cost: of a look at its value.
-    """
-
-    def __init__(self, measure: m.Measure, run: Conditions) -> None:
-        self.what, self.run, self.cost = measure.what, run, _cost_of(measure, run)
-        self.name, self.other = measure.actor or "", word_of(measure.other or "")
-
-    def value(self) -> float:
-        """Return its value now; NaN where there is none."""
-        raise NotImplementedError
-
-    def until(self, bound: float) -> float:
-        """Return its value, or infinity where that is surely above a bound."""
-        del bound
-        return self.value()
-
-
-class _Time(_Measured):
-    """`time`."""
-
-    def __init__(self, measure: m.Measure, run: Conditions) -> None:
-        super().__init__(measure, run)
-        self.cost = Cost.NUMBER
-
-    def value(self) -> float:
-        return self.run.simulation.time_s
-
-
-class _State(_Measured):
-    """`a.speed`, `a.acceleration`: a number of the state table."""
-
-    def __init__(self, measure: m.Measure, run: Conditions) -> None:
-        super().__init__(measure, run)
-        self._place = run.rows.get(self.name, 0), SPEED if self.what == "speed" else ACCELERATION
-        self.cost = Cost.NUMBER
-
-    def value(self) -> float:
-        return math.nan if self.run.actor(self.name) is None else self.run.states.item(*self._place)
-
-
-class _ToJunction(_Measured):
-    """`distance(a, j4)`, `a.eta(j4)`: along the route to where it enters a junction."""
-
-    def __init__(self, measure: m.Measure, run: Conditions) -> None:
-        super().__init__(measure, run)
-        actor = run.simulation.by_id.get(self.name)
-        self.cost = Cost.AREA if actor is None or _looks_anywhere(actor, run) else Cost.EVERY_STEP
-
-    def value(self) -> float:
-        actor, simulation = self.run.actor(self.name), self.run.simulation
-        if actor is None:
-            return math.nan
-        left_m = simulation.progress.to_junction(actor, self.other, simulation.frame)
-        if self.what == "distance":
-            return left_m
-        return math.inf if math.isnan(left_m) else eta(left_m, actor.speed)
-
-
-class _BetweenFootprints(_Measured):
-    """`distance(a, b)`, `ttc(a, b)`, `headway(a, b)`."""
-
-    def __init__(self, measure: m.Measure, run: Conditions) -> None:
-        super().__init__(measure, run)
-        self.cost = Cost.PAIR
-        rows = run.rows.get(self.name, 0), run.rows.get(self.other, 0)
-        self._table = run.states, run.sizes, *rows
-
-    def value(self) -> float:
-        actor, other = self.run.actor(self.name), self.run.actor(self.other)
-        if actor is None or other is None:
-            return math.nan
-        if self.what == "ttc":
-            return float(time_to_touch(*self._table))
-        gap_m = self.run.gap(actor, other)
-        return gap_m if self.what == "distance" else gap_m / max(actor.speed, SLOWEST_MPS)
-
-    def until(self, bound: float) -> float:
-        actor, other = self.run.actor(self.name), self.run.actor(self.other)
-        if self.what == "ttc" or actor is None or other is None:
-            return self.value()
-        if self.what == "distance":
-            return gap_within(*self._table, bound)
-        speed_mps = max(actor.speed, SLOWEST_MPS)
-        return gap_within(*self._table, bound * speed_mps) / speed_mps
-
-
-class _Offset(_Measured):
-    """`a.offset`: from the middle of its lane."""
-
-    def value(self) -> float:
-        actor = self.run.actor(self.name)
-        lane = None if actor is None else self.run.ways.lane(actor)
-        return math.nan if lane is None else lane[1]
-
-
-class _AlongTheWay(_Measured):
-    """`lateral(a, b)`, `overlap(a, b)`, `relative_speed(a, b)`."""
-
-    def value(self) -> float:
-        actor, other = self.run.actor(self.name), self.run.actor(self.other)
-        if actor is None or other is None:  # one of the traffic may have found no room
-            return math.nan
-        if self.what == "lateral":
-            return self.run.ways.lateral_m(actor, other)
-        if self.what == "overlap":
-            return self.run.ways.overlap_m(actor, other)
-        return actor.speed - other.speed * math.cos(other.heading - actor.heading)
-
-
-def _measured(measure: m.Measure, run: Conditions) -> _Measured:
-    """Bind a measure to a run."""
-    measured: type[_Measured]
-    match measure.what:
-        case "time":
-            measured = _Time
-        case "speed" | "acceleration":
-            measured = _State
-        case "eta":
-            measured = _ToJunction
-        case "distance":
-            to_junction = run.is_junction(word_of(measure.other or ""))
-            measured = _ToJunction if to_junction else _BetweenFootprints
-        case "ttc" | "headway":
-            measured = _BetweenFootprints
-        case "offset":
-            measured = _Offset
-        case "lateral" | "overlap" | "relative_speed":
-            measured = _AlongTheWay
-        case _:
-            assert_never(measure.what)
-    return measured(measure, run)
-
-
-def _looks_anywhere(actor: Actor, run: Conditions) -> bool:
-    """Whether it makes no difference when the place of an actor on its line was looked up before: that of the ego is
-    looked up in every frame, that of an actor on a path is known."""
-    return actor is run.simulation.ego or isinstance(actor, PathActor)
-
-
-def _cost_of(item: m.Condition | m.Measure, run: Conditions) -> Cost:
-    by_id = run.simulation.by_id
-    actors = (by_id.get(name) for name in (getattr(item, "actor", None), getattr(item, "other", None)) if name)
-    anywhere = all(actor is None or _looks_anywhere(actor, run) for actor in actors)
-    return Cost.MARGIN if anywhere else Cost.EVERY_STEP
 
 
 # --- without margins -------------------------------------------------------------------------------------------------

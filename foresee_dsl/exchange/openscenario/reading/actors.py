@@ -45,7 +45,7 @@ _STRAIGHT_M = 0.02
 _GENTLE_MPS2 = 1.0
 """Nothing that drives brakes less (ours)."""
 _LATE_S = 0.1
-"""A trajectory may begin so much before its action, s (ours: two steps of the simulation)."""
+"""A trajectory may begin earlier than its action by this time, s. Ours: two steps of the simulation."""
 _CRAWLS_MPS = 0.05
 """An actor that is slower at the end of its trajectory stops there (ours)."""
 

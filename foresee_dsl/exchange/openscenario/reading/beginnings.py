@@ -12,12 +12,11 @@ import shapely
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
+from foresee_dsl.simulate.results.metrics import SLOWEST_MPS
 
 _COMPARES: Mapping[str, Callable[[float, float], bool]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
 }  # fmt: skip
-_LEAST_MPS = 1.0
-"""The slowest speed that `headway` counts with, m/s (the language's)."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def _measured(measure: m.Measure, beginnings: Mapping[str, Beginning]) -> float 
         turned = other.middle.heading_rad - one.middle.heading_rad
         return one.speed_mps - other.speed_mps * math.cos(turned)
     apart = float(one.footprint.distance(other.footprint))
-    return apart if measure.what == "distance" else apart / max(one.speed_mps, _LEAST_MPS)
+    return apart if measure.what == "distance" else apart / max(one.speed_mps, SLOWEST_MPS)
 
 
 def _distance(one: Beginning, of: object, beginnings: Mapping[str, Beginning]) -> float | None:

@@ -20,7 +20,8 @@ _Found = TypeVar("_Found")
 
 @dataclass(frozen=True)
 class ByMover:
-    """A place that goes with an entity: so far ahead of its reference point along its way, and to the left, m."""
+    """A place that moves with an entity: its distance ahead of the entity's reference point along the entity's way, and
+    to the left of it, m."""
 
     entity: str
     ahead_m: float
@@ -214,7 +215,7 @@ class Places:
         return self._with_t(roads, RoadPlace(moved.road, moved.s, lane, -offset if turned else offset))
 
     def _along_trajectory(self, kind: Element) -> Pose:
-        """Return a place so far along a trajectory, and so far to its left."""
+        """Return the place at a length along a trajectory, moved to its left."""
         trajectory = self.referred(kind.find("TrajectoryRef"), "Trajectory")
         line = self.line_of(trajectory, self) if trajectory is not None else ()
         if len(line) < 2:

@@ -20,8 +20,12 @@ _LOOKS_S = (3.0, 8.0)
 
 @dataclass(frozen=True)
 class SpeedOrder:
-    """A written change of speed: when it begins in the run, s; to what, m/s; over so many seconds, or with a rate in
-    m/s^2 (both None: at once)."""
+    """A written change of speed.
+
+    Attributes:
+        time_s: when it begins in the run. to_mps: the speed that it ends with.
+        over_s, rate_mps2: its duration, or its rate; with neither the speed changes at once.
+    """
 
     time_s: float
     to_mps: float

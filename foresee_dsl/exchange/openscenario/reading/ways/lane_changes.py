@@ -25,7 +25,8 @@ _SLOWEST_MPS = 3.0
 """An actor whose speed is not known, or nearly none, changes lane as one that drives so fast (ours)."""
 _SLOWER = 0.98
 _APART_M = 20.0
-"""The places that it goes on through are so far apart (ours: in a bend of 250 m radius the path is 0.2 m off)."""
+"""Distance between the places through which the actor goes on, m. Ours: in a bend of 250 m radius the path is 0.2 m
+off."""
 _ONWARDS_M = 300.0
 """So far it goes on in a lane of the other direction (ours: 20 s at 54 km/h)."""
 _PARTS = 6
@@ -79,7 +80,7 @@ def over_the_middle(
 
 
 def _onwards(name: str, begin: float, left: float) -> Iterator[m.Place]:
-    """Yield places along an actor's way, so far beside it, from so far ahead of the actor on."""
+    """Yield places along an actor's way at a lateral offset, from a distance ahead of the actor on."""
     offset = quantity(left, "length") if left else None
     for k in range(1, round(_ONWARDS_M / _APART_M) + 1):
         yield m.AheadOf(actor=name, at=quantity(begin + k * _APART_M, "length"), offset=offset)

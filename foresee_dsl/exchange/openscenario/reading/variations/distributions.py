@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 import numpy as np
@@ -16,11 +17,11 @@ from foresee_dsl.exchange.openscenario.reading.source import WHAT, Source, proje
 from foresee_dsl.exchange.outcome import ExchangeError, SourceError
 
 MOST_SETS = 10_000
-"""As many cases may one scenario draw (the language's limit)."""
+"""The largest number of cases that a scenario may draw (`cases` of the language allows no more)."""
 _MOST_STEPS = 10_000
 _DEVIATIONS = 4.0
-"""A normal distribution without a range is cut off so many standard deviations from its mean (ours: one draw of 16,000
-lies outside)."""
+"""A normal distribution without a range is cut off at this number of standard deviations from its mean. Ours: one draw
+of 16,000 lies outside."""
 _MOST_TRIES = 10_000
 Values = Mapping[str, str]
 """Values of parameters, as they are written, by the parameters' names."""
@@ -28,15 +29,22 @@ Values = Mapping[str, str]
 
 @dataclass(frozen=True)
 class Drawn:
-    """How a parameter is drawn: `uniform` in (low, high), `normal` with (mean, deviation) in it, or `choice` of options
-    with weights; None where the language has no such distribution (the values are drawn by the import)."""
+    """How the values of a parameter are drawn.
 
-    kind: str
+    Attributes:
+        kind: the language can draw `uniform`, `normal` and `choice`; the import itself draws the values of the others.
+        low, high: the range, for kinds without weights. mean, deviation: of `normal`; of `lognormal`, those of the
+            logarithm; `poisson` has a mean only.
+        options: the values of a `choice`. bins: the ranges of a `histogram`. weights: of either, in the same order.
+    """
+
+    kind: Literal["uniform", "normal", "lognormal", "poisson", "choice", "histogram"]
     low: float = 0.0
     high: float = 0.0
     mean: float = 0.0
     deviation: float = 0.0
     options: tuple[str, ...] = ()
+    bins: tuple[tuple[float, float], ...] = ()
     weights: tuple[float, ...] = ()
 
 
@@ -64,7 +72,7 @@ class Variation:
         return self.runs if self.drawn else math.prod(len(group) for group in self.groups)
 
     def sets(self, most: int) -> list[dict[str, str]]:
-        """Return the sets of values, at most so many; of more than that an even choice of them."""
+        """Return at most this number of sets of values, chosen evenly where there are more."""
         if self.drawn:
             rng = np.random.default_rng(self.seed)
             return [{name: _draw(how, rng) for name, how in self.drawn.items()} for _ in range(min(self.runs, most))]
@@ -97,7 +105,7 @@ def read_variation(path: Path, *, allow_outside: bool) -> Variation | None:
     if file is None or not file.get("filepath"):
         raise SourceError(f"{path} names no scenario whose parameters it varies")
     scenario = source.named(file.get("filepath", ""), "the scenario")
-    common = {"path": path, "scenario": scenario, "description": source.description}
+    variation = Variation(path, scenario, source.description)
     fixed, random = varied.find("Deterministic"), varied.find("Stochastic")
     if random is not None:
         drawn = {
@@ -105,11 +113,11 @@ def read_variation(path: Path, *, allow_outside: bool) -> Variation | None:
             for e in random.iterfind("StochasticDistribution")
         }
         runs = max(round(number(random, "numberOfTestRuns", 1)), 1)
-        return Variation(**common, drawn=drawn, runs=runs, seed=abs(round(number(random, "randomSeed", 1))))  # type: ignore[arg-type]
+        return replace(variation, drawn=drawn, runs=runs, seed=abs(round(number(random, "randomSeed", 1))))
     groups = [_group(path, e) for e in fixed] if fixed is not None else []
     if not groups:
         raise SourceError(f"{path} varies no parameter")
-    return Variation(**common, groups=tuple(groups))  # type: ignore[arg-type]
+    return replace(variation, groups=tuple(groups))
 
 
 def _group(path: Path, distribution: Element) -> tuple[Values, ...]:
@@ -176,8 +184,8 @@ def _drawn(path: Path, distribution: Element) -> Drawn:
         return Drawn("choice", options=tuple(e.get("value", "") for e in elements), weights=weights)
     if kind is not None and tag == "Histogram":
         bins = kind.findall("Bin")
-        edges = tuple(f"{low!r} {high!r}" for low, high in (_limits(path, name, e) for e in bins))
-        return Drawn("histogram", options=edges, weights=tuple(number(e, "weight") for e in bins))
+        weights = tuple(number(e, "weight") for e in bins)
+        return Drawn("histogram", bins=tuple(_limits(path, name, e) for e in bins), weights=weights)
     raise SourceError(
         f"{path} draws '{name}' from {tag or 'nothing'}, which is not one of the standard's distributions: write a "
         "NormalDistribution, a UniformDistribution or a ProbabilityDistributionSet"
@@ -186,13 +194,9 @@ def _drawn(path: Path, distribution: Element) -> Drawn:
 
 def _draw(how: Drawn, rng: np.random.Generator) -> str:
     """Return a value."""
-    if how.options:
-        share = np.array(how.weights) / sum(how.weights)
-        chosen = how.options[int(rng.choice(len(how.options), p=share))]
-        if how.kind == "choice":
-            return chosen
-        low, high = map(float, chosen.split())
-        return repr(float(rng.uniform(low, high)))
+    if how.weights:
+        chosen = int(rng.choice(len(how.weights), p=np.array(how.weights) / sum(how.weights)))
+        return how.options[chosen] if how.options else repr(float(rng.uniform(*how.bins[chosen])))
     for _ in range(_MOST_TRIES):
         if how.kind == "uniform":
             value = float(rng.uniform(how.low, how.high))

@@ -1,4 +1,7 @@
-"""The driver of the replay: follows a recorded run exactly, and from a given time on brakes along its path."""
+"""The driver of the replay: follows a recorded run exactly, and from a given time on brakes along its path.
+
+The judges that drive a failure again (`r157`, `anticipating`) use it, and the recorded path by length.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from foresee_dsl.avoidance.r157.risk import RecordedPath
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
 from foresee_dsl.simulate.actors.roads import SlipperyGround
-from foresee_dsl.simulate.trace import SPEED, STEER, STEP_S, Trace
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEER, STEP_S, Trace, X, Y
 
 BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
 """The hardest braking of the careful driver: R157, Annex 4, appendix 3 (0.774 g). Less where the road or the vehicle do
@@ -29,6 +32,35 @@ _TRIES = 100
 """Ours: fifty halvings of a pedal's range are finer than a float."""
 _TOUCHED = 1e-9
 """The least share of a pressed brake: at 0 the vehicle answers as to a released throttle."""
+
+
+class RecordedPath:
+    """Where the ego drove in a run, by length instead of time, to drive it at another speed; straight on at its end.
+
+    Attributes:
+        along: [T] m, how far the ego has come at each frame.
+    """
+
+    def __init__(self, trace: Trace) -> None:
+        states = trace.states[:, 0]
+        steps = np.hypot(*np.diff(states[:, [X, Y]], axis=0).T) if len(states) > 1 else np.empty(0)
+        self.along: FloatArray = np.r_[0.0, np.cumsum(steps)]
+        # A little is added to each step, for places at which the ego stood to have an order.
+        self._marks = self.along + np.arange(len(self.along)) * 1e-9
+        self._poses = np.column_stack([states[:, X], states[:, Y], np.unwrap(states[:, HEADING])])
+        self._steer = np.array(states[:, STEER])
+
+    def at(self, along_m: FloatArray) -> FloatArray:
+        """Return x, y, heading at lengths [N] m of the path, [N, 3]."""
+        poses = np.column_stack([np.interp(along_m, self._marks, column) for column in self._poses.T])
+        beyond = np.maximum(along_m - self._marks[-1], 0.0)
+        poses[:, 0] += beyond * np.cos(poses[:, 2])
+        poses[:, 1] += beyond * np.sin(poses[:, 2])
+        return poses
+
+    def steer(self, along_m: float) -> float:
+        """Return the angle of the front wheels (rad) at a length; the last one beyond the end."""
+        return float(np.interp(along_m, self._marks, self._steer))
 
 
 class Replay:

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from foresee_dsl.exchange.naming import distinct_name, sentence
-from foresee_dsl.exchange.openscenario.reading.distributions import Drawn, Values
+from foresee_dsl.exchange.openscenario.reading.variations.distributions import Drawn, Values
 from foresee_dsl.language import model as m
 
 Slot = tuple[str | int, ...]
