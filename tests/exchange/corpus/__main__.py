@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.kernels.compiling import ensure
 from tests.exchange.corpus import maps, scenarios
 from tests.exchange.corpus.limited import run_limited
 from tests.exchange.corpus.rows import Outcome, Row, show, write_csv
@@ -27,7 +27,7 @@ def main() -> None:
     given = parser.parse_args()
     settings = scenarios.Settings(given.player, given.maps)
     console = Console()
-    load_driver("idm")  # machine code is made once, for all processes
+    ensure()  # machine code is made once, for all processes
     rows = []
     for file, name in _files(given.folder):
         if given.only not in name:

@@ -1,4 +1,4 @@
-"""The reference player: esmini without a window, and where it has each entity at a time."""
+"""The reference player: esmini without a window, and where it has each entity at some times."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import subprocess
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,14 +20,14 @@ _TAIL_BYTES = 100_000
 
 @dataclass(frozen=True)
 class Played:
-    """Where entities are: x, y, m, of their reference points. `said`: why there are none."""
+    """Where entities are at each time, s: x, y, m, of their reference points. `said`: why there are none."""
 
-    at: dict[str, tuple[float, float]]
+    at: dict[float, dict[str, tuple[float, float]]]
     said: str = ""
 
 
-def play(player: Path, file: Path, time_s: float) -> Played:
-    """Play a scenario up to a time."""
+def play(player: Path, file: Path, times_s: Sequence[float]) -> Played:
+    """Play a scenario up to the last of some times."""
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "states.csv"
         command = [
@@ -42,15 +43,15 @@ def play(player: Path, file: Path, time_s: float) -> Played:
         silent = [*map(str, command), "--disable_stdout"]
         with subprocess.Popen(silent, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
             ends = time.monotonic() + _PLAYER_S
-            while process.poll() is None and time.monotonic() < ends and not _is_past(table, time_s):
+            while process.poll() is None and time.monotonic() < ends and not _is_past(table, max(times_s)):
                 time.sleep(_LOOKS_S)
             process.kill()  # what it wrote up to then counts
         log = Path(folder) / "log.txt"
         text = log.read_text(errors="replace") if log.exists() else ""
         lines = [line for line in text.splitlines() if line.strip()]
         errors = [line for line in lines if "error" in line.lower()] or lines[-_EXIT_LINES:]
-        found = _at(table, time_s) if table.exists() else {}
-    return Played(found, "" if found else " / ".join(errors)[-300:] or "it wrote nothing")
+        found = {time_s: _at(table, time_s) for time_s in times_s} if table.exists() else {}
+    return Played(found, "" if any(found.values()) else " / ".join(errors)[-300:] or "it wrote nothing")
 
 
 def _is_past(table: Path, time_s: float) -> bool:

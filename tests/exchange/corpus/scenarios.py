@@ -1,4 +1,4 @@
-"""One OpenSCENARIO file: imported, checked, driven for three seconds, and compared with the player."""
+"""One OpenSCENARIO file: imported, checked, driven for nine seconds, and compared with the player."""
 
 from __future__ import annotations
 
@@ -8,24 +8,26 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.compile import compile_test_case
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.openscenario.reading import importer
 from foresee_dsl.exchange.openscenario.reading.entities import Entity, read_participants
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.source import Source, read_source
 from foresee_dsl.exchange.outcome import Imported, SourceError
-from foresee_dsl.language.model import End, Quantity, Scenario, When
+from foresee_dsl.language.model import End, Expect, Quantity, Scenario, When
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.language.traversal import all_actions
+from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 from tests.exchange.corpus.player import play
 from tests.exchange.corpus.rows import Outcome, Row
+from tests.exchange.corpus.steady import SteadyDriver, steady_copy
 
-AT_S = 3.0
+LOOKS_S = (1.0, 3.0, 6.0, 9.0)
+"""When the actors are compared: what a trigger changes late shows at 6 and 9 s only."""
 NEAR_M = 3.0
-_DRIVER = "idm"
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,8 @@ def judge(file: Path, name: str, settings: Settings) -> Row:
             return Row(name, Outcome.good_reason if good else Outcome.ours, said)
         lost = "; ".join(f"{count} {what}" for what, count in done.lost.items())
         row = Row(name, Outcome.partial if lost else Outcome.imported, lost)
-        (case,) = load_test_cases([file for file in done.files if file.name.endswith(f"{_scenario(done)}.foresee")])
-        trace = run_test_case(_shortened(case), _DRIVER, 0).trace
+        case, *_ = load_test_cases([file for file in done.files if file.name.endswith(f"{_scenario(done)}.foresee")])
+        trace = run(compile_test_case(_shortened(case)), SteadyDriver(), deadlines=None).trace
         if settings.player is None:
             return row
         source = read_source(file, allow_outside=True)
@@ -62,8 +64,8 @@ def _scenario(done: Imported) -> str:
 
 
 def _shortened(case: TestCase) -> TestCase:
-    body = tuple(item for item in case.scenario.body if not isinstance(item, End))
-    end = End(after=Quantity.of(AT_S + 0.5, "time", 2))
+    body = tuple(item for item in case.scenario.body if not isinstance(item, End | Expect))
+    end = End(after=Quantity.of(LOOKS_S[-1] + 0.5, "time", 2))
     return dataclasses.replace(case, scenario=Scenario(name=case.scenario.name, body=(*body, end)))
 
 
@@ -78,31 +80,36 @@ def _by_the_ego(scenario: Scenario) -> set[str]:
 
 
 def _compared(row: Row, source: Source, scenario: Scenario, trace: Trace, player: Path) -> Row:
-    """Return the row with how far actors are from where the player has them; the ego is our driver's to drive, and
-    those that keep to it go where it goes."""
+    """Return the row with how far actors are from where the player has them, the ego and those that keep to it left
+    out."""
     driven = _by_the_ego(scenario)
-    played = play(player, source.path, AT_S)
     entities = read_participants(source, Losses(), name="x").entities
-    off: dict[str, float] = {}
-    for ref, entity in entities.items():
-        if entity.name == "ego" or entity.name in driven or ref not in played.at:
-            continue
-        ours = _reference_point(entity, trace)
-        if ours is not None:
-            off[ref] = math.dist(ours, played.at[ref])
+    copy = steady_copy(source, next(ref for ref, entity in entities.items() if entity.name == "ego"), LOOKS_S[-1] + 1.0)
+    try:
+        played = play(player, copy, LOOKS_S)
+    finally:
+        copy.unlink()
+    off: dict[str, tuple[float, float]] = {}
+    for time_s, positions in played.at.items():
+        for ref, entity in entities.items():
+            ours = _reference_point(entity, trace, time_s)
+            if entity.name != "ego" and entity.name not in driven and ref in positions and ours is not None:
+                off[ref] = max(off.get(ref, (0.0, 0.0)), (math.dist(ours, positions[ref]), time_s))
     if not off:
         return dataclasses.replace(row, said=played.said)
     worst = max(off, key=lambda ref: off[ref])
-    near = sum(d <= NEAR_M for d in off.values())
-    return dataclasses.replace(row, compared=len(off), near=near, worst_m=round(off[worst], 2), worst=worst)
+    worst_m, when_s = off[worst]
+    near = sum(away_m <= NEAR_M for away_m, _ in off.values())
+    said = f"{worst} at {when_s:g} s"
+    return dataclasses.replace(row, compared=len(off), near=near, worst_m=round(worst_m, 2), worst=said)
 
 
-def _reference_point(entity: Entity, trace: Trace) -> tuple[float, float] | None:
-    """Return where the entity's reference point is in our run, or None where it is not in it."""
+def _reference_point(entity: Entity, trace: Trace, time_s: float) -> tuple[float, float] | None:
+    """Return where the entity's reference point is in our run, or None where it is not in it (any more)."""
     names = [info.id for info in trace.actors]
-    if entity.name not in names or trace.duration_s < AT_S:
+    if entity.name not in names or trace.duration_s < time_s:
         return None
-    state = trace.states[trace.frame_at(AT_S), names.index(entity.name)]
+    state = trace.states[trace.frame_at(time_s), names.index(entity.name)]
     if math.isnan(state[X]):
         return None
     back = entity.centre_m

@@ -283,6 +283,11 @@ class ConditionReader:
         what, dimension = measures[kind.tag]
         if kind.get("freespace") == "false":  # between reference points there, between footprints here
             self.losses.note("times between two actors are measured between their footprints")
+        if what == "ttc" and kind.get("relativeDistanceType") == "longitudinal":
+            self.losses.note(
+                "times to collision along the road are measured until footprints touch: between actors in different "
+                "lanes there is none, and the condition waits until they would touch"
+            )
         found = _compared(m.Measure(what=what, actor=entity.name, other=other.name), rule, value, dimension)
         if what != "headway":
             return found
