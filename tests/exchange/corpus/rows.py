@@ -32,7 +32,8 @@ class Row:
     Attributes:
         reason: why it was refused, or what was lost. arrives: whether a first drive arrived (maps only).
         compared, near: actors that the player has too, and those of them that are within 3 m of it at every look.
-        worst_m: the farthest, worst: which actor that is, and when. said: by the player, where it could not play the file.
+        worst_m: the farthest, worst: which actor that is, and when.
+        said: by the player, where it could not play the file.
     """
 
     file: str
@@ -76,15 +77,13 @@ def show(rows: Sequence[Row], console: Console) -> None:
         console.print(f"{arrived} of {len(driven)} first drives arrive ({_percent(arrived, len(driven))})")
     compared, close = sum(row.compared for row in rows), sum(row.near for row in rows)
     if compared:
-        console.print(
-            f"{close} of {compared} actors within 3 m of the player at each look ({_percent(close, compared)})"
-        )
+        share = _percent(close, compared)
+        console.print(f"{close} of {compared} actors within 3 m of the player at each look ({share})")
         whole = [row for row in rows if row.outcome is Outcome.imported]
         played = [row for row in whole if row.compared]
         good = sum(row.near == row.compared for row in played)
-        console.print(
-            f"{good} of {len(played)} files of which nothing is lost have all actors near ({_percent(good, len(played))})"
-        )
+        share = _percent(good, len(played))
+        console.print(f"{good} of {len(played)} files of which nothing is lost have all actors near ({share})")
         compared, close = sum(row.compared for row in whole), sum(row.near for row in whole)
         console.print(f"{close} of {compared} of them in files of which nothing is lost ({_percent(close, compared)})")
 
