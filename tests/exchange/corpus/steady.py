@@ -70,7 +70,11 @@ def steady_copy(source: Source, ego: str, until_s: float) -> Path:
     for private in root.iter("Private"):
         if private.get("entityRef") == ego:
             for action in private.findall("PrivateAction"):
-                if any(action.find(tag) is not None for tag in ("ControllerAction", "ActivateControllerAction")):
+                dynamics = action.find("LongitudinalAction/SpeedAction/SpeedActionDynamics")
+                ramp = dynamics is not None and dynamics.get("dynamicsShape") != "step"
+                if ramp or any(
+                    action.find(tag) is not None for tag in ("ControllerAction", "ActivateControllerAction")
+                ):
                     private.remove(action)
     storyboard = root.find("Storyboard")
     assert storyboard is not None
