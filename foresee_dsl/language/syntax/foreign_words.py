@@ -42,7 +42,10 @@ FIRST: Mapping[str, tuple[str, str]] = MappingProxyType(
         ),
         "import": ("use network", ""),
         "include": ("use network", ""),
-        "else": ("", "there is no `else`: write a second trigger, `when not ... { ... }`"),
+        "else": (
+            "",
+            "there is no `else`: write a second trigger with a condition of its own (a `not` holds from the beginning)",
+        ),
         "elif": ("", "there is no `elif`: write a second trigger, `when ... { ... }`"),
         "for": (
             "",

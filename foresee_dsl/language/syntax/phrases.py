@@ -195,8 +195,7 @@ PHRASES = (
         _ACTOR,
         r"^route\s+from\s+(?P<a>[a-z]\w*)\s+(?P<place>(?:to|->)\s+(?P<b>[a-z]\w*))",
         "a route says where it turns, not where it ends",
-        r"write a turn at each junction: `route from \g<a> straight over j4`; "
-        r"or its edges: `route [\g<a>, ..., \g<b>]`",
+        r"write a turn at each junction, such as `route from \g<a> straight over JUNCTION`",
     ),
     _phrase(
         _ACTOR,
@@ -226,7 +225,8 @@ PHRASES = (
         _ACTOR,
         r"^(?P<place>crosses|walks|moves|goes)\b",
         r"`\g<place>`: this block says how the actor begins, and where it goes is its path",
-        "write it like `path [(90 m, 10 m), (90 m, 30 m)]`; `NAME starts` in a trigger lets it begin",
+        "write it like `path [30 m along ego.route offset -5 m, 30 m along ego.route offset 5 m]`, across the ego's "
+        "way; `NAME starts` in a trigger lets it begin",
     ),
     # the scenario
     _phrase(
