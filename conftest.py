@@ -49,6 +49,10 @@ LONG = (
     "test_chaos.py",
     "test_plan.py",
     "test_contract.py",
+    "test_carla_towns.py",
+    "test_received_files.py",
+    "test_broken_expectations.py",
+    "test_kept.py",
 )
 """The longest tests: they come first, or one worker would end with them while the other has nothing to do."""
 
