@@ -13,6 +13,12 @@ from typing import Any
 
 from foresee_dsl.errors import ForeseeError
 
+BESIDE = {
+    "frenetix": {"foresee_dsl.drivers": ("frenetix",)},
+}
+"""What the plug-ins beside this package offer: the extra that installs `foresee-EXTRA`, and its names by their group. A
+name that is asked for while its plug-in is missing is answered with the command that installs it."""
+
 
 @dataclass(frozen=True)
 class PluginGroup:
@@ -22,11 +28,13 @@ class PluginGroup:
         name: the entry-point group: a package adds to it with `[project.entry-points."NAME"]`.
         noun: what one of its plug-ins is, for messages: `driver`.
         error: is raised where there is no such plug-in, or it is broken.
+        unavailable: is raised instead where a plug-in of `BESIDE` offers it and is not installed; None: `error`.
     """
 
     name: str
     noun: str
     error: type[ForeseeError]
+    unavailable: type[ForeseeError] | None = None
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all installed plug-ins, sorted; nothing is imported."""
@@ -39,6 +47,19 @@ class PluginGroup:
             ForeseeError: (of the kind `error`) no package offers it, or several do. Close names are in the message.
         """
         return _found(self, name, tuple(sys.path))
+
+    def missing(self) -> tuple[str, ...]:
+        """Return the names that plug-ins beside this package offer and no installed package does, sorted."""
+        offered = {name for groups in BESIDE.values() for name in groups.get(self.name, ())}
+        return tuple(sorted(offered.difference(self.names())))
+
+    def beside(self, name: str) -> str:
+        """Return which plug-in beside this package offers a name, and how to install it; empty where none does."""
+        extras = (extra for extra, groups in BESIDE.items() if name in groups.get(self.name, ()))
+        return "".join(
+            f"comes with the plug-in foresee-{extra}, which is not installed: pip install 'foresee-dsl[{extra}]'"
+            for extra in extras
+        )
 
     @contextmanager
     def loading(self, entry: EntryPoint) -> Iterator[None]:
@@ -80,6 +101,8 @@ def _found(group: PluginGroup, name: str, path: tuple[str, ...]) -> EntryPoint: 
         )
     if found:
         return found[0]
+    if missing := group.beside(name):
+        raise (group.unavailable or group.error)(f"the {group.noun} {name!r} {missing}")
     names = group.names()
     close = difflib.get_close_matches(name, names, n=3)
     hint = f", did you mean {' or '.join(repr(c) for c in close)}?" if close else ";"

@@ -20,7 +20,7 @@ from foresee_dsl.drivers.protocol import Driver, WatchesFirst
 from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.plugins import PluginGroup, package_of
 
-DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError)
+DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError, DriverUnavailableError)
 _ADDRESS = re.compile(r"(.*? via )?(?P<address>[\w+]+:.*)", re.S)
 _OURS = "foresee_"
 """How the modules of this package and of the plug-ins beside it begin: their drivers are cheap to import, and may have
@@ -174,11 +174,14 @@ def recorded_address(recorded: str) -> str:
 
 
 def describe_drivers() -> list[DriverInfo]:
-    """Return name, version, first line of the documentation and package of all installed drivers, sorted by name."""
-    return [_describe(name) for name in driver_names()]
+    """Return name, version, first line of the documentation and package of all installed drivers and of those of
+    plug-ins beside this package that are missing, sorted by name."""
+    return [_describe(name) for name in sorted((*driver_names(), *DRIVERS.missing()))]
 
 
 def _describe(name: str) -> DriverInfo:
+    if name in DRIVERS.missing():
+        return DriverInfo(name, "", f"the driver {name!r} {DRIVERS.beside(name)}", "", unavailable=True)
     entry = DRIVERS.find(name)
     package = package_of(entry)
     try:

@@ -13,7 +13,8 @@ import pytest
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.drivers.registry import describe_drivers, driver_names, load_driver
-from foresee_dsl.errors import DriverError
+from foresee_dsl.errors import DriverError, DriverUnavailableError
+from foresee_dsl.plugins import BESIDE
 
 PLUGIN = '''
 class Coasting:
@@ -76,6 +77,19 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
         load_driver("pmd")
     with pytest.raises(DriverError, match=r"unknown driver 'zzz'; installed: .*pdm"):
         load_driver("zzz")
+
+
+def test_a_plug_in_beside_that_is_missing_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The real ones: `test_wheel.py`, in an environment without them."""
+    monkeypatch.setitem(BESIDE, "gliding", {"foresee_dsl.drivers": ("glider", "pdm")})
+    how = r"comes with the plug-in foresee-gliding, which is not installed: pip install 'foresee-dsl\[gliding\]'"
+    with pytest.raises(DriverUnavailableError, match=f"the driver 'glider' {how}"):
+        load_driver("glider")
+    assert isinstance(load_driver("pdm"), PdmDriver), "what is installed is not missing"
+    glider = next(d for d in describe_drivers() if d.name == "glider")
+    assert (glider.version, glider.unavailable) == ("", True)
+    assert "pip install 'foresee-dsl[gliding]'" in glider.doc
+    assert "glider" not in driver_names()
 
 
 @pytest.mark.usefixtures("plugin")
