@@ -377,15 +377,23 @@ def test_a_place_of_an_entity_that_moves_goes_with_it(tmp_path: Path, inner: str
     assert whens(scenario) == [f"when {said} {{ target_1 changes speed to 3 m/s over 0.05 s }}"]
 
 
-def test_a_time_to_collision_along_the_road_is_said_to_be_that_of_footprints(tmp_path: Path) -> None:
-    """A cut-in begins in another lane, where two footprints never touch: such a trigger waits."""
+@pytest.mark.parametrize(
+    ("rule", "said"),
+    [
+        ("lessThan", "ttc_along(target_1, ego) < 3 s"),
+        ("greaterThan", "ttc_along(target_1, ego) > 3 s and ttc_along(target_1, ego) < 3600 s"),
+    ],
+)
+def test_a_time_to_collision_along_the_road_is_one_in_any_lane(tmp_path: Path, rule: str, said: str) -> None:
+    """A cut-in begins in another lane, where two footprints never touch. Where the two draw apart there is no such
+    time, and no rule holds."""
     target = '<TimeToCollisionConditionTarget><EntityRef entityRef="Ego"/></TimeToCollisionConditionTarget>'
-    inner = f"""<TimeToCollisionCondition value="3" freespace="true" rule="lessThan"
+    inner = f"""<TimeToCollisionCondition value="3" freespace="true" rule="{rule}"
         relativeDistanceType="longitudinal" coordinateSystem="road">{target}</TimeToCollisionCondition>"""
     text = events(osc.event("e", osc.speed_action("3"), osc.of_entity("Target-1", inner)))
     done, scenario = imported(tmp_path, text)
-    assert whens(scenario) == ["when ttc(target_1, ego) < 3 s { target_1 changes speed to 3 m/s over 0.05 s }"]
-    assert any("between actors in different lanes there is none" in note for note in done.notes)
+    assert not done.lost
+    assert whens(scenario) == [f"when {said} {{ target_1 changes speed to 3 m/s over 0.05 s }}"]
 
 
 def test_a_place_of_a_moving_entity_is_where_that_is_when_the_event_asks(tmp_path: Path) -> None:

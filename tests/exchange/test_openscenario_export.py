@@ -300,6 +300,21 @@ scenario held_up {
 """
 
 
+def test_a_time_to_collision_along_the_road_goes_out_and_comes_back(tmp_path: Path) -> None:
+    condition = "ttc_along(fast, slow) < 1.2 s"
+    file = tmp_path / "held_up.foresee"
+    file.write_text(
+        _HELD_UP.replace("  end after", f"  when {condition} {{ slow changes speed to 5 m/s }}\n\n  end after")
+    )
+    done = openscenario_export.run(str(file), out=tmp_path, driver="idm", behaviour=True)
+    assert not done.left_out
+    (found,) = ElementTree.parse(tmp_path / "held_up.xosc").getroot().iter("TimeToCollisionCondition")
+    asked = {"relativeDistanceType": "longitudinal", "coordinateSystem": "road", "freespace": "true", "value": "1.2"}
+    assert asked.items() <= found.attrib.items()
+    openscenario_import.run(tmp_path / "held_up.xosc", out=tmp_path / "back")
+    assert condition in (tmp_path / "back" / "held_up.foresee").read_text()
+
+
 def test_an_actor_that_a_player_moves_in_another_way_is_said(tmp_path: Path) -> None:
     """Who is held up here drives on at 12 m/s there: 96 m in 8 s; who holds it up does what is written."""
     (tmp_path / "held_up.foresee").write_text(_HELD_UP)

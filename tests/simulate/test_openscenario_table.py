@@ -57,6 +57,10 @@ class Run:
         boxes = [Box(*self.trace.boxes(self.trace.index(name))[frame]) for name in (one, other)]
         return box_distance(*boxes)
 
+    def along(self, one: str, other: str, at_s: float) -> float:
+        """How far the rear of another is beyond the front of one; both drive east."""
+        return self.front(other, at_s) - self.trace.actors[self.trace.index(other)].length_m - self.front(one, at_s)
+
     def begins(self, label: str, holds: Callable[[float], bool]) -> bool:
         """Whether a trigger fired at the first frame at which something holds."""
         at = self.trace.frame_at(self.fired(label))
@@ -135,9 +139,15 @@ CHECKS: dict[str, Callable[[Run], bool]] = {
     "TimeHeadwayCondition": lambda run: run.begins(
         "near_in_time", lambda t: run.apart("tail", "lead", t) < 2 * run.of("tail", SPEED, t)
     ),
-    "TimeToCollisionCondition": lambda run: run.begins(
-        "will_hit",
-        lambda t: 0 < run.apart("tail", "lead", t) < 9 * (run.of("tail", SPEED, t) - run.of("lead", SPEED, t)),
+    "TimeToCollisionCondition": lambda run: (
+        run.begins(
+            "will_hit",
+            lambda t: 0 < run.apart("tail", "lead", t) < 9 * (run.of("tail", SPEED, t) - run.of("lead", SPEED, t)),
+        )
+        and run.begins(
+            "will_pass",
+            lambda t: run.along("tail", "flanker", t) < 9 * (run.of("tail", SPEED, t) - run.of("flanker", SPEED, t)),
+        )
     ),
     "AccelerationCondition": lambda run: run.begins("brakes", lambda t: run.of("slower", ACCELERATION, t) < -1.0),
     "StandStillCondition": lambda run: run.begins(

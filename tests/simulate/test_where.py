@@ -95,6 +95,10 @@ JUDGED = (
     "lateral(ego, van) > 0 m",
     "lateral(ego, lead) <= 0 m",
     "oncoming ahead of ego",
+    "ttc_along(ego, lead) < 9 s",
+    "ttc_along(last, van) < 9 s",
+    "ttc_along(ego, van) <= 0 s",
+    "ttc_along(ego, oncoming) < 9 s",
     "relative_speed(ego, oncoming) > 0 m/s",
     "relative_speed(ego, van) > 0 m/s",
     "ego.offset > -0.5 m",
@@ -134,7 +138,13 @@ def test_what_is_judged_at_the_first_frame(driven: tuple[TestCase, RunResult]) -
     result = driven[1]
     found = dict(zip(JUDGED, result.expectations, strict=True))
     not_so = {"van ahead of ego", "relative_speed(ego, van) > 0 m/s", "van in lane 1 of street", "van in lane of ego"}
-    not_so |= {"oncoming in lane of ego", "walker in lane of ego", "walker in sight of ego", "ego sees walker"}
+    not_so |= {
+        "ttc_along(last, van) < 9 s",
+        "oncoming in lane of ego",
+        "walker in lane of ego",
+        "walker in sight of ego",
+        "ego sees walker",
+    }
     assert {c for c, e in found.items() if not e.held} == not_so
     sizes = {a.id: (a.length_m, a.width_m) for a in result.trace.actors}
     gap = 40.0 - sizes["lead"][0]
@@ -146,6 +156,8 @@ def test_what_is_judged_at_the_first_frame(driven: tuple[TestCase, RunResult]) -
     assert found["lateral(ego, lead) <= 0 m"].margin == 0
     # the van's front is level with the ego's middle
     assert found["overlap(ego, van) > 0 m"].margin == pytest.approx(sizes["ego"][0] / 2, abs=0.01)
+    assert found["ttc_along(ego, lead) < 9 s"].margin == pytest.approx(9 - gap / 5, abs=0.05)  # 36 and 18 km/h
+    assert found["ttc_along(ego, van) <= 0 s"].margin == 0
     assert found["relative_speed(ego, oncoming) > 0 m/s"].margin == pytest.approx(20.0, abs=0.2)
     assert found["relative_speed(ego, van) > 0 m/s"].margin == pytest.approx(-5.0, abs=0.2)
     assert found["ego.offset > -0.5 m"].margin == pytest.approx(0.5, abs=0.01)

@@ -10,7 +10,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.logic import holds_for_some, negated
 from foresee_dsl.language.printer import written
 
-_NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "headway", "lateral")
+_NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "lateral")
 _WIDEST_LANE_M = 10.0
 """The widest lane that a road can have: no middle of an actor is farther from that of its own lane than half of it."""
 _SLACK = 1.02

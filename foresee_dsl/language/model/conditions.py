@@ -19,6 +19,7 @@ MEASURED: Mapping[str, Dimension] = MappingProxyType(
         "time": "time",
         "eta": "time",
         "ttc": "time",
+        "ttc_along": "time",
         "headway": "time",
         "speed": "speed",
         "acceleration": "acceleration",
@@ -30,7 +31,7 @@ MEASURED: Mapping[str, Dimension] = MappingProxyType(
     }
 )
 """The dimension of what a condition measures."""
-BETWEEN_ACTORS = ("ttc", "headway", "lateral", "overlap", "relative_speed")
+BETWEEN_ACTORS = ("ttc", "ttc_along", "headway", "lateral", "overlap", "relative_speed")
 """What is measured between two actors, and never to a junction."""
 
 
@@ -45,8 +46,14 @@ class Measure(Phrase):
 
     `ego.offset` (m from the middle of the lane that its middle is in, left positive), and along the way of `a` (its
     route, its path, or straight on): `lateral(a, b)` (m to the side between the footprints, 0 where they overlap
-    sideways), `overlap(a, b)` (m over which the footprints are side by side; negative: the gap), `relative_speed(a, b)`
-    (m/s, how much faster `a` goes along its heading than `b` does in that direction).
+    sideways), `overlap(a, b)` (m over which the footprints are side by side; negative: the gap), `ttc_along(a, b)`
+    (s until the footprints are side by side when both keep their speeds along that way; 0 where they are, infinite
+    where the gap between them does not close), `relative_speed(a, b)` (m/s, how much faster `a` goes along its heading
+    than `b` does in that direction).
+
+    `ttc_along` is the longitudinal time to collision of ASAM OpenSCENARIO XML 1.3 (`TimeToCollisionCondition` with
+    `freespace`, `relativeDistanceType="longitudinal"`): the distance along the road divided by the speed at which it
+    becomes smaller, accelerations left out. UN R157's cut-ins begin at such a time, in another lane.
     """
 
     words = """
@@ -54,6 +61,8 @@ class Measure(Phrase):
         distance (condition): metres between two footprints, or along the route to a junction
             | distance(ego, lead) < 10 m
         ttc (condition): seconds until two footprints touch when both keep heading and speed | ttc(ego, lead) < 3 s
+        ttc_along (condition): seconds until two footprints are side by side along the way of the first, when both keep
+            their speeds, in whichever lanes | ttc_along(ego, van) < 3 s
         headway (condition): seconds that the first needs at its speed for the gap to the other
             | headway(ego, lead) < 2 s
         eta (constant): seconds until an actor enters a junction | ego.eta(j4) < 4 s
@@ -66,8 +75,8 @@ class Measure(Phrase):
     """
 
     what: Literal[
-        "time", "speed", "acceleration", "offset", "eta", "distance", "ttc", "headway", "lateral", "overlap",
-        "relative_speed",
+        "time", "speed", "acceleration", "offset", "eta", "distance", "ttc", "ttc_along", "headway",
+        "lateral", "overlap", "relative_speed",
     ]  # fmt: skip
     actor: v.ActorName | None = None
     other: Annotated[v.Id | v.Ref, Names("thing")] | None = None
@@ -82,7 +91,7 @@ class Measure(Phrase):
                 return f"{{actor}}.{self.what}"
             case "eta":
                 return "{actor}.eta({other})"
-            case "distance" | "ttc" | "headway" | "lateral" | "overlap" | "relative_speed":
+            case "distance" | "ttc" | "ttc_along" | "headway" | "lateral" | "overlap" | "relative_speed":
                 return f"{self.what}({{actor}}, {{other}})"
 
 
@@ -328,7 +337,7 @@ TAKEN = frozenset(
             "door",
             "limit",
         ),
-        *("time", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"),
+        *("time", "distance", "ttc", "ttc_along", "headway", "lateral", "overlap", "relative_speed"),
         *("collision", "arrived", "signal"),
     )
 )

@@ -33,7 +33,7 @@ _RAISED = re.compile(r"(?P<base>-?[0-9.]+(?:\s*[a-z/]+)?|[a-z]\w*|\([^()]*\))\s*
 _MEASURED = re.compile(r"[^\W\d]\w*\.(?:speed|acceleration|eta|offset)\b")
 _MEASURED_BEFORE = re.compile(
     r"(?P<what>[^\W\d]\w*\.(?:speed|acceleration|offset|eta\s*\([^()]*\))"
-    r"|(?:distance|ttc|headway|lateral|overlap|relative_speed)\s*\([^()]*\)|\btime)\s*$"
+    r"|(?:distance|ttc|ttc_along|headway|lateral|overlap|relative_speed)\s*\([^()]*\)|\btime)\s*$"
 )
 
 

@@ -30,7 +30,7 @@ from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.results.metrics import outlines_of
 from foresee_dsl.simulate.triggers.ways import Ways
 
-_Between = Literal["eta", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"]
+_Between = Literal["eta", "distance", "ttc", "ttc_along", "headway", "lateral", "overlap", "relative_speed"]
 
 
 class Eyes(Protocol):

@@ -132,7 +132,7 @@ class _Offset(Measured):
 
 
 class _AlongTheWay(Measured):
-    """`lateral(a, b)`, `overlap(a, b)`, `relative_speed(a, b)`."""
+    """`lateral(a, b)`, `overlap(a, b)`, `ttc_along(a, b)`, `relative_speed(a, b)`."""
 
     def value(self) -> float:
         actor, other = self.run.actor(self.name), self.run.actor(self.other)
@@ -142,6 +142,8 @@ class _AlongTheWay(Measured):
             return self.run.ways.lateral_m(actor, other)
         if self.what == "overlap":
             return self.run.ways.overlap_m(actor, other)
+        if self.what == "ttc_along":
+            return self.run.ways.side_by_side_s(actor, other)
         return actor.speed - other.speed * math.cos(other.heading - actor.heading)
 
 
@@ -162,7 +164,7 @@ def measured(measure: m.Measure, run: Conditions) -> Measured:
             kind = _BetweenFootprints
         case "offset":
             kind = _Offset
-        case "lateral" | "overlap" | "relative_speed":
+        case "lateral" | "overlap" | "ttc_along" | "relative_speed":
             kind = _AlongTheWay
         case _:
             assert_never(measure.what)

@@ -17,6 +17,7 @@ from foresee_dsl.compile.roads.polyline import Points, Polyline, distance_to
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
+from foresee_dsl.kernels.conditions import STILL_MPS
 from foresee_dsl.language import model as m
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
@@ -62,6 +63,18 @@ class Ways:
         """Return over how many metres of the first one's way both footprints are side by side; negative: the gap."""
         (rear, front), (other_rear, other_front) = self._span(one, one), self._span(one, other)
         return min(front, other_front) - max(rear, other_rear)
+
+    def side_by_side_s(self, one: Actor, other: Actor) -> float:
+        """Return how long it takes, s, until both footprints are side by side along the first one's way when both keep
+        their speeds along it: 0 where they are, infinite where the gap between them does not close."""
+        (rear, front), (other_rear, other_front) = self._span(one, one), self._span(one, other)
+        gap_m = max(other_rear - front, rear - other_front)
+        if gap_m <= 0:
+            return 0.0
+        closing_mps = self._speed_along(one, one) - self._speed_along(one, other)
+        if other_front < rear:
+            closing_mps = -closing_mps
+        return gap_m / closing_mps if closing_mps > STILL_MPS else math.inf
 
     def ahead_m(self, one: Actor, other: Actor) -> float:
         """Return how far the rear of `one` is beyond the front of the other along the other's way, m (negative: short
@@ -168,6 +181,12 @@ class Ways:
         cos, sin = abs(math.cos(other.heading - heading)), abs(math.sin(other.heading - heading))
         half, across = other.length / 2, other.width / 2
         return s, left, half * cos + across * sin, half * sin + across * cos
+
+    def _speed_along(self, whose: Actor, other: Actor) -> float:
+        """Return how fast another goes along somebody's way, m/s; negative against it."""
+        way = self.of(whose)
+        heading = way.heading_rad if way.line is None else way.line.at(self._beside(whose, other)[0])[2]
+        return other.speed * math.cos(other.heading - heading)
 
     def _span(self, whose: Actor, other: Actor) -> tuple[float, float]:
         s, _, half, _ = self._beside(whose, other)

@@ -31,6 +31,8 @@ _SAME = {"speed": 0.1, "acceleration": 0.1, "length": 0.5, "time": 0.05}
 """What is as near to a value as this is equal to it (ours: a frame, and what changes of speed are exact to)."""
 _BESIDE_M = 5.0
 """A way that was covered is noticed from up to so far beside the route (ours: a lane's width and a bit)."""
+_NO_COLLISION_S = 3600.0
+"""A time to collision from here on is none (ours: an hour, longer than a scenario's run)."""
 _BY_TYPE: Mapping[str, tuple[ActorKind, ...]] = {
     "vehicle": ("car", "van", "truck", "bus", "motorcycle", "bicycle"),
     "pedestrian": ("pedestrian",),
@@ -264,7 +266,7 @@ class ConditionReader:
 
     def _between(self, kind: Element, entity: Entity) -> m.Condition:
         """Return a condition between two entities."""
-        measures: Mapping[str, tuple[Literal["ttc", "headway", "relative_speed"], Dimension]] = {
+        measures: Mapping[str, tuple[Literal["ttc", "ttc_along", "headway", "relative_speed"], Dimension]] = {
             "RelativeSpeedCondition": ("relative_speed", "speed"),
             "TimeToCollisionCondition": ("ttc", "time"),
             "TimeHeadwayCondition": ("headway", "time"),
@@ -284,11 +286,13 @@ class ConditionReader:
         if kind.get("freespace") == "false":  # between reference points there, between footprints here
             self.losses.note("times between two actors are measured between their footprints")
         if what == "ttc" and kind.get("relativeDistanceType") == "longitudinal":
-            self.losses.note(
-                "times to collision along the road are measured until footprints touch: between actors in different "
-                "lanes there is none, and the condition waits until they would touch"
-            )
-        found = _compared(m.Measure(what=what, actor=entity.name, other=other.name), rule, value, dimension)
+            what = "ttc_along"
+        measure = m.Measure(what=what, actor=entity.name, other=other.name)
+        found = _compared(measure, rule, value, dimension)
+        if what in ("ttc", "ttc_along") and rule not in ("lessThan", "lessOrEqual", "equalTo"):
+            # Where there is none, the standard's condition does not hold, whatever its rule.
+            there_is_one = m.Comparison(left=measure, op="<", right=quantity(_NO_COLLISION_S, "time"))
+            return m.Both(conditions=(found, there_is_one))
         if what != "headway":
             return found
         # There is none to somebody behind, and so no condition that holds.

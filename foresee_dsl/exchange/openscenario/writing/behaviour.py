@@ -91,6 +91,16 @@ class Conditions:
             made = osc.RelativeDistanceCondition(value, rule, around, other)
         elif left.what == "ttc":
             made = osc.TimeToCollisionCondition(value, rule, False, True, other, distance_type=around)
+        elif left.what == "ttc_along":
+            made = osc.TimeToCollisionCondition(
+                value,
+                rule,
+                False,
+                True,
+                other,
+                distance_type=osc.RelativeDistanceType.longitudinal,
+                coordinate_system=osc.CoordinateSystem.road,
+            )
         else:
             made = osc.TimeHeadwayCondition(other, value, rule, False, True, around)
         return self._by_entity(actor, made)
