@@ -9,6 +9,8 @@ import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.exchange.openscenario.reading import importer
+from foresee_dsl.exchange.openscenario.reading.roads import RoadPlace, Roads
+from foresee_dsl.exchange.openscenario.reading.ways.lane_ahead import lane_ahead
 from foresee_dsl.exchange.outcome import SourceError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.loading import load_test_case
@@ -87,3 +89,50 @@ def test_maps_and_catalogues_that_are_elsewhere_are_found(tmp_path: Path) -> Non
     with pytest.raises(SourceError, match=r"gone/straight\.xodr', which does not exist"):
         importer.run(file, out=tmp_path / "out", allow_outside=True)
     assert not importer.run(file, out=tmp_path / "out", allow_outside=True, road=tmp_path / "kept").lost
+
+
+_AHEAD = """<OpenDRIVE><header revMajor="1" revMinor="7" name="ahead" version="1"/>
+{roads}
+<junction id="9" name="direct" type="direct">
+  <connection id="0" incomingRoad="1" linkedRoad="2" contactPoint="{contact}">
+    <laneLink from="-1" to="{lane}"/>
+  </connection>
+</junction></OpenDRIVE>"""
+_ROAD = """<road name="r{id}" length="{length}" id="{id}" junction="-1"><link>{link}</link>
+  <planView><geometry s="0" x="{x}" y="0" hdg="{heading}" length="{length}"><line/></geometry></planView>
+  <lanes><laneSection s="0">
+    <left><lane id="1" type="driving"/></left><center><lane id="0" type="none"/></center>
+    <right><lane id="-1" type="driving"/></right>
+  </laneSection></lanes></road>""".replace('type="driving"/>', f'type="driving">{_WIDTH}</lane>')
+
+
+def _joined(contact: str) -> str:
+    """Two roads of 100 and 300 m in line, joined by a direct junction at the second one's start or end."""
+    to, lane, x, heading = ("predecessor", -1, 100, 0.0) if contact == "start" else ("successor", 1, 400, math.pi)
+    first = _ROAD.format(id=1, length=100, x=0, heading=0.0, link='<successor elementType="junction" elementId="9"/>')
+    link = f'<{to} elementType="junction" elementId="9"/>'
+    second = _ROAD.format(id=2, length=300, x=x, heading=heading, link=link)
+    return _AHEAD.format(roads=first + second, contact=contact, lane=lane)
+
+
+@pytest.mark.parametrize("contact", ["start", "end"])
+def test_a_lane_goes_on_over_a_direct_junction_both_ways(tmp_path: Path, contact: str) -> None:
+    (tmp_path / "ahead.xodr").write_text(_joined(contact))
+    roads = Roads(tmp_path / "ahead.xodr")
+    there = lane_ahead(roads, RoadPlace("1", 10.0, -1), 600.0, onward=True)
+    assert (there[-1].x, there[-1].y) == pytest.approx((400.0, -1.75), abs=0.01)
+    back = lane_ahead(roads, RoadPlace("2", 150.0, -1 if contact == "start" else 1), 600.0, onward=contact == "end")
+    assert (back[-1].x, back[-1].y) == pytest.approx((0.0, -1.75), abs=0.01)
+
+
+_STRAIGHT_300 = osc.XODR.replace('length="600"', 'length="300"')
+
+
+def test_an_actor_that_brakes_at_the_end_of_its_lane_is_named(tmp_path: Path) -> None:
+    """225 m of road lie ahead of a target with 14 m/s; nothing is said where the road is long enough."""
+    short = importer.run(osc.write(tmp_path / "short", osc.scenario(), road=_STRAIGHT_300), out=tmp_path / "a")
+    assert [n for n in short.notes if "brakes at the end" in n] == [
+        "target_1 brakes at the end of its lane, 225 m on: from there the map leads it nowhere"
+    ]
+    long = importer.run(osc.write(tmp_path / "long", osc.scenario()), out=tmp_path / "b")
+    assert not any("brakes at the end" in note for note in long.notes)

@@ -42,6 +42,8 @@ _ASKEW_RAD = math.radians(20)
 """A vehicle that looks so far off its lane's direction does not follow it (ours)."""
 _STRAIGHT_M = 0.02
 """A path may leave out points that are at most this far from it, m (ours)."""
+_NOTED_S = 20.0
+"""The import names an actor that comes to the end of its lane within this time, s (ours: a third of the usual run)."""
 _GENTLE_MPS2 = 1.0
 """Nothing that drives brakes less (ours)."""
 _LATE_S = 0.1
@@ -263,6 +265,11 @@ class ActorBuilder:
             return []
         if self.network.far_from_lanes(points, _NEAR_M) is not None:
             return []
+        length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
+        if length_m < (state.speed_mps or 0.0) * _NOTED_S:
+            self.losses.note(
+                f"{entity.name} brakes at the end of its lane, {length_m:.0f} m on: from there the map leads it nowhere"
+            )
         return [(float(x), float(y)) for x, y in shapely.simplify(shapely.LineString(points), _STRAIGHT_M).coords]
 
     def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 import numpy as np
@@ -37,6 +37,14 @@ class RoadPlace:
     lane: int
     offset: float = 0.0
     t: float = 0.0
+
+
+class _Step(NamedTuple):
+    """A road behind the end of another: whether it begins there, and its lanes, by those that lead to them."""
+
+    road: str
+    begins: bool
+    lanes: dict[int, int]
 
 
 class Roads:
@@ -93,12 +101,12 @@ class Roads:
             room = self.length(road) - s if onward else s
             if left <= room + 1e-6:
                 break
-            step = next(self._followers(road, onward=onward), None)
+            step = next(iter(self._followers(road, onward=onward)), None)
             if step is None:
                 raise SourceError(f"a place {ds:g} m along road {place.road} from {place.s:g} m lies beyond its end")
             left -= room
-            turned ^= step[1] != onward
-            road, onward = step
+            turned ^= step.begins != onward
+            road, onward = step.road, step.begins
             s = 0.0 if onward else self.length(road)
         s += left if onward else -left
         lane = -place.lane if turned else place.lane
@@ -144,7 +152,8 @@ class Roads:
                 continue
             done.add((road, onward))
             for step in self._followers(road, onward=onward):
-                heapq.heappush(heap, (cost + self.length(step[0]), next(counter), *step, (*way, step)))
+                on = step.road, step.begins
+                heapq.heappush(heap, (cost + self.length(step.road), next(counter), *on, (*way, on)))
         return []
 
     def lane_sections(self, road: str) -> list[tuple[float, float, Element]]:
@@ -155,50 +164,53 @@ class Roads:
 
     def lane_behind(self, road: str, lane: int, *, onward: bool) -> tuple[str, int, bool] | None:
         """Return the road and lane behind a lane's end in a direction, and whether it begins there: the straightest."""
-        for other, begins in self._followers(road, onward=onward):
-            to = self._linked(road, lane, other, onward=onward)
-            if to:
-                return other, to, begins
+        for step in self._followers(road, onward=onward):
+            if to := step.lanes.get(lane, 0):
+                return step.road, to, step.begins
         return None
 
-    def _linked(self, road: str, lane: int, other: str, *, onward: bool) -> int:
-        """Return the lane of another road that a link leads to from one; 0 for none."""
-        way = "successor" if onward else "predecessor"
-        link = self._roads[road].find(f"link/{way}")
-        if link is None:
-            return 0
-        if link.get("elementType") != "junction":
-            sections = self.lane_sections(road)
-            return linked_lane(sections[-1 if onward else 0][2], lane, onward=onward) if sections else 0
-        for connection in self._junctions[link.get("elementId", "")].iterfind("connection"):
-            if connection.get("incomingRoad") == road and connection.get("connectingRoad") == other:
-                for pair in connection.iterfind("laneLink"):
-                    if round(number(pair, "from", 0.0)) == lane:
-                        return round(number(pair, "to", 0.0))
-        return 0
-
-    def _followers(self, road: str, *, onward: bool) -> Iterator[tuple[str, bool]]:
-        """Yield the roads behind an end of a road, the straightest first, each with whether it begins there."""
+    def _followers(self, road: str, *, onward: bool) -> list[_Step]:
+        """Return the roads behind an end of a road, the straightest first."""
         link = self._roads[road].find(f"link/{'successor' if onward else 'predecessor'}")
         if link is None:
-            return
+            return []
+        to = link.get("elementId", "")
         if link.get("elementType") != "junction":
-            if link.get("elementId", "") in self._roads:
-                yield link.get("elementId", ""), link.get("contactPoint") == "start"
-            return
-        junction = self._junctions.get(link.get("elementId", ""))
-        steps = [
-            (
-                connection.get("connectingRoad", connection.get("linkedRoad", "")),
-                connection.get("contactPoint") == "start",
-            )
-            for connection in (junction.iterfind("connection") if junction is not None else ())
-            if connection.get("incomingRoad") == road
-        ]
-        yield from sorted((step for step in dict.fromkeys(steps) if step[0] in self._roads), key=self._turn)
+            lanes = self._linked_lanes(road, onward=onward)
+            return [_Step(to, link.get("contactPoint") == "start", lanes)] if to in self._roads else []
+        junction = self._junctions.get(to)
+        connections = junction.iterfind("connection") if junction is not None else ()
+        steps = [step for connection in connections if (step := self._over(connection, road, to, onward=onward))]
+        return sorted((step for step in steps if step.road in self._roads), key=self._turn)
 
-    def _turn(self, step: tuple[str, bool]) -> float:
-        begin, end = self._map.at(step[0], 0.0, 0.0), self._map.at(step[0], self.length(step[0]), 0.0)
+    def _over(self, connection: Element, road: str, junction: str, *, onward: bool) -> _Step | None:
+        """Return where a connection of a junction leads from the end of a road; None where it begins elsewhere.
+
+        In a direct junction no road lies inside: the connection joins two roads, and stands in it once for both ways.
+        """
+        links = connection.iterfind("laneLink")
+        pairs = [(round(number(link, "from", 0.0)), round(number(link, "to", 0.0))) for link in links]
+        begins = connection.get("contactPoint") == "start"
+        incoming, linked = connection.get("incomingRoad", ""), connection.get("linkedRoad", "")
+        if incoming == road:
+            return _Step(connection.get("connectingRoad", linked), begins, dict(pairs))
+        if linked != road or begins == onward or incoming not in self._roads:
+            return None
+        link = self._roads[incoming].find("link/predecessor")
+        from_its_begin = link is not None and (link.get("elementType"), link.get("elementId")) == ("junction", junction)
+        return _Step(incoming, from_its_begin, {to: lane for lane, to in pairs})
+
+    def _linked_lanes(self, road: str, *, onward: bool) -> dict[int, int]:
+        """Return the lanes behind the end of a road by those of the road, where one follows."""
+        sections = self.lane_sections(road)
+        if not sections:
+            return {}
+        section = sections[-1 if onward else 0][2]
+        lanes = [round(number(lane, "id", 0.0)) for lane in section.iterfind("*/lane")]
+        return {lane: to for lane in lanes if (to := linked_lane(section, lane, onward=onward))}
+
+    def _turn(self, step: _Step) -> float:
+        begin, end = self._map.at(step.road, 0.0, 0.0), self._map.at(step.road, self.length(step.road), 0.0)
         return abs(math.remainder(end.heading_rad - begin.heading_rad, math.tau))
 
     def _lane_at(self, road: str, s: float, t: float) -> tuple[int, float, float]:
