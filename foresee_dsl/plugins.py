@@ -36,9 +36,13 @@ class PluginGroup:
     error: type[ForeseeError]
     unavailable: type[ForeseeError] | None = None
 
+    def entries(self) -> tuple[EntryPoint, ...]:
+        """Return the entry points of all installed plug-ins, sorted by name and package; nothing is imported."""
+        return tuple(sorted(entry_points(group=self.name), key=lambda entry: (entry.name, package_of(entry))))
+
     def names(self) -> tuple[str, ...]:
         """Return the names of all installed plug-ins, sorted; nothing is imported."""
-        return tuple(sorted({entry.name for entry in entry_points(group=self.name)}))
+        return tuple(dict.fromkeys(entry.name for entry in self.entries()))
 
     def find(self, name: str) -> EntryPoint:
         """Return the entry point of a plug-in; nothing is imported.

@@ -1,7 +1,9 @@
-"""The code that a module depends on: itself and all modules of this package that it imports, directly or not.
+"""The code that a module depends on: itself and all modules that it imports, directly or not, of this package and of
+those that add plug-ins to it.
 
 Imports are read from the sources, those inside functions included and those for type checkers alone left out; nothing
-is imported. So the answer is the same in a checkout and in a wheel that was built from it.
+is imported. So the answer is the same in a checkout and in a wheel that was built from it. This package imports none of
+its plug-ins, so that its own code is the same with and without them.
 """
 
 from __future__ import annotations
@@ -12,6 +14,8 @@ import json
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache
+from importlib.metadata import distributions
+from importlib.util import find_spec
 from pathlib import Path
 
 from foresee_dsl.files import cache_folder, write_whole
@@ -19,14 +23,17 @@ from foresee_dsl.files import cache_folder, write_whole
 DIGITS = 40
 """Hexadecimal digits of a hash. Ours: 160 bits; two of a billion are the same with a chance below 1e-30."""
 _PACKAGE = Path(__file__).resolve().parents[1]
-_CACHE = "imports-1.json"
+_CACHE = "imports-2.json"
 """What each source imports, by the source's hash, is cached between processes: reading 230 sources took 2 s. The
 number is raised when `imports_of` changes."""
+_GROUPS = "foresee_dsl."
+"""How the names of the entry-point groups of plug-ins begin."""
 
 
 def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
-    """Return modules of this package and all that they import, sorted. What is no module of it is left out."""
-    known, found, ahead = _modules(), set[str](), list(modules)
+    """Return modules and all that they import, sorted: those of this package, of theirs, and of those with plug-ins."""
+    ahead = list(modules)
+    known, found = _modules(_followed(ahead)), set[str]()
     imports, fresh = _cached_imports(), dict[str, list[str]]()
     while ahead:
         name = ahead.pop()
@@ -37,7 +44,7 @@ def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
         digest = file_hash(known[name])
         if digest not in imports:
             imports[digest] = fresh[digest] = sorted(set(imports_of(known[name].read_bytes())))
-        ahead.extend(imports[digest])
+        ahead.extend(_absolute(imported, name, known[name]) for imported in imports[digest])
     if fresh:
         _cache_imports(imports)
     return tuple(sorted(found))
@@ -45,28 +52,41 @@ def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
 
 @cache
 def code_of(*modules: str) -> str:
-    """Return a hash over the code of modules of this package and of all that they import."""
-    known = _modules()
+    """Return a hash over the code of modules and of all that they import (`import_closure`)."""
+    known = _modules(_followed(modules))
     parts = (f"{name} {file_hash(known[name])}\n" for name in import_closure(modules))
     return hashlib.sha256("".join(parts).encode()).hexdigest()[:DIGITS]
 
 
 def imports_of(source: bytes) -> Iterator[str]:
-    """Yield what a source imports from this package: modules, and `MODULE.NAME` where it may be a module or not."""
+    """Yield what a source imports: modules, and `MODULE.NAME` where it may be a module or not.
+
+    Relative imports are as they are written: `.near.by`.
+    """
     ahead: list[ast.AST] = [ast.parse(source)]
     while ahead:
         node = ahead.pop()
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if _ours(alias.name))
+            yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            # Relative imports are another package's own: this one has none (a test looks).
-            if node.module and not node.level and _ours(node.module):
-                yield node.module
-                yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            module = "." * node.level + (node.module or "")
+            yield module
+            yield from (f"{module}{'.' if node.module else ''}{alias.name}" for alias in node.names)
         elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             ahead.extend(node.orelse)
         else:
             ahead.extend(ast.iter_child_nodes(node))
+
+
+def with_plug_ins() -> frozenset[str]:
+    """Return the names of this package and of the packages that add plug-ins to it; nothing is imported."""
+    entries = (e for package in distributions() for e in package.entry_points if e.group.startswith(_GROUPS))
+    return frozenset({_PACKAGE.name, *(top_of(entry.module) for entry in entries)})
+
+
+def top_of(module: str) -> str:
+    """Return the name of the package that a module is in."""
+    return module.partition(".")[0]
 
 
 @cache
@@ -75,18 +95,43 @@ def file_hash(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()[:DIGITS]
 
 
+def _followed(modules: Iterable[str]) -> frozenset[str]:
+    """Return the packages in which the imports of these modules are followed."""
+    tops = {_PACKAGE.name, *map(top_of, modules)}
+    return frozenset(tops) if len(tops) == 1 else frozenset(tops | with_plug_ins())
+
+
 @cache
-def _modules() -> dict[str, Path]:
-    """Return the sources of this package by the modules' names."""
+def _modules(packages: frozenset[str]) -> dict[str, Path]:
+    """Return the sources of packages by the modules' names."""
+    return {name: file for package in packages for name, file in _modules_of(package).items()}
+
+
+@cache
+def _modules_of(package: str) -> dict[str, Path]:
+    """Return the sources of one package by the modules' names; of one that is not installed none."""
+    spec = None
+    with suppress(ImportError, ValueError):
+        spec = find_spec(package)
+    if spec is None or not (folders := spec.submodule_search_locations):
+        file = Path(spec.origin or "") if spec is not None else Path()
+        return {package: file} if file.suffix == ".py" else {}
     found = {}
-    for file in _PACKAGE.rglob("*.py"):
-        parts = (_PACKAGE.name, *file.relative_to(_PACKAGE).with_suffix("").parts)
-        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    for folder in map(Path, folders):
+        for file in folder.rglob("*.py"):
+            parts = (package, *file.relative_to(folder).with_suffix("").parts)
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
     return found
 
 
-def _ours(name: str) -> bool:
-    return name.partition(".")[0] == _PACKAGE.name
+def _absolute(imported: str, module: str, file: Path) -> str:
+    """Return the name that a module's import means: `.near` in `ours.far` is `ours.near`."""
+    name = imported.lstrip(".")
+    level = len(imported) - len(name)
+    if not level:
+        return name
+    parts = module.split(".") if file.stem == "__init__" else module.split(".")[:-1]
+    return ".".join([*parts[: len(parts) - level + 1], *([name] if name else [])])
 
 
 @cache
@@ -99,6 +144,6 @@ def _cached_imports() -> dict[str, list[str]]:
 
 def _cache_imports(imports: dict[str, list[str]]) -> None:
     with suppress(OSError):  # a cache that cannot be written costs time, nothing else
-        there = {file_hash(file) for file in _modules().values()}
+        there = {file_hash(file) for package in with_plug_ins() for file in _modules_of(package).values()}
         used = {digest: names for digest, names in imports.items() if digest in there}
         write_whole(cache_folder("imports") / _CACHE, json.dumps(used))

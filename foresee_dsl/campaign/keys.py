@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
-from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_of
+from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_of, top_of, with_plug_ins
 from foresee_dsl.campaign.steps.step import Step
 from foresee_dsl.derive.operators import OPERATORS
 from foresee_dsl.drivers.process_state import put_back
@@ -80,7 +80,7 @@ def operators_identity() -> str:
 def _plugin(group: PluginGroup, name: str) -> str:
     """Return package, version and code of what an entry point names."""
     entry = group.find(name)
-    top = entry.module.partition(".")[0]
+    top = top_of(entry.module)
     if top == "foresee_dsl":
         return code_of(entry.module)
     package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else ""
@@ -88,14 +88,19 @@ def _plugin(group: PluginGroup, name: str) -> str:
 
 
 def _package_digest(top: str) -> str:
-    """Return a hash over another package's files, and over the code of ours that it imports."""
+    """Return a hash over another package's files, and over the code that it imports of ours and of other plug-ins.
+
+    All files count, whatever the plug-in imports of them: a package may load its modules and data in any way.
+    """
     with suppress(ImportError, ValueError):
         spec = find_spec(top)
         folders = (spec.submodule_search_locations if spec is not None else None) or ()
         place = next(iter(folders), spec.origin if spec is not None else None)
         if place is not None:
             sources = [file for file in _files(Path(place)) if file.suffix == ".py"]
-            return f"{_digest(Path(place))} {code_of(*sorted({m for file in sources for m in _imports(file)}))}"
+            others = with_plug_ins() - {top}
+            imported = {m for file in sources for m in _imports(file) if top_of(m) in others}
+            return f"{_digest(Path(place))} {code_of(*sorted(imported))}"
     return ""
 
 

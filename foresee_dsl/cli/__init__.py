@@ -1,7 +1,7 @@
 """The command line: parse, call the library, render.
 
 Heavy imports happen inside the commands, so that help is quick. A new command is a module beside this one and a line in
-`COMMANDS`.
+`COMMANDS`; other packages add theirs by entry points (`foresee_dsl.cli.added`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, cast
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from foresee_dsl import __version__
 from foresee_dsl.cli.completion import VARIABLE
@@ -68,19 +68,25 @@ package. A command's module is imported when it is named, so a new one costs the
 
 
 class _Commands(TyperGroup):
-    """The commands of `COMMANDS`, each made when it is asked for."""
+    """The commands of `COMMANDS` and those of other packages, each made when it is asked for."""
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
         super().__init__(**settings)
         self.commands = dict.fromkeys(self._table, cast("Any", None))  # the names, for "did you mean"
+        self._looked = False
 
     _table = MappingProxyType({name: (panel, function) for panel, name, function in COMMANDS})
 
-    def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
-        """Return a command, or None for a name that is none."""
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - a type that typer keeps to itself
+        """Return the names of all commands, ours first."""
+        self._look()
+        return super().list_commands(ctx)
+
+    def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - as above
+        """Return a command, or None for a name that is none; one of another package as the help shows it."""
         del ctx
         if cmd_name not in self._table:
-            return None
+            return self.commands.get(cmd_name)
         panel, function = self._table[cmd_name]
         module, _, attribute = f"foresee_dsl.cli.{function}".rpartition(".")
         if self.commands[cmd_name] is None:
@@ -89,7 +95,52 @@ class _Commands(TyperGroup):
             self.commands[cmd_name] = _group(call, panel) if grouped else _alone(call, cmd_name, panel)
         return self.commands[cmd_name]
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - as above
+        """Return what a command line asks for; a command of another package is imported here and not before."""
+        if args[0] in self._table:
+            return super().resolve_command(ctx, args)
+        from foresee_dsl.cli.added import ADDED, CommandError, load_command
 
+        self._look()
+        if args[0] not in self.commands and (missing := ADDED.beside(args[0])):
+            ctx.fail(f"The command {args[0]!r} {missing}.")
+        name, command, rest = super().resolve_command(ctx, args)
+        if name is not None:
+            try:
+                with ADDED.loading(ADDED.find(name)):
+                    command = _alone(load_command(name), name, PLUG_INS)
+            except CommandError:
+                if not ctx.resilient_parsing:  # a shell that asks for completions gets none
+                    raise
+        return name, command, rest
+
+    def _look(self) -> None:
+        """Learn which commands other packages add."""
+        if not self._looked:
+            from foresee_dsl.cli.added import ADDED, help_of
+
+            self._looked = True
+            names = (name for name in ADDED.names() if name not in self._table)
+            self.commands.update({name: _Listed(name, help_of(name)) for name in names})
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
+        """Print the help, and which commands are refused."""
+        from foresee_dsl.cli.added import clashes
+
+        super().format_help(ctx, formatter)
+        for sentence in clashes(frozenset(self._table)):
+            typer.echo(f"warning: {sentence}", err=True)
+
+
+class _Listed(TyperCommand):
+    """A command of another package in the help and in completions: nothing of it is imported."""
+
+    def __init__(self, name: str, about: str) -> None:
+        super().__init__(name, rich_help_panel=PLUG_INS, help=about)
+
+
+PLUG_INS = "Plug-ins"
+"""The group, in the help, of the commands that other packages add."""
 _SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 

@@ -198,6 +198,20 @@ def _drivers() -> str:
     return "; ".join([", ".join(d.name for d in found if d.version), *(d.doc for d in found if d.unavailable)])
 
 
+def _commands() -> str:
+    """Name the commands of other packages, each with its package; one that cannot be used is a fault."""
+    from foresee_dsl.cli import COMMANDS
+    from foresee_dsl.cli.added import ADDED, CommandError, clashes, load_command
+    from foresee_dsl.plugins import package_of
+
+    ours = frozenset(name for _, name, _ in COMMANDS)
+    for sentence in clashes(ours):
+        raise CommandError(sentence)
+    for name in ADDED.names():
+        load_command(name)
+    return ", ".join(f"{entry.name} ({package_of(entry)})" for entry in ADDED.entries()) or "none"
+
+
 def _whole_line() -> str:
     from foresee_dsl.campaign.driving import run_test_case
     from foresee_dsl.files import data_folder
@@ -215,7 +229,7 @@ def _plug_ins() -> str:
     """Name the distributions beside this one that its extras name, and what installs those that are missing."""
     found = []
     for line in metadata.requires("foresee-dsl") or ():
-        name, extra = line.partition(";")[0].strip(), line.partition("extra == ")[2].strip(" '\"")
+        name, extra = line.partition(";")[0].partition("[")[0].strip(), line.partition("extra == ")[2].strip(" '\"")
         if name.startswith("foresee-") and extra:
             try:
                 found.append(f"{name} {metadata.version(name)}")
@@ -232,5 +246,6 @@ _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("cache folder", _cache, "set FORESEE_CACHE to a folder that you may write to"),
     ("plug-ins", _plug_ins, "reinstall foresee-dsl"),
     ("drivers", _drivers, "uninstall or repair the package that is named"),
+    ("commands of plug-ins", _commands, "uninstall or repair the package that is named"),
     ("a bundled scenario runs", _whole_line, "run `foresee run` on it with FORESEE_DEBUG=1 and report what it says"),
 )

@@ -128,7 +128,8 @@ def later():
     from foresee_dsl.language import model, parser
 """
     names = ("errors", "files", "language", "language.model", "language.parser")
-    assert set(imports_of(source)) == {f"foresee_dsl.{name}" for name in names}
+    other = {"typing", "typing.TYPE_CHECKING", "numpy", ".near", ".near.by"}
+    assert set(imports_of(source)) == {f"foresee_dsl.{name}" for name in names} | other
 
 
 def test_a_module_brings_its_packages_and_what_is_no_module_is_left_out() -> None:
@@ -140,3 +141,95 @@ def test_a_module_brings_its_packages_and_what_is_no_module_is_left_out() -> Non
 def test_no_module_of_ours_imports_relatively(root: Path) -> None:
     relative = re.compile(r"^\s*from \.", re.M)
     assert not [file for file in (root / "foresee_dsl").rglob("*.py") if relative.search(file.read_text())]
+
+
+# ---- plug-ins --------------------------------------------------------------------------------------------------------
+
+PLUG_IN = {
+    "acme_search/__init__.py": "",
+    "acme_search/ranker.py": "from .picking import pick\nimport acme_words\n\n\nclass Ranker:\n    name = 'acme'\n\n"
+    "    def rank(self, trace, *, seed=0, before_s=5.0, after_s=5.0):\n        return pick(trace)\n",
+    "acme_search/picking.py": "from foresee_dsl.forecast.baselines import RandomRanker\n\n\ndef pick(trace):\n"
+    "    return ()\n",
+    "acme_search/page.py": "PAGE = 1\n",
+    "acme_search/table.csv": "1,2\n",
+    "acme_words.py": "WORDS = ()\n",
+    "unrelated.py": "",
+    "acme_search-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: acme-search\nVersion: 1\n",
+    "acme_search-1.dist-info/entry_points.txt": "[foresee_dsl.rankers]\nacme = acme_search.ranker:Ranker\n",
+    "acme_words-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: acme-words\nVersion: 1\n",
+    "acme_words-1.dist-info/entry_points.txt": "[foresee_dsl.raster_views]\nwords = acme_words:WORDS\n",
+}
+_ASK_PLUG_IN = """
+import json
+from foresee_dsl.campaign.import_closure import import_closure
+from foresee_dsl.campaign.keys import driver_identity, ranker_identity, step_code
+print(json.dumps({
+    "ranker": ranker_identity("acme", "pdm"), "step": step_code("acme_search.ranker"),
+    "pdm": driver_identity("pdm"), "foresee": ranker_identity("foresee", "pdm"),
+    "closure": [name for name in import_closure(["acme_search.ranker"]) if not name.startswith("foresee_dsl")],
+}))
+"""
+
+
+def ask_plug_in(tree: Path, site: Path) -> dict[str, object]:
+    """Identities of a plug-in's ranker, of a step in it, and of ours, in a process with both on its path."""
+    environment = {**os.environ, "PYTHONPATH": f"{tree}{os.pathsep}{site}"}
+    command = [sys.executable, "-c", _ASK_PLUG_IN]
+    done = subprocess.run(command, env=environment, cwd=tree, check=True, capture_output=True, text=True)
+    found: dict[str, object] = json.loads(done.stdout)
+    return found
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two installed packages: a ranker, and another plug-in, which it imports."""
+    folder = tmp_path_factory.mktemp("site")
+    for name, text in PLUG_IN.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def with_plug_in(tree: Path, site: Path) -> dict[str, object]:
+    return ask_plug_in(tree, site)
+
+
+def test_a_step_of_a_plug_in_has_the_code_that_it_imports_there(with_plug_in: dict[str, object]) -> None:
+    assert with_plug_in["closure"] == ["acme_search", "acme_search.picking", "acme_search.ranker", "acme_words"]
+
+
+@pytest.mark.parametrize(
+    ("file", "changes"),
+    [
+        ("acme_search/picking.py", {"ranker", "step"}),  # it is imported relatively
+        ("acme_search/page.py", {"ranker"}),  # of a plug-in's ranker the whole package counts
+        ("acme_search/table.csv", {"ranker"}),
+        ("acme_words.py", {"ranker", "step"}),  # another plug-in
+        ("unrelated.py", set()),
+    ],
+)
+def test_an_edit_of_a_plug_in_changes_its_keys_and_none_of_ours(
+    file: str, changes: set[str], tree: Path, site: Path, with_plug_in: dict[str, object]
+) -> None:
+    before = (site / file).read_text()
+    (site / file).write_text(f"{before}\nEDITED = 1\n")
+    try:
+        after = ask_plug_in(tree, site)
+    finally:
+        (site / file).write_text(before)
+    assert {name for name in after if after[name] != with_plug_in[name]} == changes
+
+
+def test_an_edit_of_ours_changes_the_keys_of_a_plug_in_that_imports_it(
+    tree: Path, site: Path, with_plug_in: dict[str, object]
+) -> None:
+    edited = tree / "foresee_dsl" / "forecast" / "baselines.py"
+    before = edited.read_text()
+    edited.write_text(f"{before}\nEDITED = 1\n")
+    try:
+        after = ask_plug_in(tree, site)
+    finally:
+        edited.write_text(before)
+    assert {name for name in after if after[name] != with_plug_in[name]} == {"ranker", "step"}

@@ -197,6 +197,8 @@ def explain_error(error: Exception) -> int:
         place = f"{error.filename}: " if error.filename else ""
         typer.echo(f"error: {place}{error.strerror or error}", err=True)
         return FAILED
-    typer.echo(f"foresee has a fault: {type(error).__name__}: {error}", err=True)
+    typer.echo(
+        "\n".join([f"foresee has a fault: {type(error).__name__}: {error}", *getattr(error, "__notes__", ())]), err=True
+    )
     typer.echo("Please report it; FORESEE_DEBUG=1 shows where it happened.", err=True)
     return BUG

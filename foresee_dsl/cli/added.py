@@ -1,0 +1,97 @@
+"""Commands of other packages: functions with options as typer takes them, in the group `foresee_dsl.commands`.
+
+Nothing is looked for before a command is asked for that is not ours, or a help; and nothing is imported before its
+command is. So the help's lines are read from the sources.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from contextlib import suppress
+from functools import wraps
+from importlib.machinery import PathFinder
+from importlib.metadata import EntryPoint
+from importlib.util import find_spec
+from types import FunctionType
+from typing import Any
+
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.plugins import PluginGroup, package_of
+
+
+class CommandError(ForeseeError):
+    """A package offers a command that cannot be used."""
+
+
+ADDED = PluginGroup("foresee_dsl.commands", "command", CommandError)
+
+
+def load_command(name: str) -> Callable[..., None]:
+    """Import the function of a command; a fault in it names its package.
+
+    Raises:
+        CommandError: its package is broken, or it is not a function, or several packages offer it.
+    """
+    call = ADDED.load(name)
+    entry = ADDED.find(name)
+    if not isinstance(call, FunctionType):
+        raise CommandError(
+            f"command {name!r} of package {package_of(entry)} is not usable: {entry.value} is not a function"
+        )
+
+    @wraps(call)
+    def command(**options: Any) -> None:  # noqa: ANN401 - what the function's own signature says
+        try:
+            call(**options)
+        except Exception as err:
+            err.add_note(f"It happened in the command {name!r} of package {package_of(entry)}.")
+            raise
+
+    return command
+
+
+def help_of(name: str) -> str:
+    """Return the documentation of a command without importing it; of one that cannot be used, why."""
+    try:
+        entry = ADDED.find(name)
+        return _documentation(entry)
+    except CommandError as err:
+        return str(err)
+
+
+def clashes(ours: frozenset[str]) -> tuple[str, ...]:
+    """Return a sentence for each command of another package that is called like one of ours, and is refused."""
+    return tuple(
+        f"the command {entry.name!r} of package {package_of(entry)} is refused: foresee-dsl has a command of this name"
+        for entry in ADDED.entries()
+        if entry.name in ours
+    )
+
+
+def _documentation(entry: EntryPoint) -> str:
+    with ADDED.loading(entry):
+        tree = ast.parse(_source(entry.module))
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
+                return ast.get_docstring(node) or ""
+    return (entry.dist.metadata["Summary"] or "") if entry.dist is not None else ""
+
+
+def _source(module: str) -> str:
+    """Return a module's source, empty where it has none; only finders are asked, no package is run.
+
+    Raises:
+        ModuleNotFoundError: there is no such module.
+    """
+    top, *parts = module.split(".")
+    spec, name = None, top
+    with suppress(ValueError):  # a module that was made without a spec
+        spec = find_spec(top)
+    for part in parts:
+        name = f"{name}.{part}"
+        spec = spec and PathFinder.find_spec(name, spec.submodule_search_locations or ())
+    if spec is None:
+        raise ModuleNotFoundError(f"No module named {name!r}")
+    get_source = getattr(spec.loader, "get_source", None)
+    return (get_source(name) or "") if get_source is not None else ""
