@@ -49,17 +49,39 @@ def test_a_driver_whose_version_has_a_double_quote_is_refused(monkeypatch: pytes
         registry.load_driver("idm")
 
 
+_STREET = (
+    "foresee 1\n\nscenario x {\n  network {\n    junction a at (0 m, 0 m)\n    junction b at (300 m, 0 m)\n"
+    "    road main from a to b {\n      speed 50 km/h\n    }\n  }\n"
+    "  ego: car.sedan {\n    route [main]\n    start at 10 m along main\n    goal 200 m along main\n  }\n"
+)
+
+
+def test_hundreds_of_mistakes_of_a_kind_are_few_messages(tmp_path: Path) -> None:
+    """300 vehicles off the road, and 300 that are to be faster than they can; all of both kinds are counted."""
+    lines = [
+        f"  vehicle {kind}{n}: car.compact {{\n    route [main]\n    start at {place}\n    speed {speed} km/h\n  }}\n"
+        for n in range(300)
+        for kind, place, speed in (
+            ("off", f"(30 m, {100 + 20 * n} m)", 50),
+            ("fast", f"{30 + 10 * n} m along main", 900),
+        )
+    ]
+    (tmp_path / "x.foresee").write_text(f"{_STREET.replace('300 m', '4000 m')}{''.join(lines)}  end after 10 s\n}}\n")
+    done = foresee(tmp_path, "check", "x.foresee", "--format", "json")
+    found = [d["message"] for d in json.loads(done.stdout)["diagnostics"] if d["severity"] == "error"]
+    assert done.returncode == 1 and len(found) == 42, found[:3]
+    assert [message for message in found if "more of this kind" in message] == [
+        "280 more of this kind: the last is that off299 starts 6081.6 m off its route",
+        "280 more of this kind: the last is that fast299 is to go 900 km/h, but car.compact can go only 180 km/h",
+    ]
+
+
 def test_hundreds_of_actors_in_one_place_are_few_messages(tmp_path: Path) -> None:
-    street = (
-        "foresee 1\n\nscenario x {\n  network {\n    junction a at (0 m, 0 m)\n    junction b at (300 m, 0 m)\n"
-        "    road main from a to b {\n      speed 50 km/h\n    }\n  }\n"
-        "  ego: car.sedan {\n    route [main]\n    start at 10 m along main\n    goal 200 m along main\n  }\n"
-    )
     actors = "".join(
         f"  vehicle v{n}: car.compact {{\n    route [main]\n    start at 100 m along main\n  }}\n" for n in range(300)
     )
-    (tmp_path / "x.foresee").write_text(f"{street}{actors}  end after 10 s\n}}\n")
+    (tmp_path / "x.foresee").write_text(f"{_STREET}{actors}  end after 10 s\n}}\n")
     done = foresee(tmp_path, "check", "x.foresee", "--format", "json")
     found = [d for d in json.loads(done.stdout)["diagnostics"] if d["severity"] == "error"]
     assert done.returncode == 1 and len(found) == 21, found[:3]
-    assert found[-1]["message"] == "at least 10,000 more pairs of actors start on top of each other"
+    assert found[-1]["message"].startswith("at least 10,000 more of this kind: the last is that v")

@@ -34,7 +34,8 @@ class CampaignFile:
     Attributes:
         paths: its test cases: files and addresses, as a command line would name them.
         drivers, rankers: empty where the file names none.
-        given: the settings in the file, by the names of `CampaignSettings`.
+        given: the settings in the file, by the names of `CampaignSettings`; the reference drivers are `against`, None
+            where the file does not say.
         budget_s: no new run begins later than that; None: no bound.
     """
 
@@ -43,6 +44,7 @@ class CampaignFile:
     drivers: tuple[str, ...]
     rankers: tuple[str, ...]
     given: Mapping[str, float | int | str]
+    against: tuple[str, ...] | None
     budget_s: float | None
 
 
@@ -71,6 +73,7 @@ def read_campaign(path: Path, *, allow_outside: bool = False) -> CampaignFile:
         drivers=next((item.names for item in model.body if isinstance(item, m.Drivers)), ()),
         rankers=next((item.names for item in model.body if isinstance(item, m.Rankers)), ()),
         given=dict(_settings(model)),
+        against=next((item.names for item in model.body if isinstance(item, m.Against)), None),
         budget_s=budget,
     )
 
@@ -160,8 +163,6 @@ def _settings(campaign: m.Campaign) -> Iterator[tuple[str, float | int | str]]:
     for item in campaign.body:
         if isinstance(item, m.Preset):
             yield "preset", item.name
-        elif isinstance(item, m.Against):
-            yield "against", ",".join(item.names)
         elif isinstance(item, m.ClipAround):
             yield "before", item.before.si
             yield "after", item.after.si

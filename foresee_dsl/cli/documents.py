@@ -24,7 +24,7 @@ from foresee_dsl.campaign.regression.expectations import Status
 from foresee_dsl.campaign.regression.keeping import Report as Kept
 from foresee_dsl.campaign.regression.verify import Recheck
 from foresee_dsl.campaign.results import CampaignResult
-from foresee_dsl.campaign.storage.maintenance import Statistics, Swept
+from foresee_dsl.campaign.storage.maintenance import Merged, Statistics, Swept
 from foresee_dsl.cli.about import Finding as Examined
 from foresee_dsl.cli.options.common import SCHEMA_NUMBERS
 from foresee_dsl.compile.bundle import ModelSpec
@@ -100,7 +100,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
         "parameters": [_REACH], "pairs": {"reached": int, "of": int},
     },
     "study": ({"tables": list[Table]}, {"questions": list[Planned]}),
-    "store": (Statistics, {"new": int, "known": int}, Swept, {"rows": int, "file": str}),
+    "store": (Statistics, Merged, Swept, {"rows": int, "file": str}),
     "verify": {"ok": bool, "counts": dict[Status, int], "written": list[str], "tests": list[Recheck]},
 })  # fmt: skip
 """Every document by its name, as `foresee_dsl.documents.shape` takes them: the record that is printed, or its keys with

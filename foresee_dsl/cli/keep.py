@@ -18,6 +18,7 @@ from foresee_dsl.cli.options.common import (
     console,
     give,
     json_document,
+    names_in,
     print_json,
 )
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
@@ -189,7 +190,7 @@ def compare(
     from foresee_dsl.campaign.regression.comparison import compare as paired
     from foresee_dsl.drivers.deadlines import Deadlines
 
-    names = [name.strip() for name in drivers.split(",") if name.strip()]
+    names = names_in(drivers)
     if drivers and len(names) != PAIR:
         raise typer.BadParameter("two drivers, with a comma between them: --drivers pdm,mine", param_hint="--drivers")
     if not drivers and len(paths) != PAIR:

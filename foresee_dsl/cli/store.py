@@ -10,7 +10,7 @@ import typer
 from foresee_dsl.cli.options.common import JsonOption, console, print_json
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.storage.maintenance import Statistics
+    from foresee_dsl.campaign.storage.maintenance import Merged, Statistics
 
 ACTIONS = ("stat", "gc", "export", "merge")
 
@@ -44,8 +44,8 @@ def store(
     if action == "merge":
         if into is None or not folders:
             raise typer.BadParameter("merge needs stores, and --into DIR", param_hint="--into")
-        new, known = merge(folders, into)
-        _print({"new": new, "known": known}, f"{into}: {new} new results, {known} known ones", json=json)
+        merged = merge(folders, into)
+        _print(merged, _merged(into, merged), json=json)
         return
     if len(named) != 1:
         raise typer.BadParameter(f"{action} looks at one store", param_hint="STORE")
@@ -70,6 +70,20 @@ def store(
         with Store(folder, write=False) as opened:
             count = export(opened, to)
         _print({"rows": count, "file": to}, f"{to}: {count} rows", json=json)
+
+
+def _merged(into: Path, merged: Merged) -> str:
+    """Return what `merge` did as text; what was left out in a line of its own."""
+    text = f"{into}: {merged.new} new results, {merged.known} known ones"
+    left = [
+        f"{count} {what}"
+        for count, what in (
+            (merged.damaged, "changed on the disk"),
+            (merged.without_trace, "without their traces"),
+        )
+        if count
+    ]
+    return f"{text}\nleft out: {', '.join(left)}; a campaign runs them again" if left else text
 
 
 def _print(data: object, text: str, *, json: bool) -> None:

@@ -10,11 +10,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from foresee_dsl.campaign.campaign_file import read_campaign
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.mutate_file import mutate_file
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.cli import app
+from foresee_dsl.cli.options.common import names_in
 from foresee_dsl.drivers.consent import allowing, may_start, refuse_programs
 from foresee_dsl.errors import DriverError
 from foresee_dsl.forecast.registry import load_ranker
@@ -41,6 +43,21 @@ def campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("FORESEE_CONFIG", str(tmp_path / "config.toml"))
     monkeypatch.chdir(tmp_path)
     return file
+
+
+def test_a_reference_driver_may_hold_a_comma(campaign: Path) -> None:
+    address = "external:python3 other.py --speeds 3,5"
+    text = campaign.read_text(encoding="utf-8")
+    drivers = next(line for line in text.splitlines() if "drivers" in line)
+    campaign.write_text(text.replace(drivers, f'  drivers [idm]\n  against ["{address}", pdm]'), encoding="utf-8")
+    assert read_campaign(campaign).against == (address, "pdm")
+    done = CliRunner().invoke(app, ["plan", str(campaign)])
+    assert f"name programs as drivers: {address}." in str(done.exception)
+    quoted = f'"{address}",pdm'
+    for given in (["--run-programs"], ["--against", quoted]):
+        done = CliRunner().invoke(app, ["plan", str(campaign), *given])
+        assert done.exit_code == 0, done.exception
+    assert names_in(quoted) == (address, "pdm") and names_in(" idm, ,pdm,idm") == ("idm", "pdm")
 
 
 @pytest.mark.parametrize("command", ["campaign", "plan"])

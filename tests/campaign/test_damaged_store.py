@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import shutil
 import sqlite3
@@ -16,6 +17,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.store import Row, Store, StoreError
 from foresee_dsl.cli.options.campaign_options import notes_on
 from foresee_dsl.language.project.loading import load_test_cases
+from tests.support.command import foresee
 from tests.support.small_campaign import SETTINGS, Heard, published, write_project
 
 KEYS = [f"{k:064x}" for k in range(300)]
@@ -209,3 +211,23 @@ def test_a_store_without_checksums_is_read_and_gets_them(tmp_path: Path) -> None
     with Store(tmp_path) as store:
         store.add(Row(key="new", kind="child", name="new", record=b"new"))
         assert store.get("new") is not None
+
+
+def test_merging_says_what_it_leaves_out(tmp_path: Path) -> None:
+    source = filled(tmp_path / "a")
+    with Store(source) as store:
+        rows = [store.get(KEYS[k]) for k in (0, 10)]
+        files = [store.blobs.path(row.trace) for row in rows if row is not None]
+    changed(files[0], 3)
+    files[1].unlink()
+    with closing(sqlite3.connect(source / "runs.sqlite")) as database, database:
+        database.execute("UPDATE runs SET wall_s = 9.0 WHERE key IN (?, ?)", KEYS[5:7])
+    done = foresee("store", "merge", source, "--into", tmp_path / "b")
+    assert done.stdout.splitlines() == [
+        f"{tmp_path / 'b'}: 296 new results, 0 known ones",
+        "left out: 3 changed on the disk, 1 without their traces; a campaign runs them again",
+    ]
+    again = json.loads(foresee("store", "merge", source, "--into", tmp_path / "b", "--json").stdout)
+    assert {name: again[name] for name in ("new", "known", "damaged", "without_trace")} == {
+        "new": 0, "known": 296, "damaged": 3, "without_trace": 1,
+    }  # fmt: skip

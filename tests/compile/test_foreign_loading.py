@@ -89,3 +89,13 @@ def test_a_signal_without_a_program_is_switched_off(net: str, tmp_path: Path) ->
     assert read_signals(tmp_path / "x.net.xml", None) == {}
     result = run_test_case(load_test_case(tmp_path / "x.foresee"), "idm", 0, deadlines=None)
     assert result.verdict.value == "pass", result.reason
+
+
+def test_a_net_that_ends_sumo_by_a_signal_is_refused_with_that_signal(net: str, tmp_path: Path) -> None:
+    """SUMO 1.28.0 dies of SIGSEGV where a connection's inner lane is that of another connection."""
+    through = dict(re.findall(r'<connection from="([ac])" [^>]* via="([^"]*)"', net))
+    wrong = net.replace(f'via="{through["a"]}"', f'via="{through["c"]}"', 1)
+    assert wrong != net
+    (tmp_path / "x.net.xml").write_text(wrong)
+    with pytest.raises(CompileError, match=r"cannot be simulated: SUMO 1.28.\d dies when it loads it \(SIGSEGV\)$"):
+        foreign_net(tmp_path / "x.net.xml")

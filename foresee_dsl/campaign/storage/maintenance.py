@@ -95,16 +95,29 @@ def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
     return Swept(rows, files, size)
 
 
-def merge(sources: Sequence[Path], into: Path) -> tuple[int, int]:
-    """Put the results of several stores into one, or into a new one; the sources stay as they are.
+@dataclass(frozen=True)
+class Merged:
+    """What `merge` did, in numbers of results.
 
-    Returns:
-        How many results were new there, and how many were known.
+    Attributes:
+        new, known: that were not yet in the joined store, and that were.
+        damaged: left out, as they or their traces were changed on the disk.
+        without_trace: left out, as their traces are not in their store any more.
+    """
+
+    new: int
+    known: int
+    damaged: int
+    without_trace: int
+
+
+def merge(sources: Sequence[Path], into: Path) -> Merged:
+    """Put the results of several stores into one, or into a new one; the sources stay as they are.
 
     Raises:
         StoreError: one of them is no store that this version reads, or cannot be written.
     """
-    new = known = 0
+    new = known = damaged = without_trace = 0
     with Store(into) as target:
         for folder in sources:
             if folder.resolve() == into.resolve():
@@ -112,14 +125,18 @@ def merge(sources: Sequence[Path], into: Path) -> tuple[int, int]:
             with Store(folder, write=False) as source:
                 for row in source.rows():
                     trace = source.blobs.get(row.trace) if row.trace else None
-                    if row.trace and trace is None:
-                        continue  # a result without its trace is none
-                    if target.has(row.key):
+                    if row.trace and trace is None:  # a result without its trace is none
+                        if source.blobs.has(row.trace):
+                            damaged += 1
+                        else:
+                            without_trace += 1
+                    elif target.has(row.key):
                         known += 1
                     else:
                         target.add(row, trace)
                         new += 1
-    return new, known
+                damaged += len(source.damaged)
+    return Merged(new, known, damaged, without_trace)
 
 
 def export(store: Store, file: Path) -> int:

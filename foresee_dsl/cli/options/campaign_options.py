@@ -63,8 +63,8 @@ class Flags:
         str | None,
         typer.Option(
             metavar="DRIVERS",
-            help="Reference drivers, which drive every failure too, with commas: idm,pdm+ideal. Or none. "
-            "By default idm, frenetix, pdm, and the driver itself with ideal sensors.",
+            help="Reference drivers, which drive every failure too, with commas: idm,pdm+ideal; in double quotes one "
+            "that holds a comma. Or none. By default idm, frenetix, pdm, and the driver itself with ideal sensors.",
             show_default=False,
         ),
     ] = None
@@ -153,7 +153,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
         drivers = file.drivers if file.drivers and "driver" not in given else drivers
         for option, names, what in (
             ("driver", file.drivers, "another driver"),
-            ("against", str(file.given.get("against", "")).split(","), "other reference drivers"),
+            ("against", file.against or (), "other reference drivers"),
         ):
             if option not in given:
                 refuse_programs(
@@ -163,6 +163,8 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
                 )
         rankers = file.rankers if file.rankers and "ranker" not in given else rankers
         values |= {name: value for name, value in file.given.items() if name not in given}
+        if file.against is not None and "against" not in given:
+            values["against"] = file.against
         if "budget" not in given and file.budget_s is not None:
             budget = file.budget_s / 60
     made = tuple(_settings(values, driver, ranker) for driver in drivers for ranker in rankers)
@@ -196,13 +198,14 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker, "against": against})
 
 
-def _references(names: str | None, driver: str) -> tuple[str, ...]:
+def _references(names: str | tuple[str, ...] | None, driver: str) -> tuple[str, ...]:
     from foresee_dsl.campaign.campaign_file import NOBODY
     from foresee_dsl.drivers.registry import find_driver, reference_drivers
 
     if names is None:
         return reference_drivers(driver)
-    found = tuple(dict.fromkeys(name.strip() for name in names.split(",") if name.strip() not in ("", NOBODY)))
+    given = common.names_in(names) if isinstance(names, str) else names
+    found = tuple(dict.fromkeys(name for name in given if name != NOBODY))
     for name in found:
         find_driver(name)
     return tuple(name for name in found if name != driver)

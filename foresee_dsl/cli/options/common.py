@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import sys
@@ -99,7 +100,13 @@ def _named_in_options(command: TyperCommand, ctx: Any) -> Iterator[str]:  # noqa
             value = ctx.params.get(name)
             for text in value if isinstance(value, (list, tuple)) else (value,):
                 if isinstance(text, str):
-                    yield from (text, *(part.strip() for part in text.split(",")))
+                    yield from (text, *names_in(text))
+
+
+def names_in(text: str) -> tuple[str, ...]:
+    """Return the names between commas, each once; one that holds a comma stands in double quotes."""
+    names = next(csv.reader([text], skipinitialspace=True), [])
+    return tuple(dict.fromkeys(name.strip() for name in names if name.strip()))
 
 
 WIDEST = 160

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -26,9 +27,9 @@ NEAR_ROAD_M = 30.0
 GOAL_OFF_M = 5.0
 """A goal farther from the ego's centreline than this, m, is on another road (ours: more than a lane's width)."""
 _MOST_NAMED = 20
-"""Pairs of actors on top of each other that are named (ours: a screen; 500 actors in one place are 124,750 pairs)."""
+"""Problems of one kind that are named (ours: a screen; 500 actors in one place are 124,750 pairs)."""
 _MOST_COUNTED = 10_000
-"""Further pairs that are counted (ours: 0.2 s)."""
+"""Further pairs of actors on top of each other that are looked for (ours: 0.2 s)."""
 _TOUCH_M2 = 1e-4
 """Footprints may touch: an overlap smaller than a square centimetre is rounding (ours)."""
 
@@ -84,31 +85,41 @@ def of_overlaps(
     In a clip only overlaps with the ego count: pedestrians on paths do not evade each other, and a moment of a run
     where two of them touch is reproduced as it was.
     """
-    named = more = 0
+    pairs = 0
     boxes = [footprint(actor) for actor in placed]
     reach = [math.hypot(actor.model.length_m, actor.model.width_m) for actor in placed]
     for k, box in enumerate(boxes):
         for j in range(min(k, 1) if clip else k):
             apart = math.hypot(placed[k].x - placed[j].x, placed[k].y - placed[j].y)
             if apart < reach[k] + reach[j] and common_area(box, boxes[j]) > _TOUCH_M2:
-                if named == _MOST_NAMED:
-                    more += 1
-                    if more == _MOST_COUNTED:
-                        yield _further(placed[k].id, f"at least {more:,}")
-                        return
-                    continue
-                named += 1
                 message = f"{placed[k].id} starts on top of {placed[j].id}"
                 help_ = f"both are at ({placed[k].x:.1f} m, {placed[k].y:.1f} m), give one of them another start"
                 help_ += _farther(actors.get(placed[k].id), placed[k], placed[j])
                 yield Problem(placed[k].id, "start_at", codes.OVERLAP, message, help_)
-    if more:
-        yield _further(placed[-1].id, f"{more:,}")
+                pairs += 1
+                if pairs == _MOST_NAMED + _MOST_COUNTED:
+                    return
 
 
-def _further(actor: str, count: str) -> Problem:
-    return Problem(actor, "start_at", codes.OVERLAP, f"{count} more pairs of actors start on top of each other",
-                   "give them other starts, and check again")  # fmt: skip
+def few(problems: Iterable[Problem]) -> tuple[Problem, ...]:
+    """Return the first problems of each kind; how many more there are of a kind is one in place of the rest."""
+    named: list[Problem] = []
+    rest: dict[str, list[Problem]] = {}
+    counts = Counter[str]()
+    for problem in problems:
+        counts[problem.code] += 1
+        if counts[problem.code] <= _MOST_NAMED:
+            named.append(problem)
+        else:
+            rest.setdefault(problem.code, []).append(problem)
+    for code, left in rest.items():
+        if len(left) == 1:
+            named += left
+            continue
+        least = "at least " if code == codes.OVERLAP and len(left) >= _MOST_COUNTED else ""
+        message = f"{least}{len(left):,} more of this kind: the last is that {left[-1].message}"
+        named.append(replace(left[-1], message=message, help="correct the ones above, and check again"))
+    return tuple(named)
 
 
 def _farther(actor: m.Ego | m.Actor | None, one: PlacedActor, other: PlacedActor) -> str:

@@ -122,7 +122,7 @@ class SceneBuilder:
         """Return what is allowed and hardly meant, where everybody can be placed; errors as of `place`."""
         placed, _, _ = self.place()
         found = (*never_near(self._case.scenario, placed, self._names.places, self._network), *self._off_road())
-        return tuple(dict.fromkeys((*found, *self._beside_all_roads(placed))))
+        return checks.few(dict.fromkeys((*found, *self._beside_all_roads(placed))))
 
     def build(self) -> Scene:
         """Return the scene, with background traffic, of which what finds no room is left out; errors as of `place`."""
@@ -377,10 +377,11 @@ class SceneBuilder:
 
 
 def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
-    """Return the problems without those that repeat what is wrong with a route: all places along it have it too."""
+    """Return the problems without those that repeat what is wrong with a route (all places along it have it too), and
+    few of each kind."""
     routes = {(problem.message, problem.help) for problem in problems if problem.code == codes.ROUTE}
     unlike = (p for p in problems if p.code == codes.ROUTE or (p.message, p.help) not in routes)
-    return tuple(dict.fromkeys(unlike))
+    return checks.few(dict.fromkeys(unlike))
 
 
 def _cruise(actor: m.Ego | m.Actor, spec: ModelSpec, limit_mps: float) -> float:
