@@ -48,7 +48,7 @@ bench: $(VENV)/.installed-dev  ## measure: speed against its targets (ARGS="lang
 	@$(BIN)/python -m benchmarks.run $(ARGS)
 
 faults: $(VENV)/.installed-dev  ## seed faults into the drivers, measure who finds them (JOBS=, OUT=, ARGS="--faults all")
-	@$(BIN)/python -m benchmarks.faults --jobs $(JOBS) --out $(OUT)/faults $(ARGS)
+	@$(BIN)/python -m foresee_study.faults --jobs $(JOBS) --out $(OUT)/faults $(ARGS)
 
 docs: $(VENV)/.installed-dev  ## build the documentation as a site, build/site/index.html
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
@@ -84,8 +84,8 @@ $(VENV)/.installed: pyproject.toml $(wildcard plugins/*/pyproject.toml)
 
 $(VENV)/.installed-dev: $(VENV)/.installed
 	@if command -v uv >/dev/null 2>&1; then \
-	  uv pip install --quiet --python $(BIN)/python -e '.[dev]'; \
+	  uv pip install --quiet --python $(BIN)/python -e '.[dev,study]'; \
 	else \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,study]'; \
 	fi
 	@touch $@

@@ -33,7 +33,10 @@ def data_folder(name: str) -> Path:
 
 @cache
 def templates(folder: str, *, markup: bool = True) -> Environment:
-    """Return the templates of `templates/FOLDER`, autoescaped as XML and HTML; a name that is not given is an error."""
+    """Return the templates of `templates/FOLDER`, autoescaped as XML and HTML; a name that is not given is an error.
+
+    A plug-in gives the absolute path of a folder of its own.
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only where something is rendered
 
     return Environment(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,8 +13,12 @@ from typing import Any
 
 from foresee_dsl.errors import ForeseeError
 
-BESIDE = {
+BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "frenetix": {"foresee_dsl.drivers": ("frenetix",)},
+    "study": {
+        "foresee_dsl.commands": ("fuzz", "study"),
+        "foresee_dsl.rankers": ("selforacle", "selforacle_conv"),
+    },
 }
 """What the plug-ins beside this package offer: the extra that installs `foresee-EXTRA`, and its names by their group. A
 name that is asked for while its plug-in is missing is answered with the command that installs it."""

@@ -21,6 +21,7 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.cli import COMMANDS, app
+from foresee_dsl.cli.added import ADDED
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.derive.mutate import mutate
@@ -107,7 +108,9 @@ def test_statements_that_are_shown_alone_are_parsed_and_in_the_one_layout(page: 
 
 def test_every_command_is_in_the_readme() -> None:
     table = PAGES[0].read_text(encoding="utf-8").partition("## The commands")[2].partition("\n## ")[0]
-    assert {name for _, name, _ in COMMANDS} == set(re.findall(r"`([a-z-]+)`", table.partition("\n\nEvery")[0]))
+    assert {*(name for _, name, _ in COMMANDS), *ADDED.names()} == set(
+        re.findall(r"`([a-z-]+)`", table.partition("\n\nEvery")[0])
+    )
 
 
 def test_lints_are_all_described() -> None:

@@ -16,6 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from foresee_dsl.cli import COMMANDS, app
+from foresee_dsl.cli.added import ADDED
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
 from foresee_dsl.plugins import PluginGroup
@@ -113,7 +114,7 @@ def folder(received: Received, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 def commands() -> set[str]:
     """Every command there is, those of plug-ins too."""
-    names = {name for _, name, _ in COMMANDS} - {"import", "export"}
+    names = {*(name for _, name, _ in COMMANDS), *ADDED.names()} - {"import", "export"}
     for group in ("importer", "exporter"):
         plugins = PluginGroup(f"foresee_dsl.{group}s", group, DriverError)
         names |= {f"{group.removesuffix('er')} {name}" for name in plugins.names()}

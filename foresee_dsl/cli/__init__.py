@@ -46,8 +46,6 @@ COMMANDS = (
     ("Campaign", "assess", "campaigns.assess"),
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),
-    ("Campaign", "study", "study.study"),
-    ("Campaign", "fuzz", "fuzz.fuzz"),
     ("Campaign", "review", "minimise.review"),
     ("Campaign", "store", "store.store"),
     ("Campaign", "keep", "keep.keep"),

@@ -33,7 +33,6 @@ from foresee_dsl.drivers.registry import DriverInfo
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.fuzz.records import FuzzResult
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.diff.addresses import Comparison as Differences
 from foresee_dsl.language.repinning.repin import Child
@@ -41,8 +40,6 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
-from foresee_dsl.study.planning import Planned
-from foresee_dsl.study.tables.table import Table
 
 _PROFILE = {"profile": NotRequired[shape(Profile)]}
 """With `--profile` alone."""
@@ -79,7 +76,6 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "explain": {"codes": list[Code]},
     "export": Imported,
     "forecast": {"trace": str, "ranker": str, "risky_points": list[RiskyPoint]},
-    "fuzz": FuzzResult,
     "import": Imported,
     "keep": Kept,
     "minimise": (_MINIMISED, {"mutant": str, "full": Literal[True], "files": list[str]}),
@@ -99,7 +95,6 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
         "file": str, "scenario": str, "cases": [_CASE], "distinct": int,
         "parameters": [_REACH], "pairs": {"reached": int, "of": int},
     },
-    "study": ({"tables": list[Table]}, {"questions": list[Planned]}),
     "store": (Statistics, Merged, Swept, {"rows": int, "file": str}),
     "verify": {"ok": bool, "counts": dict[Status, int], "written": list[str], "tests": list[Recheck]},
 })  # fmt: skip
@@ -107,14 +102,14 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
 their types, a list of one of these; a tuple: one of several."""
 
 
-def schemas() -> dict[str, str]:
-    """Return the text of each file in `docs/schemas`, by its name."""
-    numbers = {name: SCHEMA_NUMBERS.get(name, 1) for name in DOCUMENTS}
-    return {f"{name}-{number}.json": _schema(name, number) for name, number in numbers.items()}
+def schemas(documents: Mapping[str, Any] = DOCUMENTS) -> dict[str, str]:
+    """Return the text of each file in `docs/schemas`, by its name; of a plug-in's documents as of ours."""
+    numbers = {name: SCHEMA_NUMBERS.get(name, 1) for name in documents}
+    return {f"{name}-{number}.json": _schema(name, number, documents[name]) for name, number in numbers.items()}
 
 
-def _schema(name: str, number: int) -> str:
-    body = TypeAdapter(shape(DOCUMENTS[name], name.title())).json_schema()
+def _schema(name: str, number: int, document: Any) -> str:  # noqa: ANN401 - as `shape` takes it
+    body = TypeAdapter(shape(document, name.title())).json_schema()
     head = {"schema": {"const": number}, "document": {"const": name}}
     whole = {
         "$schema": _DIALECT,

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.storage.maintenance import Merged, Statistics
 
 ACTIONS = ("stat", "gc", "export", "merge")
+TITLES = {"fuzz": "mutated whole (foresee fuzz)"}
+"""What a table calls the kinds of results that plug-ins store; another kind is called as its plug-in calls it."""
 
 
 def store(
@@ -95,11 +97,10 @@ def _print(data: object, text: str, *, json: bool) -> None:
 
 def _print_statistics(folder: Path, found: Statistics) -> None:
     from foresee_dsl.campaign.stages import STEPS
-    from foresee_dsl.fuzz.engine import KIND
     from foresee_dsl.report.terminal.tables import duration, plain_table
 
     screen = console()
-    titles = {step.kind: step.title for step in STEPS} | {KIND: "mutated whole (foresee fuzz)"}
+    titles = {step.kind: step.title for step in STEPS} | TITLES
     always = [step.kind for step in STEPS]
     kinds = [(titles.get(kind, kind), found.kinds.get(kind, {})) for kind in dict.fromkeys([*always, *found.kinds])]
     rows = (

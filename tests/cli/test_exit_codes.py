@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl import cli
+from foresee_dsl.cli.added import ADDED
 from tests.support.small_campaign import TEXT, write_project
 
 PAGE = (Path(__file__).parents[2] / "docs" / "exit-codes.md").read_text(encoding="utf-8")
@@ -18,7 +19,7 @@ ROWS = [(command, int(code)) for command, code in re.findall(r"^\| `(foresee [^`
 
 def test_every_command_has_a_row() -> None:
     named = {command.split()[1] for command, _ in ROWS}
-    assert {name for _, name, _ in cli.COMMANDS} - named == {"lsp"}
+    assert {*(name for _, name, _ in cli.COMMANDS), *ADDED.names()} - named == {"lsp"}
 
 
 def test_every_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:

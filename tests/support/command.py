@@ -84,9 +84,11 @@ def _end(server: subprocess.Popen[str]) -> None:
 def _serve() -> None:
     """Fork for each line of the standard input, wait for the fork, and print its exit code."""
     from foresee_dsl.cli import COMMANDS
+    from foresee_dsl.cli.added import ADDED
 
     answers = os.fdopen(os.dup(1), "w")
-    for name in {*LOADED, *(f"foresee_dsl.cli.{command.rpartition('.')[0]}" for _, _, command in COMMANDS)}:
+    ours = (f"foresee_dsl.cli.{command.rpartition('.')[0]}" for _, _, command in COMMANDS)
+    for name in {*LOADED, *ours, *(entry.module for entry in ADDED.entries())}:
         import_module(name)
     gc.freeze()
     for line in sys.stdin:

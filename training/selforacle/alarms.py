@@ -9,9 +9,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from foresee_study.selforacle.segments import Segment
 from scipy.stats import rankdata
 
-from foresee_dsl.forecast.selforacle.segments import Segment
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.results.near_misses import braking_needed
 from foresee_dsl.simulate.trace import STEP_S, Trace

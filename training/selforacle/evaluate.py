@@ -15,6 +15,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from foresee_study.halves import Half, of_half
+from foresee_study.selforacle.ranker import ConvolutionalRanker, SelfOracleRanker
+from foresee_study.selforacle.segments import Segment
+from foresee_study.selforacle.watcher import watcher_of
 from scipy.stats import spearmanr
 
 from foresee_dsl.avoidance.r157.assessing import Preventable
@@ -28,16 +32,12 @@ from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Surroundings
-from foresee_dsl.forecast.selforacle.ranker import ConvolutionalRanker, SelfOracleRanker
-from foresee_dsl.forecast.selforacle.segments import Segment
-from foresee_dsl.forecast.selforacle.watcher import watcher_of
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.study.halves import Half, of_half
 from training.selforacle.alarms import Event, Tally, near_misses_of
 
 RANKERS = ("foresee", "proximity", "random", "selforacle", "selforacle_conv")

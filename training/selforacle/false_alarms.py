@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import argparse
 
-from foresee_dsl.forecast.selforacle.ranker import ConvolutionalRanker, SelfOracleRanker
-from foresee_dsl.forecast.selforacle.watcher import watcher_of
+from foresee_study.selforacle.ranker import ConvolutionalRanker, SelfOracleRanker
+from foresee_study.selforacle.watcher import watcher_of
+
 from training.selforacle.rides import drive
 
 FIRST = 900_000

@@ -13,9 +13,9 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from foresee_study.selforacle.pictures import PALETTE, classes_of
 from numpy.typing import NDArray
 
-from foresee_dsl.forecast.selforacle.pictures import PALETTE, classes_of
 from training.samples import RecordedRun, read
 from training.selforacle.packing import Rides, save
 

@@ -13,6 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from foresee_study.selforacle.pictures import EVERY_S, PALETTE, classes_seen, looked_at
+from foresee_study.selforacle.segments import waypoints_passed
 from numpy.typing import NDArray
 
 from foresee_dsl.campaign.driving import made
@@ -22,8 +24,6 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Surroundings
-from foresee_dsl.forecast.selforacle.pictures import EVERY_S, PALETTE, classes_seen, looked_at
-from foresee_dsl.forecast.selforacle.segments import waypoints_passed
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run

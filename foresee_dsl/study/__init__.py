@@ -1,1 +1,0 @@
-"""The paper's questions asked of this tool: which campaigns each needs, what they gave, statistics, tables, figures."""

@@ -1,0 +1,123 @@
+"""The paper's figures beside ours, as a table, and in words where they differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from foresee_study.paper import FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_child_of_paper, children_colliding
+from foresee_study.results import TOGETHER, Results
+from foresee_study.tables.table import Column, Row, Table, Value
+
+NEAR = 1.25
+"""Ours: figures within this factor of each other are called close."""
+
+
+def beside(results: Results, question: str) -> Table:
+    """Return the paper's figures of a question beside ours."""
+    drivers = (*results.drivers, *((TOGETHER,) if len(results.drivers) > 1 else ()))
+    figures = [figure for figure in FIGURES if figure.question == question]
+    ours = {driver: [figure.ours(results, driver) for figure in figures] for driver in drivers}
+    asked = [driver for driver in drivers if any(ours[driver])]
+    if asked[1:] == [TOGETHER]:
+        asked.pop()  # one driver alone
+    columns = [Column(title, (driver,)) for driver in asked for title in ("paper", "ours", "95 %")]
+    rows: list[Row] = []
+    for k, figure in enumerate(figures):
+        values: list[Value] = []
+        for driver in asked:
+            found = ours[driver][k]
+            values += [figure.of(driver)[1], found.value if found else None, _ends(found)]
+        if any(value is not None for value in values[1::3]):
+            rows.append(Row(f"{figure.what}{_behind(figure)} ({figure.section})", tuple(values)))
+    names = [f"{driver} stands for {STANDS_FOR[driver]}" for driver in results.drivers if driver in STANDS_FOR]
+    others = "Drivers that the paper does not have are beside its two together, or InterFuser where it has no other."
+    notes = (f"Here {' and '.join(names)}. {others}" if names else others,)
+    return Table(f"{question}_paper", f"{question.upper()}: the paper's figures and ours", tuple(columns), tuple(rows),
+                 "figure", notes)  # fmt: skip
+
+
+def _behind(figure: PaperFigure) -> str:
+    """Return the unit that is added to a figure's words where these do not say it."""
+    return {Unit.SHARE: ", %", Unit.MORE: ", %", Unit.TIMES: ", times"}.get(figure.unit, "")
+
+
+def _ends(found: Ours | None) -> Value:
+    if found is None or found.interval is None or math.isnan(found.interval.low):
+        return None
+    return f"{_short(found.interval.low)} to {_short(found.interval.high)}"
+
+
+def _short(value: float) -> str:
+    digits = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2
+    return Column("", digits=digits).text(value)
+
+
+def in_words(results: Results, question: str) -> tuple[str, ...]:
+    """Return a sentence for each figure of a question that the paper has, too."""
+    return tuple(
+        sentence
+        for figure in FIGURES
+        if figure.question == question
+        for driver in (
+            *results.drivers,
+            *((TOGETHER,) if len(results.drivers) > 1 and TOGETHER in figure.values else ()),
+        )
+        for sentence in _sentences(results, figure, driver)
+    )
+
+
+def _sentences(results: Results, figure: PaperFigure, driver: str) -> Iterator[str]:
+    found, (name, paper) = figure.ours(results, driver), figure.of(driver)
+    if found is None:
+        return
+    who = "all drivers together" if driver == TOGETHER else f"`{driver}`"
+    unit = {Unit.SHARE: " %", Unit.MORE: " %", Unit.TIMES: " times"}.get(figure.unit, "")
+    text = f"{figure.what[0].upper()}{figure.what[1:]}, {who}: {_short(found.value)}{unit}, " \
+           f"the paper's {name} {_short(paper)}{unit}"  # fmt: skip
+    yield f"{text}. {_judged(found, paper, figure.unit)}{_why(results, figure, driver)}"
+
+
+def _judged(found: Ours, paper: float, unit: Unit) -> str:
+    inside = found.interval is not None and found.interval.low <= paper <= found.interval.high
+    neutral = unit.neutral
+    if inside:
+        judged = "The paper's value lies within our interval"
+    elif paper > 0 and found.value > 0 and 1 / NEAR <= found.value / paper <= NEAR:
+        judged = "The two are close"
+    else:
+        judged = f"Ours is {'larger' if found.value > paper else 'smaller'}"
+    if math.isnan(neutral):
+        return f"{judged}."
+    same = (found.value - neutral) * (paper - neutral) > 0
+    certain = found.interval is not None and not found.interval.low <= neutral <= found.interval.high
+    direction = "the direction is the same" if same else "the direction is the opposite"
+    if found.value == neutral:
+        return f"{judged}; here there is no difference."
+    if found.interval is None or math.isnan(found.interval.low):
+        return f"{judged}; {direction}."
+    return f"{judged}; {direction}, and {'it is more than chance' if certain else 'it may be chance'} by its interval."
+
+
+def _why(results: Results, figure: PaperFigure, driver: str) -> str:
+    """Say for a comparison with a ranker whose rate makes the difference to the paper's."""
+    if figure.question != "rq2" or figure.unit is not Unit.MORE:
+        return ""
+    other = figure.what.rpartition(" ")[2]
+    shares = children_colliding(results, driver, other)
+    own_paper, theirs_paper = (a_child_of_paper(driver, name) for name in ("foresee", other))
+    if shares is None or own_paper is None or theirs_paper is None:
+        return ""
+    own, theirs = shares
+    said = (
+        f" A child collides in {100 * own:.1f} % of foresee's runs (paper: {100 * own_paper:.1f} %) and in "
+        f"{100 * theirs:.1f} % of {other}'s (paper: {100 * theirs_paper:.1f} %)"
+    )
+    if not own or not theirs:
+        return f"{said}."
+    by_own, by_theirs = math.log(own / own_paper), math.log(theirs / theirs_paper)
+    if abs(by_own) > 2 * abs(by_theirs):
+        return f"{said}: the difference to the paper is mostly foresee's own rate."
+    if abs(by_theirs) > 2 * abs(by_own):
+        return f"{said}: the difference to the paper is mostly the rate of {other}."
+    return f"{said}: both rates differ from the paper's."

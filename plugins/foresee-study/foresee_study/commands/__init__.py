@@ -1,0 +1,1 @@
+"""The commands `foresee study` and `foresee fuzz`."""

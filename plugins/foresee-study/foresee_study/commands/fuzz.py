@@ -1,0 +1,114 @@
+"""The command that fuzzes whole test cases."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foresee_dsl.cli.campaigns import StopSignal
+from foresee_dsl.cli.completion import case_addresses
+from foresee_dsl.cli.options import common
+from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, notes_on, shard_of
+from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption, selected
+from foresee_dsl.cli.options.common import FAILED, JsonOption, SeedOption, console, give
+
+Cases = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="FILE[::CASE]...", help="Scenario files, folders, or test cases.", autocompletion=case_addresses
+    ),
+]
+
+
+def fuzz(
+    paths: Cases,
+    out: Annotated[Path, typer.Option("--out", help="The folder to write into.")] = Path("fuzz"),
+    cycles: Annotated[int, typer.Option(min=1, max=1000, help="Cycles of a seed, at most.")] = 10,
+    mutations: Annotated[int, typer.Option(min=1, max=1000, help="Mutations in each cycle.")] = 8,
+    together: Annotated[
+        bool,
+        typer.Option(
+            "--together",
+            help="Each mutation changes actors and weather, and one in four the ground too; else one of the three.",
+        ),
+    ] = False,
+    driver: common.DriverOption = "pdm",
+    seed: SeedOption = 0,
+    jobs: Jobs = CPUS,
+    store: Annotated[
+        Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
+    ] = None,
+    first: FirstOption = None,
+    only: OnlyOption = None,
+    shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = "",
+    step_deadline: common.StepDeadlineOption = None,
+    deadline: common.DeadlineOption = None,
+    memory: Annotated[float, typer.Option(min=100, help="Memory in MB that a worker may take.")] = 4096,
+    budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run again what crashed or hung before.")] = False,
+    exit_zero: common.ExitZeroOption = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    json: JsonOption = False,
+    allow_outside: common.AllowOutsideOption = False,
+) -> None:
+    """Mutate whole test cases, cycle after cycle, until the driver fails: DriveFuzz, which knows no risky points.
+
+    Each mutation adds or moves an actor near the ego's start, changes the weather, or puts a slippery patch; the worst
+    drive of a cycle is mutated next. Exit code 1 when a test case failed, mutated or not.
+
+    [dim]foresee fuzz scenarios/scenario7.foresee --out fuzz --jobs 2
+    foresee fuzz scenarios/scenario7.foresee::r02 --cycles 3 --mutations 4[/dim]
+    """
+    from contextlib import ExitStack
+
+    from foresee_dsl.campaign.execution.pool import RunOptions
+    from foresee_dsl.campaign.settings import Limits
+    from foresee_dsl.campaign.storage.lock import only_writer
+    from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.compile import placement_mistakes
+    from foresee_dsl.drivers.registry import find_driver
+    from foresee_dsl.errors import InputError
+    from foresee_dsl.language.project.loading import load_test_cases
+    from foresee_study.fuzz.engine import fuzz as run_fuzz
+    from foresee_study.fuzz.folder import as_text
+    from foresee_study.fuzz.settings import FuzzSettings
+    from foresee_study.fuzz.terminal import FuzzProgress, print_fuzz
+    from foresee_study.fuzz.texts import seed_of
+
+    find_driver(driver)  # an unknown name is reported before anything runs
+    stop = StopSignal()
+    options = RunOptions(
+        jobs=jobs,
+        limits=Limits(deadline, memory, None if budget is None else budget * 60, step_deadline),
+        shard=shard_of(shard),
+        retry=retry,
+        stop=stop,
+    )
+    cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
+    for case in cases:
+        seed_of(case)  # what cannot be extended is reported before there is a store
+    if mistakes := placement_mistakes(cases):
+        raise InputError(mistakes)
+    settings = FuzzSettings(driver, cycles, mutations, seed, together)
+    with ExitStack() as stack:
+        stack.enter_context(only_writer(out, "--out"))
+        kept = stack.enter_context(Store(store or out / "store"))
+        listeners = [] if quiet else [stack.enter_context(FuzzProgress(console(error=True)))]
+        stack.enter_context(stop.listening())
+        result = run_fuzz(cases, settings, out=out, store=kept, listeners=listeners, options=options)
+        notes = notes_on(kept)
+    if json:
+        give(as_text(result))
+    else:
+        print_fuzz(console(), result, out)
+    screen = console(error=json)
+    for note in notes:
+        screen.print(note, markup=False)
+    if result.interrupted:
+        screen.print(f"{'' if stop() else 'The time is up. '}The same command continues from there.")
+        if stop():
+            raise typer.Exit(stop.exit_code)
+    if result.broken or not (exit_zero or result.all_passed):
+        raise typer.Exit(FAILED)

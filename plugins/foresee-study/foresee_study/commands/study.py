@@ -1,0 +1,338 @@
+"""The command `study`: the paper's questions, answered by campaigns of this tool."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foresee_dsl.cli.completion import case_addresses
+from foresee_dsl.cli.options import common
+from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, executor_of, notes_on, shard_of
+from foresee_dsl.cli.options.case_selection import OnlyOption
+from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, console, print_json
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from foresee_dsl.campaign.execution.pool import RunOptions
+    from foresee_dsl.language.project.document import TestCase
+    from foresee_study.folder import StudyFolder, Took
+    from foresee_study.halves import Half
+    from foresee_study.running import Cases, StudyRun
+    from foresee_study.settings import StudySettings
+    from foresee_study.tables.table import Table
+
+ALL = "all"
+REPORT = "report"
+
+
+def study(
+    question: Annotated[
+        str, typer.Argument(metavar="QUESTION", help="rq1 to rq5, several with commas, all, or report.")
+    ],
+    paths: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[PATH]...",
+            help="Scenario files, folders or test cases; by default the bundled ones. Of report: the study's folder.",
+            autocompletion=case_addresses,
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("out/study"),
+    store: Annotated[
+        Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
+    ] = None,
+    drivers: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="Drivers, with commas; fusion_safe,fusion,pdm,frenetix."),
+    ] = None,
+    rankers: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES", help="Rankers, with commas; by default foresee,random,selforacle,proximity,careful."
+        ),
+    ] = None,
+    half: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HALF",
+            help="even, odd or all: of the test cases, by a hash of their names. Settings are chosen on the even half "
+            "and reported on the odd one, which is the default.",
+            show_default=False,
+        ),
+    ] = None,
+    cases: Annotated[
+        int | None, typer.Option("--cases", min=1, help="So many test cases at most, of all families.")
+    ] = None,
+    only: OnlyOption = None,
+    repetitions: Annotated[int, typer.Option(min=1, max=100, help="Repetitions, each with a seed of its own.")] = 3,
+    exhaustive: Annotated[
+        str,
+        typer.Option(
+            metavar="D,R", help="Search exhaustively: of the first D drivers, R repetitions. 0,0: not at all."
+        ),
+    ] = "1,1",
+    preset: common.PresetOption = "paper",
+    children: Annotated[int, typer.Option(min=1, max=1000, help="Mutated children of a clip.")] = 4,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DRIVERS", help="Reference drivers, with commas, or none; by default those of `campaign`."
+        ),
+    ] = None,
+    fuzzing: Annotated[
+        str,
+        typer.Option(metavar="R,C,M", help="rq4: DriveFuzz with R repetitions, C cycles and M mutations a cycle."),
+    ] = "1,10,8",
+    towns: Annotated[
+        list[Path] | None,
+        typer.Option("--town", help="rq5: a folder of test cases of another town; may be given several times."),
+    ] = None,
+    seed: common.SeedOption = 0,
+    jobs: Jobs = CPUS,
+    shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = "",
+    executor: Annotated[str, typer.Option(help="What runs it: local (processes here), dask (a cluster).")] = "local",
+    scheduler: Annotated[
+        str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started here.")
+    ] = "",
+    step_deadline: common.StepDeadlineOption = None,
+    deadline: common.DeadlineOption = None,
+    memory: Annotated[float, typer.Option(min=100, help="Memory in MB that a worker may take.")] = 4096,
+    budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run again what crashed or hung in an earlier study.")] = False,
+    plan: Annotated[bool, typer.Option("--plan", help="Only say how much each question would run.")] = False,
+    page: Annotated[Path | None, typer.Option(help="Also write the page of results here.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
+) -> None:
+    """Ask the paper's questions of this tool: run what each needs, and write tables, figures and a page of results.
+
+    Everything goes into one store: questions share their runs, and a study that was stopped continues where it was.
+
+    [dim]foresee study rq2 --drivers pdm --repetitions 1 --jobs 2
+    foresee study all --half all --plan
+    foresee study report out/study --half odd[/dim]
+    """
+    from foresee_dsl.campaign.campaign_file import NOBODY
+    from foresee_study.folder import StudyFolder
+    from foresee_study.questions import QUESTIONS
+    from foresee_study.settings import BUNDLED, DRIVERS, RANKERS, StudySettings
+
+    chosen = half_named(half)
+    if question == REPORT:
+        if len(paths or ()) > 1:
+            raise typer.BadParameter("report takes one study's folder", param_hint="PATH")
+        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, json=json)
+        return
+    names = tuple(QUESTIONS) if question == ALL else names_in(question)
+    if not names or not set(names) <= set(QUESTIONS):
+        known = ", ".join((*QUESTIONS, ALL, REPORT))
+        raise typer.BadParameter(f"{question!r} is not one of: {known}", param_hint="QUESTION")
+    searched, searches = numbers_in(exhaustive, 2, "--exhaustive")
+    fuzz_repetitions, cycles, mutations = numbers_in(fuzzing, 3, "--fuzzing")
+    settings = StudySettings(
+        drivers=names_in(drivers) or DRIVERS,
+        rankers=names_in(rankers) or RANKERS,
+        half=chosen or StudySettings.half,
+        first=cases,
+        repetitions=repetitions,
+        exhaustive_repetitions=searches,
+        exhaustive_drivers=searched,
+        seed=seed,
+        preset=preset,
+        children=children,
+        against=None if against is None else tuple(name for name in names_in(against) if name != NOBODY),
+        fuzz_repetitions=fuzz_repetitions,
+        fuzz_cycles=cycles,
+        fuzz_mutations=mutations,
+        towns=tuple(town.name for town in towns or ()),
+    )
+    groups = {BUNDLED: cases_of(paths, settings, only, allow_outside=allow_outside)}
+    groups |= {town.name: town_cases(town, settings, allow_outside=allow_outside) for town in towns or ()}
+    folder = StudyFolder(out)
+    if plan:
+        _plan(names, settings, groups, store or folder.store, json=json, jobs=jobs)
+        return
+    from foresee_dsl.campaign.execution.pool import RunOptions
+    from foresee_dsl.campaign.settings import Limits
+    from foresee_study.statistics.effects import lacks_statsmodels
+
+    options = RunOptions(
+        jobs=jobs,
+        limits=Limits(deadline, memory, None if budget is None else budget * 60, step_deadline),
+        shard=shard_of(shard),
+        retry=retry,
+        executor=executor_of(executor, scheduler),
+    )
+    screen = console(error=True)
+    if lacking := lacks_statsmodels():
+        screen.print(lacking, markup=False, soft_wrap=True)
+    ran = _run(names, settings, groups, folder, store or folder.store, options, quiet=quiet)
+    if ran.interrupted:
+        screen.print(f"The same command continues from there; `foresee study report {out}` shows what there is.")
+        raise typer.Exit(FAILED)
+    if lacking:
+        screen.print(lacking, markup=False, soft_wrap=True)
+    elif shard:
+        screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
+    else:
+        _report(folder, chosen, page, json=json, names=names)
+    if ran.broken:
+        raise typer.Exit(FAILED)
+
+
+def _run(
+    names: Sequence[str], settings: StudySettings, cases: Cases, folder: StudyFolder, store: Path, options: RunOptions,
+    *, quiet: bool,
+) -> StudyRun:  # fmt: skip
+    """Run the questions, saying what is left out and what each took; a signal ends the command with its exit code."""
+    from foresee_dsl.campaign.storage.lock import only_writer
+    from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.cli.campaigns import StopSignal
+    from foresee_dsl.compile import placement_mistakes
+    from foresee_dsl.errors import InputError
+    from foresee_dsl.report.terminal.live import progress
+    from foresee_study.running import possible, run_study
+
+    if mistakes := placement_mistakes([case for group in cases.values() for case in group]):
+        raise InputError(mistakes)
+    settings, notes = possible(settings)
+    stop, screen = StopSignal(), console(error=True)
+
+    def say(text: str) -> None:
+        screen.print(text, markup=False, soft_wrap=True)
+
+    for note in notes:
+        say(note)
+    with ExitStack() as stack:
+        stack.enter_context(only_writer(folder.at, "--out"))
+        folder.noted(settings, {}, notes)  # a study that is killed can be reported as far as it came
+        opened = stack.enter_context(Store(store))
+        listeners, _ = progress(stack, screen, quiet=quiet, log=None)
+        stack.enter_context(stop.listening())
+        ran = run_study(names, settings, cases, folder, store=opened, listeners=listeners,
+                        options=replace(options, stop=stop), say=(lambda _: None) if quiet else say)  # fmt: skip
+        damage = notes_on(opened)
+        folder.noted(settings, ran.asked, notes)
+    for line in (*ran.broken, *damage):
+        say(line)
+    _print_took(screen, folder, ran.asked)
+    if ran.interrupted and stop():
+        say("The same command continues from there.")
+        raise typer.Exit(stop.exit_code)
+    return ran
+
+
+def _report(
+    folder: StudyFolder, half: Half | None, page: Path | None, *, json: bool, names: Sequence[str] = ()
+) -> None:
+    """Write everything that the study's folder gives, and print the tables of the questions asked (or of all)."""
+    from foresee_study.report import write_report
+
+    written = write_report(folder, half, page)
+    shown = [table for name, tables in written.tables.items() if name in (names or written.tables) for table in tables]
+    if json:
+        print_json({"tables": shown}, "study")
+    else:
+        _print_tables(console(), shown)
+    screen = console(error=True)
+    for note in written.notes:
+        screen.print(note, markup=False, soft_wrap=True)
+    screen.print(f"Tables: {folder.tables}, the page: {written.page}", markup=False, soft_wrap=True)
+
+
+def _print_tables(screen: Console, tables: Sequence[Table]) -> None:
+    from foresee_dsl.report.terminal.tables import plain_table
+
+    wide = screen.width if screen.is_terminal else sys.maxsize
+    for table in (part for whole in tables for part in whole.parts(wide)):
+        rows = [(row.label, *table.texts(row)) for row in table.rows]
+        screen.print(f"\n{table.title}", style="bold", markup=False)
+        screen.print(plain_table((table.first, *table.stacked), rows, gap=1))
+        for note in table.notes:
+            screen.print(note, style="dim", markup=False)
+
+
+def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Path, *, json: bool, jobs: int) -> None:
+    from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.report.terminal.tables import duration, plain_table
+    from foresee_study.planning import plan_study
+    from foresee_study.running import possible
+
+    settings, notes = possible(settings)
+    with Store(store, write=False) if (store / "runs.sqlite").is_file() else nullcontext() as opened:
+        plans = plan_study(names, settings, cases, opened)
+    if json:
+        print_json({"questions": plans}, "study")
+        return
+    screen = console()
+    for note in notes:
+        screen.print(note, markup=False)
+    rows = [(p.question, p.campaigns, p.done, p.to_run, p.at_most_more, duration(p.longest_s / jobs)) for p in plans]
+    heads = ("question", "campaigns", "runs done", "to run", "at most more", f"at most, {jobs} workers")
+    screen.print(plain_table(heads, rows))
+    screen.print("What an earlier question runs is not counted again. Runs with reference drivers come on top.")
+
+
+def _print_took(screen: Console, folder: StudyFolder, asked: dict[str, Took]) -> None:
+    from foresee_dsl.report.terminal.tables import duration
+
+    for name, took in asked.items():
+        spent = "in parts" if took.wall_s is None else duration(took.wall_s)
+        screen.print(f"{name}: {spent} with {took.jobs} workers (in {folder.at})", markup=False)
+
+
+# ---- what the options mean -------------------------------------------------------------------------------------------
+
+
+def names_in(text: str | None) -> tuple[str, ...]:
+    """Return the names between commas, each once; none where there is no text."""
+    return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
+
+
+def half_named(text: str | None) -> Half | None:
+    """Return the half of this name; None where none is named."""
+    from foresee_study.halves import Half
+
+    if text is None:
+        return None
+    try:
+        return Half(text)
+    except ValueError as err:
+        raise typer.BadParameter(f"{text!r} is not one of: even, odd, all", param_hint="--half") from err
+
+
+def numbers_in(text: str, count: int, option: str) -> list[int]:
+    """Return so many whole numbers between commas."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != count or not all(part.isascii() and part.isdigit() for part in parts):
+        raise typer.BadParameter(f"{text!r}: write {count} whole numbers with commas", param_hint=option)
+    return [int(part) for part in parts]
+
+
+def cases_of(
+    paths: list[str] | None, settings: StudySettings, only: list[str] | None, *, allow_outside: bool
+) -> tuple[TestCase, ...]:
+    """Return the test cases of a study: of its half, so many at most."""
+    from foresee_dsl.cli.options.case_selection import selected
+    from foresee_dsl.files import data_folder
+    from foresee_dsl.language.project.loading import load_test_cases
+    from foresee_study.halves import of_half, sample
+
+    found = load_test_cases(paths or [str(data_folder("scenarios"))], allow_outside=allow_outside)
+    return sample(selected(of_half(found, settings.half), None, only), settings.first)
+
+
+def town_cases(folder: Path, settings: StudySettings, *, allow_outside: bool) -> tuple[TestCase, ...]:
+    """Return a town's test cases, all of both halves: no setting was chosen on them."""
+    from foresee_dsl.language.project.loading import load_test_cases
+
+    return tuple(load_test_cases([folder], allow_outside=allow_outside)[: settings.first])

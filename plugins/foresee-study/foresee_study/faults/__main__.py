@@ -1,0 +1,109 @@
+"""The command: `python -m foresee_study.faults`; `make faults` is the same with what is in its ARGS."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from foresee_study.faults.approaches import APPROACHES, DEFAULT
+from foresee_study.faults.plug_in_path import add_plug_in
+
+FEW = (
+    "pdm/late_objects", "pdm/blind_to_walkers", "pdm/forgets_hidden", "pdm/weak_brakes", "pdm/overtrusts_signals",
+    "pdm/small_gap_left",
+)  # fmt: skip
+"""What `make faults` seeds by default."""
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Measure, print the tables, and write `faults.md` and `faults.json`."""
+    add_plug_in()
+    from foresee_faults.catalogue import KINDS  # type: ignore[import-not-found, unused-ignore]
+
+    from foresee_study.faults.benchmark import Plan, all_kinds, measure
+    from foresee_study.faults.table import Benchmark, as_json, as_markdown
+    from foresee_study.halves import Half
+
+    args = _parser().parse_args(words)
+    if args.list:
+        sys.stdout.write(listed(KINDS) + "\n")
+        return 0
+    known = all_kinds(KINDS)
+    faults = {"all": known, "few": FEW}.get(args.faults) or _named(args.faults.split(","))
+    plan = Plan(
+        faults=faults,
+        strengths=tuple(sorted(float(text) for text in args.strengths.split(","))),
+        approaches=tuple(APPROACHES[each] for each in _chosen(args.approaches.split(","))),
+        half=Half(args.half),
+        cases=args.cases,
+        simulated_s=args.seconds_simulated,
+        judges=tuple(each for each in args.judges.split(",") if each not in ("", "none")),
+        jobs=args.jobs,
+        out=args.out,
+        bisects=not args.all_strengths,
+        ends_s=time.time() + 60 * args.minutes,
+    )
+
+    def write(found: Benchmark) -> None:
+        args.out.mkdir(parents=True, exist_ok=True)
+        (args.out / "faults.md").write_text(as_markdown(found), encoding="utf-8")
+        (args.out / "faults.json").write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
+
+    found = measure(plan, lambda line: print(line, file=sys.stderr, flush=True), write)  # noqa: T201
+    sys.stdout.write(as_markdown(found))
+    return 0
+
+
+def listed(kinds: Mapping[str, Any]) -> str:
+    """Return the kinds of fault as a Markdown table, which `docs/faults.md` has."""
+    rows = [f"| `{name}` | {k.what} | {k.cause} | {k.scale} | {k.source} |" for name, k in kinds.items()]
+    return "\n".join(
+        ["| kind | what the driver does | cause | strength from 0 to 1 | source |", "|" + " --- |" * 5, *rows]
+    )
+
+
+def _named(names: Sequence[str]) -> tuple[str, ...]:
+    """Return faults by their names; a kind without a driver is one of `pdm`."""
+    from foresee_faults.catalogue import KINDS  # type: ignore[import-not-found, unused-ignore]
+
+    found = tuple(name if "/" in name else f"pdm/{name}" for name in names)
+    for name in found:
+        if name.partition("/")[2] not in KINDS:
+            sys.exit(f"no kind of fault is called {name!r}; there are {', '.join(KINDS)}")
+    return found
+
+
+def _chosen(names: Sequence[str]) -> Sequence[str]:
+    for name in names:
+        if name not in APPROACHES:
+            sys.exit(f"no approach is called {name!r}; there are {', '.join(APPROACHES)}")
+    return names
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m foresee_study.faults", description=__doc__)
+    add = parser.add_argument
+    add("--faults", default="few", help="all, few (six of pdm), or names with commas: pdm/late_objects,idm/runs_amber")
+    add("--strengths", default="0.1,0.2,0.4,0.7,1", help="with commas; approaches are compared at the middle one")
+    add("--approaches", default=",".join(DEFAULT), help=f"of {', '.join(APPROACHES)}")
+    add("--half", choices=("even", "odd", "all"), default="even", help="test cases, by the hash of their names")
+    add("--cases", type=int, default=5, help="test cases of each fault")
+    add("--seconds-simulated", type=float, default=600.0, help="what each search may simulate")
+    add("--judges", default="idm,frenetix,pdm", help="drivers that judge the failures at the middle strength, or none")
+    add("--all-strengths", action="store_true", help="search at every strength, instead of bisecting")
+    add("--minutes", type=float, default=math.inf, help="no search begins later; faults that are not done are left out")
+    add("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    add("--out", type=Path, default=Path("out/faults"), help="the folder for results; what is in it is not done again")
+    add("--list", action="store_true", help="print the kinds of fault as a table, and do nothing else")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,269 @@
+"""DriveFuzz over many test cases: each is mutated cycle after cycle; the worst drive of a cycle is the next parent.
+
+The mutations of a cycle are independent of each other, and each is stored under a key of all that it depends on. So the
+result is the same for any number of workers, and a command that was stopped goes on where it was. What would have come
+after a failure in its cycle does not count.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from foresee_dsl import __version__
+from foresee_dsl.campaign.driving import case_name, longest_s
+from foresee_dsl.campaign.execution.engine import Listener
+from foresee_dsl.campaign.execution.pool import Broken, Executor, RunOptions, Task, Update
+from foresee_dsl.campaign.execution.runs import broken_verdict
+from foresee_dsl.campaign.import_closure import DIGITS
+from foresee_dsl.campaign.keys import driver_identity, step_code
+from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.compile import placement_mistakes
+from foresee_dsl.errors import InputError
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_study.fuzz import settings as s
+from foresee_study.fuzz.folder import FOLDER, publish
+from foresee_study.fuzz.quality import Quality
+from foresee_study.fuzz.records import Cycle, FuzzResult, FuzzRun, Outcome, SeedFuzz, decode, encode
+from foresee_study.fuzz.texts import Seed, file_text, seed_of
+from foresee_study.fuzz.worker import Job, run_job
+
+KIND = "fuzz"
+"""The kind of its rows in a store."""
+_WORKER = "foresee_study.fuzz.worker"
+
+
+def fuzz(
+    cases: Sequence[TestCase],
+    settings: s.FuzzSettings,
+    *,
+    out: Path,
+    store: Store,
+    listeners: Sequence[Listener] = (),
+    options: RunOptions = RunOptions(),  # noqa: B008 - immutable
+) -> FuzzResult:
+    """Fuzz test cases and write what was found: `fuzz.json`, and every mutated test case that was run.
+
+    Args:
+        cases: the seeds: scenarios, written, drawn or made by a fuzzing run before. One that fails unmutated is not
+            mutated. out: its `mutated` and `fuzz.json` are replaced. store: open to be written; a campaign's will do.
+
+    Raises:
+        InputError: a seed is impossible on its network. ForeseeError: one is a clip or a mutant. Nothing was run then.
+        StoreError: the store cannot be written any more; what was finished is in it.
+    """
+    started = time.monotonic()
+    if mistakes := placement_mistakes(cases):
+        raise InputError(mistakes)
+    run = _Fuzzing(cases, settings, out, store, listeners, options, started)
+    interrupted = run.until_done()
+    result = FuzzResult(
+        settings, tuple(seed.result() for seed in run.seeds), interrupted, tuple(sorted(run.broken)),
+        time.monotonic() - started,
+    )  # fmt: skip
+    publish(result, out)
+    return result
+
+
+@dataclass
+class _Seed:
+    """The progress of one seed."""
+
+    case: TestCase
+    seed: Seed
+    name: str
+    settings: s.FuzzSettings
+    out: Path
+    plain: Outcome | None = None
+    cycles: list[dict[int, Outcome]] = field(default_factory=list)
+    parents: list[str] = field(default_factory=lambda: [""])
+    """The lines of the parent of each cycle."""
+    chosen: list[int] = field(default_factory=list)
+    waits: set[int] = field(default_factory=set)
+    """The numbers of the mutations that are under way in the cycle; 0: the seed itself."""
+    lost: bool = False
+    """Nothing more comes of it."""
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing is left to be done."""
+        if self.lost or self.plain is None:
+            return self.lost
+        return self.plain.verdict is not Verdict.PASS or self._failed() > 0 or len(self.chosen) == self.settings.cycles
+
+    def _failed(self) -> int:
+        """Return the number of the mutation that ends the seed, in its last cycle: the first of those that fail."""
+        runs = self.cycles[-1] if self.cycles else {}
+        failed = min((k for k, one in runs.items() if one.verdict.is_failure), default=0)
+        return failed if failed and all(k in runs for k in range(1, failed)) else 0
+
+    def next(self, most: int) -> list[int]:
+        """Return the mutations that can be begun now, `most` at once."""
+        if self.over or self.waits:
+            return []
+        if self.plain is None:
+            return [0]
+        if not self.cycles or len(self.cycles) == len(self.chosen):
+            self.cycles.append({})
+        done = self.cycles[-1]
+        return [k for k in range(1, self.settings.mutations + 1) if k not in done][:most]
+
+    def take(self, number: int, outcome: Outcome) -> None:
+        """Note what a mutation came to; at the end of a cycle choose the next parent."""
+        self.waits.discard(number)
+        if number == 0:
+            self.plain = outcome
+            return
+        runs = self.cycles[-1]
+        runs[number] = outcome
+        if len(runs) == self.settings.mutations and not self._failed():
+            # A driver that broke has no score that says anything; nor has a mutation that was impossible.
+            usable = [k for k in sorted(runs) if runs[k].verdict in (Verdict.PASS, Verdict.TIMEOUT)]
+            best = min(usable, key=lambda k: (runs[k].quality.score, k), default=0)
+            self.chosen.append(best)
+            self.parents.append(runs[best].lines if best else self.parents[-1])
+
+    def result(self) -> SeedFuzz:
+        """Return what was made of it so far."""
+        failed, cycles = self._failed(), []
+        for k, runs in enumerate(self.cycles, start=1):
+            last = k == len(self.cycles)
+            counted = {n: one for n, one in sorted(runs.items()) if not (last and failed and n > failed)}
+            if last and not failed:  # of a cycle that was stopped: the runs before the first missing one
+                counted = {n: one for n, one in counted.items() if all(j in runs for j in range(1, n))}
+            chosen = self.chosen[k - 1] if k <= len(self.chosen) else 0
+            if counted:
+                cycles.append(Cycle(k, tuple(self._named(k, n, one) for n, one in counted.items()), chosen))
+        return SeedFuzz(self.case.id, self.case.family, self.plain, tuple(cycles))
+
+    def _named(self, cycle: int, number: int, outcome: Outcome) -> FuzzRun:
+        name = f"{self.name}_c{cycle:02d}_m{number}"
+        file = f"{FOLDER}/{self.name}/{name}.foresee" if outcome.lines else ""
+        about = (f"Cycle {cycle}, mutation {number} of {self.case.id}: {outcome.what}. Seed {self.settings.seed}, "
+                 f"score {outcome.quality.score:.2f}: {outcome.reason or 'passed'}")  # fmt: skip
+        if not file:
+            return FuzzRun(name, cycle, number, "", "", outcome)
+        text = file_text(name, self.seed, self.out / file, outcome.lines, about=about, driver=self.settings.driver,
+                         outcome=outcome)  # fmt: skip
+        address = f"{file}::{self.seed.case}" if self.seed.case else file
+        return FuzzRun(name, cycle, number, file, address, outcome, text)
+
+
+class _Fuzzing:
+    """What is under way."""
+
+    def __init__(
+        self, cases: Sequence[TestCase], settings: s.FuzzSettings, out: Path, store: Store,
+        listeners: Sequence[Listener], options: RunOptions, started_s: float,
+    ) -> None:  # fmt: skip
+        self._settings, self._store, self._listeners, self._options = settings, store, listeners, options
+        self._driver = driver_identity(settings.driver)
+        self._folder = out.resolve() / FOLDER / "one"
+        names = _names(cases)
+        mine = [c for c in cases if options.shard.holds(hashlib.sha256(c.meaning.encode()).hexdigest())]
+        self.seeds = [_Seed(case, seed_of(case), names[case.id], settings, out.resolve()) for case in mine]
+        self.broken: list[str] = []
+        self._executor: Executor | None = None
+        self._running: dict[str, tuple[_Seed, int, Job]] = {}
+        budget_s = options.limits.budget_s
+        self._ends_s = math.inf if budget_s is None else started_s + budget_s
+
+    def until_done(self) -> bool:
+        """Run what is missing; return whether it was stopped before the end."""
+        if self._options.retry:
+            self._store.execute("DELETE FROM runs WHERE broken = 1 AND kind = ?", (KIND,))
+        for listener in self._listeners:
+            listener.planned(KIND, len(self.seeds) * (1 + self._settings.cycles * self._settings.mutations))
+        try:
+            self._hand_out()
+            if self._executor is not None:
+                for update in self._executor.updates(self._stop):
+                    self._handle(update)
+                    self._hand_out()
+            return any(not seed.over for seed in self.seeds)
+        finally:
+            if self._executor is not None:
+                self._executor.close()
+
+    def _stop(self) -> bool:
+        return self._options.stop() or time.monotonic() > self._ends_s
+
+    def _hand_out(self) -> None:
+        """Begin mutations: of each seed only as many at once as keep the workers busy, as a failure ends the seed."""
+        ahead = True
+        while ahead and not self._stop():
+            ahead = False
+            open_ = [seed for seed in self.seeds if not seed.over]
+            most = max(1, math.ceil(self._options.jobs / max(len(open_), 1)))
+            for seed in open_:
+                for number in seed.next(most):
+                    ahead |= self._begin(seed, number)
+
+    def _begin(self, seed: _Seed, number: int) -> bool:
+        """Take a mutation's result from the store, or give it to a worker; return whether it was in the store."""
+        cycle = len(seed.cycles) if number else 0
+        parent = seed.parents[-1] if number else ""
+        job = Job(seed.seed, parent, cycle, number, seed.case.meaning, self._settings, self._folder,
+                  self._options.limits.deadlines)  # fmt: skip
+        key = self._key(job)
+        row = self._store.get(key)
+        if row is not None:
+            self._tell(row, new=False)
+            seed.take(number, decode(row.record))
+            return True
+        seed.waits.add(number)
+        # It is drawn a limited number of times, each for some seconds; the last run has its full length.
+        simulated_s = longest_s(seed.case) + s.TRIES * s.FIRST_S
+        task = Task(job.name, run_job, job, self._options.limits.for_run(simulated_s), key)
+        self._running[key] = seed, number, job
+        if self._executor is None:
+            self._executor = self._options.executor(self._options)
+        self._executor.add([task], (cycle,))
+        return False
+
+    def _key(self, job: Job) -> str:
+        seed, kind = self._settings.seed, (self._settings.together if job.cycle else None)
+        parts = (KIND, __version__, step_code(_WORKER), self._driver, job.meaning, job.parent, job.cycle, job.number,
+                 seed, kind)  # fmt: skip
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:DIGITS]
+
+    def _handle(self, update: Update) -> None:
+        seed, number, job = self._running.pop(update.task.key)
+        outcome, broken = update.value, isinstance(update.value, Broken)
+        ended_outside = isinstance(update.value, Broken) and update.value.how == "killed"
+        if isinstance(update.value, Broken):
+            verdict, reason = broken_verdict(update.value)
+            outcome = Outcome("", "broke", verdict, "", reason, 0.0, 0.0, 0.0, Quality())
+            self.broken.append(f"{job.name}: {reason}")
+            for listener in self._listeners:
+                listener.broken(self.broken[-1])
+        row = Row(
+            key=update.task.key, kind=KIND, name=job.name, record=encode(outcome), driver=self._settings.driver,
+            verdict=outcome.verdict.value, reason=outcome.reason, broken=broken, simulated_s=outcome.duration_s,
+            wall_s=outcome.wall_s,
+        )  # fmt: skip
+        # A process that was ended from outside gave no result: the next fuzzing runs it again.
+        self._tell(row if ended_outside else self._store.add(row), new=True)
+        seed.take(number, outcome)
+
+    def _tell(self, row: Row, *, new: bool) -> None:
+        for listener in self._listeners:
+            listener.done(row, new=new)
+
+
+def _names(cases: Sequence[TestCase]) -> dict[str, str]:
+    """Return what each seed's files are called: its scenario and case, with a number where two are called alike."""
+    found: dict[str, str] = {}
+    for case in cases:
+        name, again = case_name(case), 1
+        while name in found.values():
+            again += 1
+            name = f"{case_name(case)}_{again}"
+        found[case.id] = name
+    return found

@@ -1,0 +1,43 @@
+"""What a fuzzing run leaves: `fuzz.json`, and `mutated/` with a folder of mutated test cases for each seed."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+from foresee_dsl.files import write_whole
+from foresee_study.fuzz.records import FuzzResult, document
+
+FOLDER = "mutated"
+"""Where the mutated test cases are, in the folder that is written."""
+
+
+def publish(result: FuzzResult, out: Path) -> None:
+    """Write a result beside the files of an earlier one, and replace these when it is whole.
+
+    Raises:
+        OSError: the folder cannot be made or written to.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    for left in out.glob(".fuzz-*"):
+        shutil.rmtree(left, ignore_errors=True)
+    work = out / f".fuzz-{os.getpid()}"
+    (work / FOLDER).mkdir(parents=True)
+    for seed in result.seeds:
+        for run in seed.every:
+            if run.outcome.lines:
+                file = work / run.file
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(run.text, encoding="utf-8", newline="\n")
+    if (out / FOLDER).is_dir():
+        (out / FOLDER).replace(work / "old")
+    (work / FOLDER).replace(out / FOLDER)
+    write_whole(out / "fuzz.json", as_text(result))
+    shutil.rmtree(work, ignore_errors=True)
+
+
+def as_text(result: FuzzResult) -> str:
+    """Return what `fuzz.json` holds."""
+    return json.dumps(document(result), indent=2) + "\n"

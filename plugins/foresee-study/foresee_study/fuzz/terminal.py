@@ -1,0 +1,120 @@
+"""What a fuzzing run found, for people: while it runs, and at its end."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from rich.progress import TextColumn
+from rich.text import Text
+
+from foresee_dsl.campaign.execution.engine import Listener
+from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.report.safe_text import safe, shortened
+from foresee_dsl.report.terminal.live import bars
+from foresee_dsl.report.terminal.steps import EVERY_S
+from foresee_dsl.report.terminal.tables import duration, plain_table
+from foresee_dsl.report.verdicts import counted, without_verdict
+from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from foresee_study.fuzz.records import FuzzResult, SeedFuzz
+
+
+_CALLED = {Verdict.PASS: "passed", Verdict.INVALID: "impossible", Verdict.CRASH: "broke the driver"}
+"""How the headline calls what is no failure."""
+
+
+class FuzzProgress(Listener):
+    """A bar on a terminal, a line now and then elsewhere; each failure at once."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._bars = bars(console, TextColumn("{task.description}"), left=False)
+        self._task = self._bars.add_task("runs")
+        self._done = self._failed = 0
+        self._told_s = time.monotonic()
+
+    def __enter__(self) -> Self:
+        self._bars.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, err: BaseException | None, at: TracebackType | None) -> None:
+        self._bars.stop()
+
+    def planned(self, kind: str, count: int) -> None:  # noqa: ARG002 - as a listener is called
+        """Know how many runs there are at most: a failure ends its seed."""
+        self._bars.update(self._task, total=count)
+
+    def done(self, row: Row, *, new: bool = True) -> None:
+        """Advance."""
+        self._done += 1
+        self._bars.update(self._task, completed=self._done)
+        if row.verdict in [verdict.value for verdict in FAILURES]:
+            self._failed += 1
+            self._bars.update(self._task, description=f"runs, {counted(self._failed, 'failure')}")
+            if new:
+                self._bars.console.print(f"  {row.name}: {row.reason}", style="dim", highlight=False, markup=False)
+        if new and not self._console.is_terminal and time.monotonic() - self._told_s >= EVERY_S:
+            self._told_s = time.monotonic()
+            self._console.print(f"{counted(self._done, 'run')}, {counted(self._failed, 'failure')}")
+
+    def broken(self, what: str) -> None:
+        """Print it."""
+        self._bars.console.print(f"  could not be done: {what}", style="red", highlight=False, markup=False)
+
+
+def print_fuzz(console: Console, result: FuzzResult, out: Path) -> None:
+    """Print the failures, how the scores fell, and where the files are."""
+    tried = [seed for seed in result.seeds if seed.usable]
+    every = [run for seed in result.seeds for run in seed.every]
+    counts = Counter(run.verdict for run in every)
+    told = ", ".join(f"{counts[kind]} {_CALLED.get(kind, kind.value)}" for kind in Verdict if counts[kind])
+    style = "bold red" if result.failures else "bold green"
+    line = f"{counted(len(every), 'mutation')}: {told}" if every else "no mutation was run"
+    console.print(Text.assemble((f"{safe(result.settings.driver)}: ", "bold"), (line, style)), soft_wrap=True)
+    for seed in result.seeds:
+        _print_seed(console, seed, out)
+    if result.by_cycle:
+        rows = [(one.cycle, one.seeds, one.failures, f"{one.mean_best:.2f}") for one in result.by_cycle]
+        console.print()
+        console.print(plain_table(("cycle", "seeds", "failures", "mean lowest score"), rows))
+    waiting = sum(seed.plain is None for seed in result.seeds)
+    aside = len(result.seeds) - len(tried) - waiting
+    left_out = f", {counted(aside, 'does', 'do')} not pass unmutated" if aside else ""
+    left_out += f", {counted(waiting, 'has', 'have')} not been driven yet" if waiting else ""
+    console.print(
+        f"\n{result.failures} of {len(tried)} seeds fail after {len(every)} mutations{left_out}; "
+        f"{duration(result.simulated_s)} simulated in {duration(result.wall_s)}",
+        soft_wrap=True,
+    )
+    console.print(f"{out / 'fuzz.json'}", soft_wrap=True, markup=False)
+
+
+def _print_seed(console: Console, seed: SeedFuzz, out: Path) -> None:
+    name = safe(seed.test_case)
+    run = seed.failed
+    if run is not None:
+        reason = f" {safe(without_verdict(run.verdict, run.reason))}"
+        console.print(Text.assemble((f"{name}  ", "bold"), (run.verdict.value, run.verdict.style), reason),
+                      soft_wrap=True)  # fmt: skip
+        _print_line(console, f"  cycle {run.cycle}, mutation {run.number}: {run.what}")
+        console.print(f"  {out / run.file}", soft_wrap=True, markup=False)
+    elif seed.plain is None:
+        console.print(Text.assemble((f"{name}  ", "bold"), ("not driven yet", "dim")), soft_wrap=True)
+    elif not seed.usable:
+        console.print(
+            Text.assemble((f"{name}  ", "bold"), (f"not mutated: {safe(seed.reason)}", "dim")), soft_wrap=True
+        )
+    else:
+        scores = " ".join(f"{cycle.best:.1f}" for cycle in seed.cycles) or "none yet"
+        console.print(Text.assemble((f"{name}  ", "bold"), f"passes; lowest scores {scores}"), soft_wrap=True)
+
+
+def _print_line(console: Console, text: str) -> None:
+    console.print(Text(shortened(text, max(console.width, 40))), soft_wrap=True)

@@ -1,0 +1,81 @@
+"""Mutated test cases as files: scenarios that extend their seed, and what reads them back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.campaign.driving import relative_path
+from foresee_dsl.campaign.regression.expectations import Ending
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language import model as m
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.printer import print_item, print_model
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import Project
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_study.fuzz.mutation import Line
+from foresee_study.fuzz.records import Outcome
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A test case that is mutated: its file (absolute), its case ("" for none), and the lines that leave only that."""
+
+    file: Path
+    case: str
+    alone: tuple[m.ExtensionItem, ...]
+
+
+def seed_of(case: TestCase) -> Seed:
+    """Return a test case as one that is extended.
+
+    Raises:
+        ForeseeError: it is a clip or a mutant, which no scenario can extend.
+    """
+    if case.clip is not None or case.mutant is not None:
+        raise ForeseeError(f"{case.id} is a clip or a mutant, and only scenarios can be extended: "
+                           f"`foresee expand {case.id}` makes a scenario of it")  # fmt: skip
+    name = case.id.partition("::")[2]
+    return Seed(case.source, name, tuple(_alone(case.source, name)))
+
+
+def _alone(file: Path, name: str) -> list[m.ExtensionItem]:
+    """Return the lines that leave only one of a file's cases."""
+    project = Project()
+    written, drawn = project.whole_scenario(file, drawn=False), project.whole_scenario(file)
+    lines: list[m.ExtensionItem] = [
+        m.Drop(what="case", name=case.name) for case in written.all(m.Case) if case.name != name
+    ]
+    if written.all(m.Cases):
+        lines.append(m.Drop(what="cases"))
+        if all(case.name != name for case in written.all(m.Case)):
+            lines += [m.Add(item=case) for case in drawn.all(m.Case) if case.name == name]
+    return lines
+
+
+def text_of(lines: Sequence[Line]) -> str:
+    """Return the lines of a mutated test case as text, without what depends on where it is written."""
+    return "\n".join(print_item(line) for line in lines)
+
+
+def lines_of(text: str) -> tuple[Line, ...]:
+    """Return the lines of such a text."""
+    if not text:
+        return ()
+    model = parse(f'foresee 1\n\nscenario lines extends "seed" {{\n{text}\n}}\n', "a mutated test case").model
+    assert isinstance(model, m.Extension)  # noqa: S101  (it says so)
+    return tuple(item for item in model.body if isinstance(item, m.Add | m.Replace))
+
+
+def file_text(
+    name: str, seed: Seed, file: Path, text: str, *, about: str = "", driver: str = "", outcome: Outcome | None = None
+) -> str:
+    """Return the whole file of a mutated test case; `file`: where it will be. With `outcome`: what its run came to."""
+    body: list[m.ExtensionItem] = [m.Doc(text=" ".join(about.replace('"', "'").split()))] if about else []
+    if outcome is not None and outcome.verdict is not Verdict.TIMEOUT:  # it may be in time on another machine
+        expected = Ending(outcome.verdict, outcome.with_).expected_of(driver)
+        body += [] if expected is None else [expected]
+    body += [*seed.alone, *lines_of(text)]
+    return print_model(m.Extension(name=name, parent=relative_path(seed.file, file.parent), body=tuple(body)))

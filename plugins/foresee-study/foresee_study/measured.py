@@ -1,0 +1,202 @@
+"""What a study keeps of one campaign: a few words for each run, small enough to be carried from machine to machine.
+
+The store has everything, for this version of the tool; from these files tables and figures can be made again later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
+
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_study.halves import Half
+from foresee_study.settings import EXHAUSTIVE
+
+
+class Counted(StrEnum):
+    """What is counted: raw failures, the different stories that these tell, or those of the stories that somebody
+    avoids."""
+
+    COLLISIONS = "collisions"
+    FINDINGS = "findings"
+    AVOIDABLE = "avoidable findings"
+
+
+AVOIDERS: Mapping[str, str] = MappingProxyType(
+    {"d": "another driver", "b": "R157's driver", "a": "the anticipating driver"}
+)
+"""Who may avoid a failure: a reference driver, who passes the unmutated clip as well; UN R157's careful driver, who
+brakes; the one who anticipates."""
+
+
+class Child(NamedTuple):
+    """A mutated clip as it was run.
+
+    `story`: of a failure, what is the same in equal stories of its family, as a hash. `avoided_by`: who avoids it or
+    would have, letters of `AVOIDERS`.
+    """
+
+    verdict: Verdict
+    simulated_s: float
+    wall_s: float
+    story: str = ""
+    avoided_by: str = ""
+
+
+@dataclass(frozen=True)
+class MeasuredClip:
+    """A clip, run unmutated, and its children. `position`: 0 for the first of its test case, by rank."""
+
+    position: int
+    verdict: Verdict
+    simulated_s: float
+    wall_s: float
+    children: tuple[Child, ...] = ()
+
+
+@dataclass(frozen=True)
+class MeasuredCase:
+    """A test case as it was run, and its clips; it has clips only if it passed."""
+
+    name: str
+    family: str
+    half: Half
+    verdict: Verdict
+    simulated_s: float
+    wall_s: float
+    story: str = ""
+    clips: tuple[MeasuredClip, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is usable: the paper, too, leaves out those that fail unmutated."""
+        return self.verdict is Verdict.PASS
+
+    @property
+    def children(self) -> Iterator[Child]:
+        """The children of all clips."""
+        return (child for clip in self.clips for child in clip.children)
+
+    @property
+    def fails(self) -> bool:
+        """Whether a child of it fails: collides, or is stuck."""
+        return any(child.verdict.is_failure for child in self.children)
+
+    def count(self, what: Counted) -> int:
+        """Return how many collisions, findings or avoidable findings its children gave."""
+        return counted(self.children, what)
+
+    def first_points(self, count: int) -> MeasuredCase:
+        """Return it with at most a number of risky points."""
+        return replace(self, clips=tuple(clip for clip in self.clips if clip.position < count))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One campaign of a study.
+
+    Attributes:
+        group: the test cases: `bundled`, or the name of a town. driver, ranker, preset, before_s, after_s,
+            risky_points, children: as in its settings. repetition: from 0; seed: the campaign's.
+        tool: the version that ran it.
+        against: the reference drivers that drove each of its failures; None in files written before this was recorded.
+    """
+
+    group: str
+    driver: str
+    ranker: str
+    preset: str
+    before_s: float
+    after_s: float
+    risky_points: int
+    children: int
+    repetition: int
+    seed: int
+    tool: str
+    cases: tuple[MeasuredCase, ...]
+    against: tuple[str, ...] | None = None
+
+    @property
+    def driven_by_references(self) -> bool:
+        """Whether reference drivers drove its failures, so that "another driver avoids it" can be counted.
+
+        Where the file does not record this, only an exhaustive search may have gone without them; it did where no
+        failure at all is avoided by another driver.
+        """
+        if self.against is not None:
+            return bool(self.against)
+        return self.ranker != EXHAUSTIVE or any("d" in child.avoided_by for child in self.children_run)
+
+    @property
+    def clip_s(self) -> float:
+        """The length of its clips."""
+        return self.before_s + self.after_s
+
+    @cached_property
+    def usable(self) -> tuple[MeasuredCase, ...]:
+        """The test cases that passed unmutated."""
+        return tuple(case for case in self.cases if case.passed)
+
+    def first_points(self, count: int) -> Measured:
+        """Return what the campaign would have given with at most a number of risky points a test case. With fewer
+        points it has the first of the same clips, and nothing else depends on the number.
+        """
+        return replace(self, risky_points=count, cases=tuple(case.first_points(count) for case in self.cases))
+
+    def only(self, names: Iterable[str] | None = None, family: str | None = None) -> Measured:
+        """Return it with some of its test cases."""
+        wanted = None if names is None else frozenset(names)
+        kept = (c for c in self.cases if (wanted is None or c.name in wanted) and family in (None, c.family))
+        return replace(self, cases=tuple(kept))
+
+    @property
+    def clips(self) -> int:
+        """The risky points that were studied."""
+        return sum(len(case.clips) for case in self.usable)
+
+    @property
+    def children_run(self) -> tuple[Child, ...]:
+        """The mutated clips of all test cases."""
+        return tuple(child for case in self.usable for child in case.children)
+
+    def count(self, what: Counted) -> int:
+        """Return how many collisions, findings or avoidable findings there are."""
+        return counted(self.children_run, what)
+
+    def of_verdict(self, verdict: Verdict) -> int:
+        """Return how many children ended with a verdict."""
+        return sum(child.verdict is verdict for child in self.children_run)
+
+    @property
+    def simulated_s(self) -> float:
+        """What clips and children simulated; the test cases' own runs are the same for every ranker, and left out."""
+        return sum(run.simulated_s for run in self._derived)
+
+    @property
+    def wall_s(self) -> float:
+        """The time of one core that they took."""
+        return sum(run.wall_s for run in self._derived)
+
+    @property
+    def _derived(self) -> Iterator[MeasuredClip | Child]:
+        for clip in (clip for case in self.usable for clip in case.clips):
+            yield clip
+            yield from clip.children
+
+
+def avoided(measured: Measured, who: str) -> int:
+    """Return of how many findings somebody (of `AVOIDERS`) avoids at least one failure."""
+    children = measured.children_run
+    return len({child.story for child in children if child.verdict.is_collision and who in child.avoided_by})
+
+
+def counted(children: Iterable[Child], what: Counted) -> int:
+    """Return how many collisions there are among runs, or how many different stories these have."""
+    collisions = [child for child in children if child.verdict.is_collision]
+    if what is Counted.COLLISIONS:
+        return len(collisions)
+    return len({child.story for child in collisions if what is Counted.FINDINGS or child.avoided_by})

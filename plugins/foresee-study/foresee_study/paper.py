@@ -1,0 +1,291 @@
+"""The paper's own figures, each with its section, and how ours is computed from a study.
+
+The paper's two drivers have stand-ins here: `fusion_safe` for InterFuser, `fusion` for TransFuser.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+
+from foresee_study.curves import compared_areas
+from foresee_study.measured import Counted, Measured, MeasuredCase
+from foresee_study.questions import CHOSEN_S, HEAVY_WEATHER
+from foresee_study.results import TOGETHER, Results
+from foresee_study.settings import EXHAUSTIVE
+from foresee_study.statistics.bootstrap import Interval, ratio_interval
+from foresee_study.tables.complementarity import iterations
+
+STANDS_FOR: Mapping[str, str] = MappingProxyType(
+    {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "two drivers together"}
+)
+"""The paper's driver whose figures each of ours is compared with. Any other driver is compared with the paper's two
+together, or with InterFuser where the paper has no others."""
+
+
+class Unit(StrEnum):
+    """The unit of a figure. `neutral`: the value that means no difference; NaN where there is none such."""
+
+    neutral: float
+
+    def __new__(cls, value: str, neutral: float) -> Unit:
+        """Make a member."""
+        made = str.__new__(cls, value)
+        made._value_, made.neutral = value, neutral
+        return made
+
+    MORE = "% more", 0.0
+    TIMES = "times", 1.0
+    SHARE = "%", math.nan
+    RATE = "a risky point", math.nan
+    NUMBER = "", math.nan
+
+
+@dataclass(frozen=True)
+class Ours:
+    """Our value of a figure, and its interval by bootstrap over test cases where there is one."""
+
+    value: float
+    interval: Interval | None = None
+
+
+@dataclass(frozen=True)
+class PaperFigure:
+    """A figure of the paper.
+
+    Attributes:
+        question: its name. what: in words. section: where the paper has it.
+        values: the paper's, by the driver that stands for its own. ours: computes it for a driver, or for all.
+    """
+
+    question: str
+    what: str
+    unit: Unit
+    section: str
+    values: Mapping[str, float]
+    ours: Callable[[Results, str], Ours | None] = field(compare=False)
+
+    def of(self, driver: str) -> tuple[str, float]:
+        """Return whose figure of the paper a driver's is compared with, and that figure."""
+        like = next(name for name in (driver, TOGETHER, "fusion_safe") if name in self.values)
+        return STANDS_FOR[like], self.values[like]
+
+
+def _drivers(results: Results, driver: str) -> tuple[str, ...]:
+    return results.drivers if driver == TOGETHER else (driver,)
+
+
+def _campaigns(results: Results, driver: str, ranker: str, clip_s: float, points: int = 4) -> tuple[Measured, ...]:
+    return tuple(
+        m for name in _drivers(results, driver) for m in results.of_campaign(name, ranker, clip_s, points=points)
+    )
+
+
+def _in_common(results: Results, driver: str, ranker: str, clip_s: float) -> tuple[tuple[Measured, ...], ...]:
+    """Return foresee's campaigns and another ranker's, of the drivers and repetitions that both have."""
+    sides = [_campaigns(results, driver, name, clip_s) for name in ("foresee", ranker)]
+    common = {(m.driver, m.repetition) for m in sides[0]} & {(m.driver, m.repetition) for m in sides[1]}
+    return tuple(tuple(m for m in side if (m.driver, m.repetition) in common) for side in sides)
+
+
+def _by_case(found: Iterable[Measured], value: Callable[[MeasuredCase], float]) -> dict[str, float]:
+    """Return a value of each test case, summed over campaigns."""
+    sums: dict[str, float] = {}
+    for case in (case for measured in found for case in measured.usable):
+        sums[case.name] = sums.get(case.name, 0.0) + value(case)
+    return sums
+
+
+def _ratio(above: dict[str, float], below: dict[str, float]) -> Ours | None:
+    names = sorted(above.keys() | below.keys())
+    over, under = [above.get(name, 0.0) for name in names], [below.get(name, 0.0) for name in names]
+    return Ours(sum(over) / sum(under), ratio_interval(over, under)) if sum(under) else None
+
+
+def _collisions(of: MeasuredCase | Measured) -> float:
+    return float(of.count(Counted.COLLISIONS))
+
+
+def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results, str], Ours | None]:
+    """Return a function that computes collisions a risky point."""
+
+    def ours(results: Results, driver: str) -> Ours | None:
+        found = _campaigns(results, driver, ranker, clip_s, points)
+        return _ratio(_by_case(found, _collisions), _by_case(found, lambda case: float(len(case.clips))))
+
+    return ours
+
+
+def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
+    """Return a function that computes foresee's share of the exhaustive search's collisions, %.
+
+    It is the mean of all of foresee's repetitions over the mean of the search's, of the drivers that were searched. The
+    search usually has one repetition. Foresee's share in that one alone would depend on which one it is.
+    """
+
+    def ours(results: Results, driver: str) -> Ours | None:
+        own: dict[str, float] = {}
+        everything: dict[str, float] = {}
+        for name in _drivers(results, driver):
+            found, searched = (_campaigns(results, name, ranker, clip_s) for ranker in ("foresee", EXHAUSTIVE))
+            if not found or not searched:
+                continue
+            for sums, campaigns in ((own, found), (everything, searched)):
+                for case, number in _by_case(campaigns, _collisions).items():
+                    sums[case] = sums.get(case, 0.0) + number / len(campaigns)
+        return _scaled(_ratio(own, everything), 100)
+
+    return ours
+
+
+def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
+    """Return a function that computes how many more collisions foresee has than a ranker, %."""
+
+    def ours(results: Results, driver: str) -> Ours | None:
+        own, theirs = _in_common(results, driver, ranker, CHOSEN_S)
+        return _scaled(_ratio(_by_case(own, _collisions), _by_case(theirs, _collisions)), 100, less=100)
+
+    return ours
+
+
+def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
+    """Return a function that computes how many more collisions an hour foresee finds than the exhaustive search, %, of
+    the drivers that were searched, and in all repetitions, as a rate needs no equal number of them."""
+
+    def ours(results: Results, driver: str) -> Ours | None:
+        everything = _campaigns(results, driver, EXHAUSTIVE, clip_s)
+        searched = {m.driver for m in everything}
+        own = tuple(m for m in _campaigns(results, driver, "foresee", clip_s) if m.driver in searched)
+        rates = []
+        for found in (own, everything):
+            hours = sum(m.simulated_s for m in found) / 3600
+            rates.append(sum(map(_collisions, found)) / hours if hours else 0.0)
+        return Ours(100 * (rates[0] / rates[1] - 1)) if all(rates) else None
+
+    return ours
+
+
+def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
+    """Return a function that divides foresee's area under the curve by a ranker's, up to the earlier end."""
+
+    def ours(results: Results, driver: str) -> Ours | None:
+        sides = [_campaigns(results, driver, name, CHOSEN_S) for name in ("foresee", ranker)]
+        both = [
+            (a, b) for a in sides[0] for b in sides[1] if (a.driver, a.repetition) == (b.driver, b.repetition)
+        ]  # fmt: skip
+        if not both:
+            return None
+        found, _ = compared_areas([a for a, _ in both], [b for _, b in both])
+        return None if math.isnan(found.ratio) else Ours(found.ratio, found.interval)
+
+    return ours
+
+
+def of_drivefuzz(results: Results, driver: str) -> Ours | None:
+    """Return foresee's additional failing test cases, % of DriveFuzz's."""
+    both = [one for name in _drivers(results, driver) for pair in iterations(results, name) for one in pair]
+    ours: dict[str, float] = {}
+    theirs: dict[str, float] = {}
+    for one in both:
+        for case in one.forecast.cases:
+            ours[case.name] = ours.get(case.name, 0.0) + (case.name in one.found.forecast)
+            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in one.found.fuzzed)
+    return _scaled(_ratio(ours, theirs), 100)
+
+
+def children_of_drivefuzz(results: Results, driver: str) -> Ours | None:
+    """Return foresee's failing children on what DriveFuzz did not bring to fail, % of DriveFuzz's test cases."""
+    both = [one for name in _drivers(results, driver) for pair in iterations(results, name) for one in pair]
+    ours: dict[str, float] = {}
+    theirs: dict[str, float] = {}
+    for one in both:
+        for case in one.forecast.cases:
+            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in one.found.fuzzed)
+        for case in one.asked.cases:
+            ours[case.name] = ours.get(case.name, 0.0) + sum(child.verdict.is_failure for child in case.children)
+    return _scaled(_ratio(ours, theirs), 100)
+
+
+def weather_collisions(results: Results, driver: str) -> Ours | None:
+    """Return the share of clips that collide in heavy weather, %."""
+    found = tuple(m for name in _drivers(results, driver)
+                  for m in results.of_campaign(name, "foresee", preset=HEAVY_WEATHER))  # fmt: skip
+    children = _by_case(found, lambda case: float(len(list(case.children))))
+    return _scaled(_ratio(_by_case(found, _collisions), children), 100)
+
+
+def _scaled(found: Ours | None, by: float, *, less: float = 0.0) -> Ours | None:
+    if found is None:
+        return None
+    ends = Interval(*(end * by - less for end in found.interval)) if found.interval is not None else None
+    return Ours(found.value * by - less, ends)
+
+
+def _both(interfuser: float, transfuser: float, together: float | None = None) -> Mapping[str, float]:
+    values = {"fusion_safe": interfuser, "fusion": transfuser}
+    return MappingProxyType(values if together is None else {**values, TOGETHER: together})
+
+
+_RQ1, _RQ2, _RQ3 = "4.5, RQ1", "4.5, RQ2", "4.5, RQ3"
+FIGURES = (
+    PaperFigure("rq1", "collisions a risky point, foresee, clips of 6 s, n_rp 4", Unit.RATE, f"{_RQ1}, table 2",
+                _both(0.2651, 0.046), a_risky_point("foresee", 6, 4)),
+    PaperFigure("rq1", "collisions a risky point, foresee, clips of 10 s, n_rp 1", Unit.RATE, f"{_RQ1}, table 2",
+                _both(0.2727, 0.160), a_risky_point("foresee", 10, 1)),
+    PaperFigure("rq1", "collisions a risky point, foresee, clips of 10 s, n_rp 2", Unit.RATE, f"{_RQ1}, table 2",
+                _both(0.3276, 0.167), a_risky_point("foresee", 10, 2)),
+    PaperFigure("rq1", "collisions a risky point, foresee, clips of 10 s, n_rp 4", Unit.RATE, f"{_RQ1}, table 2",
+                _both(0.3419, 0.156), a_risky_point("foresee", 10, 4)),
+    PaperFigure("rq1", "collisions a risky point, proximity, clips of 10 s, n_rp 4", Unit.RATE, f"{_RQ2}, table 4",
+                _both(0.09, 0.09), a_risky_point("proximity", 10, 4)),
+    PaperFigure("rq1", "foresee's share of the exhaustive search, clips of 6 s, n_rp 4", Unit.SHARE, _RQ1,
+                {"fusion_safe": 26.94}, of_exhaustive(6)),
+    PaperFigure("rq1", "foresee's share of the exhaustive search, clips of 10 s, n_rp 4", Unit.SHARE, _RQ1,
+                {"fusion_safe": 40.14}, of_exhaustive(10)),
+    PaperFigure("rq2", "more collisions than random", Unit.MORE, _RQ2, _both(186.69, 37.06, 128.70),
+                more_than("random")),
+    PaperFigure("rq2", "more collisions than selforacle", Unit.MORE, _RQ2, _both(44.09, 21.38, 38.09),
+                more_than("selforacle")),
+    PaperFigure("rq3", "more collisions an hour than exhaustive, clips of 6 s", Unit.MORE, _RQ3,
+                {"fusion_safe": 269.76}, more_an_hour(6)),
+    PaperFigure("rq3", "more collisions an hour than exhaustive, clips of 10 s", Unit.MORE, _RQ3,
+                {"fusion_safe": 318.29}, more_an_hour(10)),
+    PaperFigure("rq3", "area under the curve, over random", Unit.TIMES, _RQ3, _both(2.62, 1.74, 2.49),
+                area_over("random")),
+    PaperFigure("rq3", "area under the curve, over selforacle", Unit.TIMES, _RQ3, _both(1.44, 1.27, 1.42),
+                area_over("selforacle")),
+    PaperFigure("rq4", "foresee's additional failing test cases, of DriveFuzz's", Unit.SHARE, "4.5, RQ4, table 5",
+                _both(93.94, 45.95), of_drivefuzz),
+    PaperFigure("rq4", "the same, if the paper's 31 and 17 are failing children", Unit.SHARE, "4.5, RQ4, table 5",
+                _both(93.94, 45.95), children_of_drivefuzz),
+    PaperFigure("rq5", "clips that collide in heavy weather", Unit.SHARE, "4.5, RQ5, table 6",
+                _both(100 * 36 / 539, 100 * 10 / 237, 100 * 46 / 776), weather_collisions),
+)  # fmt: skip
+"""The paper's headline figures. Its areas are in collisions times seconds of its own clock; only ratios compare."""
+A_CHILD: Mapping[tuple[str, str], float] = MappingProxyType({
+    ("fusion_safe", "foresee"): 93.66 / 1116, ("fusion_safe", "random"): 32.67 / 1116,
+    ("fusion_safe", "selforacle"): 65.00 / 1116, ("fusion", "foresee"): 28.33 / 695, ("fusion", "random"): 20.67 / 695,
+    ("fusion", "selforacle"): 23.34 / 695, (TOGETHER, "foresee"): 121.99 / 1811, (TOGETHER, "random"): 53.34 / 1811,
+    (TOGETHER, "selforacle"): 88.34 / 1811,
+})  # fmt: skip
+"""Collisions a child (section 4.5, table 3): the sums over the number of its test cases, which it has once for all."""
+
+
+def a_child_of_paper(driver: str, ranker: str) -> float | None:
+    """Return the paper's collisions a child, of the driver that this one is compared with."""
+    return A_CHILD.get((driver if driver in STANDS_FOR else TOGETHER, ranker))
+
+
+def children_colliding(results: Results, driver: str, ranker: str) -> tuple[float, float] | None:
+    """Return the shares of foresee's and of another ranker's children that collide, with clips of the chosen length, of
+    the drivers and repetitions that both have; None where one of them has no child."""
+    shares = []
+    for found in _in_common(results, driver, ranker, CHOSEN_S):
+        children = sum(len(m.children_run) for m in found)
+        if not children:
+            return None
+        shares.append(sum(map(_collisions, found)) / children)
+    return shares[0], shares[1]

@@ -1,0 +1,89 @@
+"""What a study would run, before anything runs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.campaign.node import Node
+from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.storage.store import Store
+from foresee_study.questions import wanted_by
+from foresee_study.running import Cases, watched
+from foresee_study.settings import BUNDLED, StudySettings, Wanted
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What a question would run: its campaigns, and how many runs are in the store, are known to be missing, and may
+    follow.
+
+    `longest_s`: one core's time for all that, at most.
+    """
+
+    shown = "question campaigns done to_run at_most_more one_core_s=longest_s:1"
+
+    question: str
+    campaigns: int
+    done: int
+    to_run: int
+    at_most_more: int
+    longest_s: float
+
+
+def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, store: Store | None) -> tuple[Planned, ...]:
+    """Return what each question would run; what an earlier one runs already is not counted again."""
+    seen: set[str] = set()
+    planned: set[Wanted] = set()
+    plans = []
+    for name in names:
+        counts: Counter[str] = Counter()
+        seconds = 0.0
+        wanted, _ = watched(wanted_by([name], settings))
+        for one in (w for w in wanted if w not in planned):
+            planned.add(one)
+            stages = Stages(cases[one.group], one.campaign(), store, Path())
+            each_s = store.mean_wall_s(one.driver) if store is not None else {}
+            for node, row in stages.walk():
+                if row is None:  # what follows from a run may be another campaign's as well, but not from its forecast
+                    clips, children = _following(node, one)
+                    counts["more"] += clips + children
+                    seconds += clips * each_s.get("clip", _CLIP_S) + children * each_s.get("child", _CHILD_S)
+                if node.step.drives and node.step.key not in seen:
+                    seen.add(node.step.key)
+                    counts["done" if row is not None else "to run"] += 1
+                    seconds += 0.0 if row is not None else each_s.get(node.step.kind, node.step.usual_s)
+        if name == "rq4":
+            fuzzing = _fuzzing(settings, len(cases[BUNDLED]))
+            counts["more"] += fuzzing
+            seconds += fuzzing * _FUZZED_S
+        plans.append(Planned(name, len(wanted), counts["done"], counts["to run"], counts["more"], seconds))
+    return tuple(plans)
+
+
+def _following(node: Node, wanted: Wanted) -> tuple[int, int]:
+    """Return how many clips and children follow from a step without a result, at most."""
+    points = min(wanted.risky_points, _USUAL_POINTS)
+    match node.step.kind:
+        case "seed" | "forecast":
+            return points, points * wanted.children
+        case "clip" | "mutants":
+            return 0, wanted.children
+        case _:
+            return 0, 0
+
+
+_USUAL_POINTS = 45
+"""Clips of a test case that is searched exhaustively, at most (paper, section 4.3: 45 of a run of 48 s)."""
+_CLIP_S, _CHILD_S = 0.3, 0.12
+"""Wall time of a clip and of a child, for a store that has none yet (ours: the bundled scenarios with `pdm`)."""
+_FUZZED_S = 0.7
+"""Wall time of a fuzzed test case (ours: the bundled scenarios with `pdm`)."""
+
+
+def _fuzzing(settings: StudySettings, cases: int) -> int:
+    """Return how many runs DriveFuzz makes in two iterations, at most: where nothing fails."""
+    each = cases * settings.fuzz_cycles * settings.fuzz_mutations
+    return 2 * each * len(settings.drivers) * min(settings.fuzz_repetitions, settings.repetitions)

@@ -1,0 +1,118 @@
+"""The paper's five questions, as data: what each asks, and which campaigns answer it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from types import MappingProxyType
+
+from foresee_study.settings import BUNDLED, EVERY_POINT, EXHAUSTIVE, StudySettings, Wanted
+
+CLIPS_S = (6.0, 10.0)
+"""Paper, section 4.4: o_b = o_a of 3 s and of 5 s."""
+CHOSEN_S = 10.0
+"""The length of clips of the best configuration (section 4.5, RQ1)."""
+POINTS = (1, 2, 4)
+"""n_rp (section 4.4)."""
+HEAVY_WEATHER = "heavy_weather"
+"""The preset that changes the weather and nothing else (section 4.4, RQ5)."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """One of the paper's questions.
+
+    Attributes:
+        asks: the question in our words. wanted: returns the campaigns that it needs.
+    """
+
+    name: str
+    title: str
+    asks: str
+    wanted: Callable[[StudySettings], Iterable[Wanted]]
+
+
+def campaigns(
+    settings: StudySettings,
+    rankers: Iterable[str],
+    clips_s: Iterable[float] = (CHOSEN_S,),
+    *,
+    drivers: Iterable[str] | None = None,
+    groups: Iterable[str] = (BUNDLED,),
+    repetitions: int | None = None,
+) -> Iterator[Wanted]:
+    """Yield a campaign for each combination and repetition."""
+    asked = settings.drivers if drivers is None else drivers
+    for group, driver, ranker, clip_s in product(groups, asked, rankers, clips_s):
+        for repetition in range(settings.repetitions if repetitions is None else repetitions):
+            seed = settings.seed + repetition
+            yield Wanted(group, driver, ranker, clip_s, repetition, seed, settings.preset,
+                         children=settings.children, against=settings.against)  # fmt: skip
+
+
+def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[Wanted]:
+    """Yield the searches of every second of the test cases.
+
+    Their failures, many and much alike, are driven only by reference drivers that the study names: this takes most of
+    the time.
+    """
+    searches = campaigns(settings, (EXHAUSTIVE,), clips_s, drivers=settings.searched,
+                         repetitions=settings.exhaustive_repetitions)  # fmt: skip
+    return (replace(wanted, risky_points=EVERY_POINT, against=settings.against or ()) for wanted in searches)
+
+
+def _effectiveness(settings: StudySettings) -> Iterator[Wanted]:
+    yield from campaigns(settings, _of(settings, "foresee", "proximity"), CLIPS_S)
+    yield from exhaustive(settings)
+
+
+def _comparison(settings: StudySettings) -> Iterator[Wanted]:
+    yield from campaigns(settings, settings.rankers)
+
+
+def _efficiency(settings: StudySettings) -> Iterator[Wanted]:
+    yield from campaigns(settings, settings.rankers)
+    yield from campaigns(settings, _of(settings, "foresee"), CLIPS_S, drivers=settings.searched)
+    yield from exhaustive(settings)
+
+
+def _complementarity(settings: StudySettings) -> Iterator[Wanted]:
+    """The first iteration; what the second needs is known after it (`study.complementing`)."""
+    return campaigns(settings, ("foresee",), repetitions=min(settings.fuzz_repetitions, settings.repetitions))
+
+
+def _generality(settings: StudySettings) -> Iterator[Wanted]:
+    yield from campaigns(settings, ("foresee",), groups=(BUNDLED, *settings.towns))
+    for wanted in campaigns(settings, ("foresee",)):
+        yield replace(wanted, preset=HEAVY_WEATHER, children=1)
+
+
+def _of(settings: StudySettings, *names: str) -> tuple[str, ...]:
+    return tuple(name for name in names if name in settings.rankers)
+
+
+QUESTIONS: Mapping[str, Question] = MappingProxyType(
+    {
+        q.name: q
+        for q in (
+            Question("rq1", "Effectiveness",
+                     "How many failures do near misses give, by length of the clips and number of risky points, and "
+                     "what share of an exhaustive search is that?", _effectiveness),
+            Question("rq2", "Comparison",
+                     "Does forecasting find more failures than random points, SelfOracle's alarms, or mere proximity?",
+                     _comparison),
+            Question("rq3", "Efficiency", "How fast are failures found?", _efficiency),
+            Question("rq4", "Complementarity", "What does forecasting find where DriveFuzz found nothing?",
+                     _complementarity),
+            Question("rq5", "Generality", "Does it work in other towns, with other drivers, in heavy weather?",
+                     _generality),
+        )
+    }
+)  # fmt: skip
+"""The paper's questions (section 4.1), by name."""
+
+
+def wanted_by(names: Iterable[str], settings: StudySettings) -> tuple[Wanted, ...]:
+    """Return the campaigns that questions need, each once, in the order of the questions."""
+    return tuple(dict.fromkeys(wanted for name in names for wanted in QUESTIONS[name].wanted(settings)))

@@ -1,0 +1,159 @@
+"""What the campaigns of a study gave, read from its folder, for tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from foresee_study.folder import StudyFolder
+from foresee_study.fuzzed import Fuzzed
+from foresee_study.halves import Half
+from foresee_study.measured import Counted, Measured
+from foresee_study.questions import CHOSEN_S
+from foresee_study.settings import BUNDLED, DRIVERS, EXHAUSTIVE, POINTS, RANKERS, SECOND_ITERATION
+from foresee_study.statistics import Pair
+
+TOGETHER = "all"
+"""The name that stands for all drivers together."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """The campaigns of a study, of one half of the test cases.
+
+    Attributes:
+        preset: of the questions' campaigns; others (heavy weather) are asked for by name.
+        fuzzings: what DriveFuzz did, for rq4.
+    """
+
+    campaigns: tuple[Measured, ...]
+    preset: str
+    half: Half = Half.ALL
+    fuzzings: tuple[Fuzzed, ...] = ()
+
+    @classmethod
+    def of(cls, folder: StudyFolder, half: Half | None = None) -> Results:
+        """Read them; by default of the half that was asked for when they were run.
+
+        Raises:
+            ForeseeError: there are none.
+        """
+        settings = folder.read().settings
+        half = half or settings.half
+        return cls(
+            tuple(_of_half(m, half) for m in folder.campaigns()),
+            settings.preset,
+            half,
+            tuple(replace(f, seeds=tuple(s for s in f.seeds if half in (Half.ALL, s.half))) for f in folder.fuzzings()),
+        )
+
+    @cached_property
+    def drivers(self) -> tuple[str, ...]:
+        """The drivers that occur, those of `DRIVERS` first."""
+        return _ordered({m.driver for m in self.campaigns}, DRIVERS)
+
+    @cached_property
+    def rankers(self) -> tuple[str, ...]:
+        """The rankers that occur, but for the exhaustive search."""
+        return _ordered({m.ranker for m in self.campaigns} - {EXHAUSTIVE}, RANKERS)
+
+    @cached_property
+    def families(self) -> tuple[str, ...]:
+        """The families of the bundled test cases, in the paper's order."""
+        names = {case.family for m in self.campaigns if m.group == BUNDLED for case in m.cases}
+        return tuple(sorted(names, key=lambda f: (not f.isdigit(), int(f) if f.isdigit() else 0, f)))
+
+    @cached_property
+    def towns(self) -> tuple[str, ...]:
+        """The other groups of test cases."""
+        return tuple(sorted({m.group for m in self.campaigns} - {BUNDLED}))
+
+    def of_campaign(
+        self,
+        driver: str,
+        ranker: str,
+        clip_s: float = CHOSEN_S,
+        *,
+        points: int = POINTS,
+        family: str | None = None,
+        group: str = BUNDLED,
+        preset: str = "",
+        second: bool = False,
+    ) -> tuple[Measured, ...]:
+        """Return a campaign's repetitions, with so many risky points at most, of one family or of all.
+
+        `preset`: by default the study's. `second`: those of rq4's second iteration.
+        """
+        found = (
+            m.only(family=family) if ranker == EXHAUSTIVE else m.only(family=family).first_points(points)
+            for m in self.campaigns
+            if (m.driver, m.ranker, m.clip_s, m.group) == (driver, ranker, clip_s, group)
+            and m.preset == (preset or self.preset)
+            and (m.seed - m.repetition >= SECOND_ITERATION) == second
+        )
+        return tuple(sorted(found, key=lambda m: m.repetition))
+
+    def pairs(self, driver: str, first: str, second: str, what: Counted, clip_s: float = CHOSEN_S,
+              points: int = POINTS) -> list[Pair]:  # fmt: skip
+        """Return the units of two rankers with one driver, or with all: usable test cases, in each repetition."""
+        asked = self.drivers if driver == TOGETHER else (driver,)
+        return [pair for name in asked for pair in self._pairs(name, first, second, what, clip_s, points)]
+
+    def _pairs(self, driver: str, first: str, second: str, what: Counted, clip_s: float, points: int) -> Iterator[Pair]:
+        sides = [
+            {m.repetition: {c.name: c for c in m.usable} for m in self.of_campaign(driver, r, clip_s, points=points)}
+            for r in (first, second)
+        ]
+        for repetition in sorted(sides[0].keys() & sides[1].keys()):
+            one, other = sides[0][repetition], sides[1][repetition]
+            for name in sorted(one.keys() & other.keys()):
+                yield Pair(name, repetition, one[name].count(what), other[name].count(what))
+
+
+def paired(first: Sequence[Measured], second: Sequence[Measured]) -> tuple[list[Measured], list[Measured]]:
+    """Return the campaigns of two rankers that are compared with each other, of one driver.
+
+    Those of equal repetition go together. The exhaustive search draws no risky points, so where it has one repetition
+    it goes with each of the other's: with the first alone, the comparison would depend on that one's luck.
+    """
+    pairs = [
+        (a, b)
+        for a in first
+        for b in second
+        if a.repetition == b.repetition or (b.ranker == EXHAUSTIVE and len(second) == 1)
+    ]
+    return [a for a, _ in pairs], [b for _, b in pairs]
+
+
+def _of_half(measured: Measured, half: Half) -> Measured:
+    """Return the part of a campaign in a half; those of other towns are all in both, as no setting was chosen there."""
+    if half is Half.ALL or measured.group != BUNDLED:
+        return measured
+    return replace(measured, cases=tuple(case for case in measured.cases if case.half is half))
+
+
+def mean(values: Iterable[float]) -> float | None:
+    """Return the mean; None of no values."""
+    found = list(values)
+    return sum(found) / len(found) if found else None
+
+
+def mean_count(campaigns: Sequence[Measured], what: Counted) -> float | None:
+    """Return the mean number of collisions, findings or avoidable findings of a campaign's repetitions.
+
+    None where there are none, and of avoidable findings where no reference driver drove the failures.
+    """
+    if what is Counted.AVOIDABLE and not all(m.driven_by_references for m in campaigns):
+        return None
+    return mean(m.count(what) for m in campaigns)
+
+
+def total(values: Iterable[float | None]) -> float | None:
+    """Return the sum of the values that are not None; None where there is no such value."""
+    found = [value for value in values if value is not None]
+    return sum(found) if found else None
+
+
+def _ordered(names: Iterable[str], first: Sequence[str]) -> tuple[str, ...]:
+    return tuple(sorted(names, key=lambda name: (first.index(name) if name in first else len(first), name)))

@@ -1,0 +1,180 @@
+"""Runs the campaigns that questions need, each once, into one store; what is there is not run again."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from foresee_dsl.campaign.execution.engine import Listener, run_missing
+from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.errors import DriverError, ForeseeError
+from foresee_dsl.forecast.protocol import Learned
+from foresee_dsl.forecast.registry import load_ranker, ranker_names
+from foresee_dsl.language.project.document import TestCase
+from foresee_study.complementing import complement
+from foresee_study.folder import StudyFolder, Took
+from foresee_study.fuzz.engine import fuzz
+from foresee_study.fuzz.settings import FuzzSettings
+from foresee_study.fuzzed import Fuzzed, fuzzed
+from foresee_study.measured import Measured
+from foresee_study.measuring import measure
+from foresee_study.questions import wanted_by
+from foresee_study.settings import BUNDLED, StudySettings, Wanted
+
+Cases = Mapping[str, Sequence[TestCase]]
+"""The test cases of each group."""
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """How it went.
+
+    Attributes:
+        asked: the questions that are answered wholly, with what they took. broken: what could not be run at all.
+    """
+
+    asked: dict[str, Took]
+    interrupted: bool
+    broken: tuple[str, ...]
+
+
+def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
+    """Return the settings without the drivers and rankers that are not installed, and what was left out, in words.
+
+    Raises:
+        ForeseeError: no driver, or no ranker, is left.
+    """
+    known = ranker_names()
+    rankers = tuple(name for name in settings.rankers if name in known)
+    notes = [f"ranker {name}: left out, as none of that name is installed" for name in settings.rankers
+             if name not in known]  # fmt: skip
+    drivers = []
+    for driver in settings.drivers:
+        try:
+            load_driver(driver)
+        except DriverError as err:
+            notes.append(f"driver {driver}: left out ({err})")
+        else:
+            drivers.append(driver)
+    for what, left in (("driver", drivers), ("ranker", rankers)):
+        if not left:
+            raise ForeseeError(f"no {what} is left to study: {'; '.join(notes)}")
+    return replace(settings, drivers=tuple(drivers), rankers=rankers), tuple(notes)
+
+
+def watched(wanted: Iterable[Wanted]) -> tuple[tuple[Wanted, ...], tuple[str, ...]]:
+    """Return the campaigns whose ranker knows their driver, and which pairs are left out, in words."""
+    kept, notes = [], {}
+    for one in wanted:
+        ranker = load_ranker(one.ranker)
+        try:
+            if isinstance(ranker, Learned):
+                ranker.weights_hash(one.driver)
+            kept.append(one)
+        except ForeseeError as err:
+            notes[one.ranker, one.driver] = f"{one.ranker} with {one.driver}: left out ({err})"
+    return tuple(kept), tuple(notes.values())
+
+
+def run_study(
+    names: Sequence[str],
+    settings: StudySettings,
+    cases: Cases,
+    folder: StudyFolder,
+    *,
+    store: Store,
+    listeners: Sequence[Listener] = (),
+    options: RunOptions = RunOptions(),  # noqa: B008 - immutable
+    say: Callable[[str], None] = lambda _: None,
+) -> StudyRun:
+    """Run what questions need and is not in the store, and keep what each campaign gave.
+
+    Args:
+        names: the questions. settings: as `possible` returns them.
+        say: is told, before each campaign, which one it is.
+
+    Raises:
+        InputError: a test case is impossible on its network.
+        StoreError: the store cannot be written any more; what was finished is in it.
+    """
+    folder.at.mkdir(parents=True, exist_ok=True)
+    work = Path(tempfile.mkdtemp(prefix=".work-", dir=folder.at))
+    run = _Run(settings, cases, folder, store, listeners, options, say, work)
+    try:
+        stopped = not all(run.answered(name) for name in names)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return StudyRun(run.asked, stopped, tuple(run.broken))
+
+
+class _Run:
+    """What was run of a study so far."""
+
+    def __init__(
+        self, settings: StudySettings, cases: Cases, folder: StudyFolder, store: Store, listeners: Sequence[Listener],
+        options: RunOptions, say: Callable[[str], None], work: Path,
+    ) -> None:  # fmt: skip
+        self._settings, self._cases, self._folder, self._store = settings, cases, folder, store
+        self._listeners, self._options, self._say, self._work = listeners, options, say, work
+        self._done: dict[Wanted, Measured] = {}
+        budget_s = options.limits.budget_s
+        self._ends_s = None if budget_s is None else time.monotonic() + budget_s
+        self.asked: dict[str, Took] = {}
+        self.broken: list[str] = []
+
+    def answered(self, name: str) -> bool:
+        """Run what a question needs; return whether that was done to the end."""
+        started = time.monotonic()
+        wanted, _ = watched(wanted_by([name], self._settings))
+        for k, one in enumerate(wanted):
+            if self._campaign(one, self._cases[one.group], f"{name} {k + 1}/{len(wanted)}") is None:
+                return False
+        if name == "rq4" and not complement(
+            self._settings, self._cases[BUNDLED], fuzzes=self._fuzzed, forecasts=self._campaign
+        ):
+            return False
+        self.asked[name] = Took(round(time.monotonic() - started, 1), self._options.jobs)
+        return True
+
+    def _campaign(self, wanted: Wanted, cases: Sequence[TestCase], place: str = "rq4") -> Measured | None:
+        """Run a campaign and keep what it gave; None where it was stopped. Equal ones are run once."""
+        if wanted in self._done:
+            return self._done[wanted]
+        self._say(f"{place}: {wanted.driver}, {wanted.ranker}, clips of {wanted.clip_s:g} s, seed {wanted.seed}, "
+                  f"{wanted.group}, {wanted.preset}")  # fmt: skip
+        stages = Stages(cases, wanted.campaign(), self._store, self._folder.at, self._options.shard)
+        ran = run_missing(stages, work=self._work, store=self._store, listeners=self._listeners,
+                          options=self._time_left(), minimise=False)  # fmt: skip
+        self.broken += ran.broken
+        found = measure(stages, group=wanted.group, repetition=wanted.repetition)
+        self._folder.keep(wanted, found)
+        if ran.stopped:
+            return None
+        self._done[wanted] = found
+        return found
+
+    def _fuzzed(
+        self, settings: FuzzSettings, cases: Sequence[TestCase], repetition: int, iteration: int
+    ) -> Fuzzed | None:
+        """Run one iteration of DriveFuzz and keep what it gave; None where it was stopped."""
+        self._say(f"rq4: {settings.driver}, DriveFuzz, iteration {iteration}, {len(cases)} test cases, "
+                  f"seed {settings.seed}")  # fmt: skip
+        result = fuzz(cases, settings, out=self._work / "fuzzed", store=self._store, listeners=self._listeners,
+                      options=self._time_left())  # fmt: skip
+        self.broken += result.broken
+        found = fuzzed(result, {case.id: case for case in cases}, repetition=repetition, iteration=iteration)
+        self._folder.keep_fuzzed(found)
+        return None if result.interrupted else found
+
+    def _time_left(self) -> RunOptions:
+        if self._ends_s is None:
+            return self._options
+        left_s = max(self._ends_s - time.monotonic(), 0.0)
+        return replace(self._options, limits=replace(self._options.limits, budget_s=left_s))

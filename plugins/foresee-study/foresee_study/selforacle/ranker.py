@@ -1,0 +1,94 @@
+"""The rankers `selforacle` and `selforacle_conv`: segments of a run whose pictures an autoencoder redraws badly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.forecast.protocol import RiskyPoint, Surroundings
+from foresee_dsl.simulate.trace import STEP_S, Trace
+from foresee_study.selforacle.pictures import classes_seen, looked_at, pictures_of
+from foresee_study.selforacle.segments import Segment, segments_of
+from foresee_study.selforacle.watcher import watcher_of
+
+
+@dataclass(frozen=True)
+class SelfOracleSettings:
+    """What the paper leaves open.
+
+    Attributes:
+        same_moment_s: a segment whose middle is nearer than this to that of a better one is the same moment. Ours:
+            1 s, as for the encounters of the forecaster; neighbouring segments of 2 m show almost the same picture.
+    """
+
+    same_moment_s: float = 1.0
+
+
+@dataclass(frozen=True)
+class SelfOracleRanker:
+    """Segments over the threshold, the largest error first (paper, section 4.3.2); the point is a segment's middle.
+
+    A segment below the threshold counts as nominal and gives no risky point; so there are as many points as alarms.
+    """
+
+    settings: SelfOracleSettings = field(default_factory=SelfOracleSettings)
+    surroundings: Surroundings | None = None
+    name: str = "selforacle"
+
+    def within(self, surroundings: Surroundings) -> Self:
+        """Return the ranker of runs in these surroundings; see `NeedsSurroundings`."""
+        return replace(self, surroundings=surroundings)
+
+    def weights_hash(self, driver: str) -> str:
+        """Return the hash of what watches a driver; see `Learned`."""
+        return watcher_of(self.name, driver).sha256
+
+    def rank(
+        self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
+    ) -> tuple[RiskyPoint, ...]:
+        """Rank the segments of a run; see `Ranker.rank`. The seed does not matter.
+
+        Raises:
+            ForeseeError: nothing watches the run's driver, or the surroundings are not known.
+        """
+        del seed, after_s
+        threshold = watcher_of(self.name, _driver_of(trace)).threshold
+        earliest = math.ceil(before_s / STEP_S - 1e-9)
+        alarms = [s for s in self.segments(trace) if s.error > threshold and s.middle >= earliest]
+        chosen: list[Segment] = []
+        for segment in sorted(alarms, key=lambda s: (-s.error, s.first)):
+            if all(abs(segment.middle - other.middle) * STEP_S >= self.settings.same_moment_s for other in chosen):
+                chosen.append(segment)
+        return tuple(_point(trace, segment, rank, threshold) for rank, segment in enumerate(chosen, start=1))
+
+    def segments(self, trace: Trace) -> list[Segment]:
+        """Return all segments of a run, in the order of time, with their errors.
+
+        Raises:
+            ForeseeError: see `rank`.
+        """
+        if self.surroundings is None:
+            raise ForeseeError(f"the ranker {self.name} draws what the camera saw: it needs the run's test case")
+        watcher = watcher_of(self.name, _driver_of(trace))
+        frames = looked_at(trace)
+        errors = watcher.errors(pictures_of(classes_seen(trace, self.surroundings, frames)))
+        return segments_of(trace, frames, errors)
+
+
+@dataclass(frozen=True)
+class ConvolutionalRanker(SelfOracleRanker):
+    """The ranker `selforacle_conv`: as `selforacle`, with a convolutional autoencoder."""
+
+    name: str = "selforacle_conv"
+
+
+def _driver_of(trace: Trace) -> str:
+    return str(trace.meta.get("driver", ""))
+
+
+def _point(trace: Trace, segment: Segment, rank: int, threshold: float) -> RiskyPoint:
+    times, at = segment.error / threshold, segment.middle
+    why = f"unusual picture: error {times:.2f} times the threshold at {trace.time_s[at]:.2f} s"
+    return RiskyPoint.without_actor(trace, rank, at, round(times, 6), why)

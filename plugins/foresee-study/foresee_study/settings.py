@@ -1,0 +1,117 @@
+"""What a study is about, and the campaigns that it is made of."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.derive.clipping.clip import DRIVES_S
+from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
+from foresee_study.halves import Half
+
+BUNDLED = "bundled"
+"""The group of the test cases that a study is given; those of a town have the town's name."""
+DRIVERS = ("fusion_safe", "fusion", "pdm", "frenetix")
+"""Ours: the two learned drivers stand for the paper's two, the planners are asked as well."""
+RANKERS = ("foresee", "random", "selforacle", "proximity", "careful")
+REPETITIONS = 3
+"""Paper, section 4.4."""
+EXHAUSTIVE = "exhaustive"
+EVERY_POINT = 1000
+"""Risky points of `exhaustive`: more than any test case has."""
+POINTS = 4
+CHILDREN = 4
+"""n_rp and c of the paper's best configuration (section 4.5, RQ1)."""
+SECOND_ITERATION = 1000
+"""Ours: seeds of rq4's second iteration begin so much later, so that nothing is drawn again."""
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """Settings of a study.
+
+    Attributes:
+        drivers, rankers: those under test; of the drivers the first is searched exhaustively (`exhaustive_drivers`).
+        half: of the test cases. first: so many of them at most; None: all.
+        repetitions: each with a seed of its own, from `seed` on. exhaustive_repetitions: of the exhaustive search.
+        preset: how clips are mutated; `paper` is comparable with the paper.
+        children: mutated children of a clip.
+        against: the reference drivers; None: those that come along.
+        fuzz_repetitions, fuzz_cycles, fuzz_mutations: of DriveFuzz, for rq4.
+        towns: names of further groups of test cases, for rq5.
+    """
+
+    drivers: tuple[str, ...] = DRIVERS
+    rankers: tuple[str, ...] = RANKERS
+    half: Half = Half.ODD
+    first: int | None = None
+    repetitions: int = REPETITIONS
+    exhaustive_repetitions: int = 1
+    exhaustive_drivers: int = 1
+    seed: int = 0
+    preset: str = "paper"
+    children: int = CHILDREN
+    against: tuple[str, ...] | None = None
+    fuzz_repetitions: int = 1
+    fuzz_cycles: int = 10
+    fuzz_mutations: int = 8
+    towns: tuple[str, ...] = ()
+
+    @property
+    def searched(self) -> tuple[str, ...]:
+        """The drivers that are searched exhaustively."""
+        return self.drivers[: self.exhaustive_drivers]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One campaign that a question needs. Questions that want an equal one share it.
+
+    Attributes:
+        group: the test cases. clip_s: o_b + o_a. repetition: from 0. seed: of all random choices.
+    """
+
+    group: str
+    driver: str
+    ranker: str
+    clip_s: float
+    repetition: int
+    seed: int
+    preset: str
+    risky_points: int = POINTS
+    children: int = CHILDREN
+    against: tuple[str, ...] | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of its file."""
+        parts = (self.group, self.driver, self.ranker, f"{self.clip_s:g}s", self.preset, f"seed{self.seed}")
+        return re.sub(r"[^\w.+-]+", "_", "-".join(parts))
+
+    def campaign(self) -> CampaignSettings:
+        """Return its settings; the driver is made once, to ask for its hand-over.
+
+        Raises:
+            ForeseeError: there is no such driver.
+        """
+        half_s = self.clip_s / 2
+        return CampaignSettings(
+            driver=self.driver,
+            ranker=self.ranker,
+            preset=self.preset,
+            before_s=half_s,
+            after_s=half_s,
+            risky_points=self.risky_points,
+            children=self.children,
+            seed=self.seed,
+            handover_s=handover_of(load_driver(self.driver), max(half_s - DRIVES_S, 0.0)),
+            against=self._references,
+            allocation="even",  # the clips of fewer risky points are then a part of those of more
+        )
+
+    @property
+    def _references(self) -> tuple[str, ...]:
+        if self.against is None:
+            return reference_drivers(self.driver)
+        return tuple(name for name in self.against if name != self.driver)

@@ -1,0 +1,141 @@
+"""rq4: failing test cases that DriveFuzz and the forecast add, over two iterations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from foresee_study.complementing import Split, split
+from foresee_study.fuzzed import Fuzzed
+from foresee_study.measured import Measured
+from foresee_study.results import Results, mean
+from foresee_study.tables.table import Column, Row, RowKind, Table, Value, family_rows
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One iteration of one repetition: what was run, and who found what."""
+
+    fuzzing: Fuzzed
+    forecast: Measured
+    found: Split
+
+    @property
+    def asked(self) -> Measured:
+        """Return the forecast on the test cases that it is asked about: those that DriveFuzz did not make fail."""
+        return self.forecast.only(self.found.left | self.found.forecast)
+
+    @property
+    def failing_children(self) -> int:
+        """Return how many children of those fail."""
+        return sum(child.verdict.is_failure for child in self.asked.children_run)
+
+
+def iterations(results: Results, driver: str) -> tuple[tuple[Iteration, Iteration], ...]:
+    """Return both iterations of each repetition that has them."""
+    done = []
+    for first in results.of_campaign(driver, "foresee"):
+        both = []
+        names = [case.name for case in first.usable]
+        for number, second in ((1, False), (2, True)):
+            campaigns = results.of_campaign(driver, "foresee", second=second)
+            forecast = next((m for m in campaigns if m.repetition == first.repetition), None)
+            keys = (driver, first.repetition, number)
+            fuzzing = next((f for f in results.fuzzings if (f.driver, f.repetition, f.iteration) == keys), None)
+            if forecast is None or fuzzing is None:
+                break
+            both.append(Iteration(fuzzing, forecast, split(names, fuzzing, forecast)))
+            names = list(both[-1].found.left)
+        if len(both) == 2:
+            done.append((both[0], both[1]))
+    return tuple(done)
+
+
+def complementarity(results: Results) -> tuple[Table, ...]:
+    """Return the tables of rq4."""
+    return (_added(results), _costs(results))
+
+
+def _added(results: Results) -> Table:
+    columns = (
+        Column("#F", ("Plain",)),
+        *(
+            Column(title, (f"Iteration {k}", who), digits)
+            for k in (1, 2)
+            for title, who, digits in (("+#F", "DriveFuzz", 2), ("+#F", "foresee", 2), ("#F", "Σ", 2), ("+%", "Σ", 2))
+        ),
+        Column("of DriveFuzz's, %", ("foresee",)),
+    )
+    rows: list[Row] = []
+    for driver in results.drivers:
+        done = iterations(results, driver)
+        if not done:
+            continue
+        lines = [tuple(_numbers(done, family)) for family in results.families]
+        rows += family_rows(driver, results.families, lines, _with_shares)
+    notes = (
+        "#F: failing test cases, each counted once. Plain: unmutated. In each iteration DriveFuzz comes first; foresee "
+        "(clips of 10 s, n_rp = 4) is asked about the test cases that DriveFuzz did not bring to fail. +%: over plain. "
+        "Means of the repetitions.",
+    )
+    return Table("rq4", "RQ4: DriveFuzz, and foresee on what it did not bring to fail", columns, tuple(rows),
+                 notes=notes)  # fmt: skip
+
+
+def _numbers(done: tuple[tuple[Iteration, Iteration], ...], family: str) -> Iterator[float | None]:
+    """Yield how many test cases of a family fail unmutated, and by whom in each iteration."""
+    firsts = [first.forecast for first, _ in done]
+    names = frozenset(case.name for m in firsts for case in m.cases if case.family == family)
+    yield mean(sum(case.verdict.is_failure for case in m.cases if case.family == family) for m in firsts)
+    for k in (0, 1):
+        yield mean(len(both[k].found.fuzzed & names) for both in done)
+        yield mean(len(both[k].found.forecast & names) for both in done)
+
+
+def _with_shares(line: tuple[float | None, ...]) -> tuple[Value, ...]:
+    plain, *added = (value or 0.0 for value in line)
+    values: list[Value] = [plain]
+    sum_so_far = plain
+    for fuzzed, forecast in zip(added[::2], added[1::2], strict=True):
+        sum_so_far += fuzzed + forecast
+        values += [fuzzed, forecast, sum_so_far, 100 * (sum_so_far / plain - 1) if plain else None]
+    by_fuzzing, by_forecast = sum(added[::2]), sum(added[1::2])
+    return (*values, 100 * by_forecast / by_fuzzing if by_fuzzing else None)
+
+
+def _costs(results: Results) -> Table:
+    """What each cost: runs and simulated hours, and failing test cases an hour."""
+    columns: tuple[Column, ...] = tuple(
+        Column(title, (who,), digits)
+        for who in ("DriveFuzz", "foresee")
+        for title, digits in (("runs", 0), ("simulated hours", 2), ("failing test cases", 2), ("an hour", 1))
+    )
+    columns += (Column("failing children", ("foresee",)),)
+    rows: list[Row] = []
+    for driver in results.drivers:
+        lines = []
+        for k, number in enumerate(("Iteration 1", "Iteration 2")):
+            found = [both[k] for both in iterations(results, driver)]
+            if found:
+                lines.append(Row(number, tuple(_cost(found))))
+        if lines:
+            rows += [Row(driver, kind=RowKind.HEADING), *lines]
+    note = "Of foresee the clips and children of the test cases that it was asked about. Means of the repetitions."
+    return Table("rq4_costs", "RQ4: what it cost", columns, tuple(rows), notes=(note,))
+
+
+def _cost(found: list[Iteration]) -> Iterator[Value]:
+    asked = [one.asked for one in found]
+    sides = (
+        ([sum(s.runs for s in one.fuzzing.seeds) for one in found],
+         [sum(s.simulated_s for s in one.fuzzing.seeds) for one in found], [len(one.found.fuzzed) for one in found]),
+        ([m.clips + len(m.children_run) for m in asked], [m.simulated_s for m in asked],
+         [len(one.found.forecast) for one in found]),
+    )  # fmt: skip
+    for runs, seconds, failing in sides:
+        hours = sum(seconds) / 3600
+        yield mean(runs)
+        yield hours / len(found)
+        yield mean(failing)
+        yield sum(failing) / hours if hours else None
+    yield mean(one.failing_children for one in found)

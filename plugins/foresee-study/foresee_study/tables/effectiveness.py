@@ -1,0 +1,137 @@
+"""rq1: collisions by length of the clips and number of risky points; by ranking; share of the exhaustive search."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+from foresee_study.measured import Counted, Measured
+from foresee_study.questions import CLIPS_S, POINTS
+from foresee_study.results import Results, mean, mean_count, total
+from foresee_study.settings import EXHAUSTIVE
+from foresee_study.statistics import compare
+from foresee_study.tables.comparing import Compared, comparison_table
+from foresee_study.tables.table import Column, Row, RowKind, Table, Value, family_rows
+
+NOTES = (
+    "#RPs: risky points that were studied, one clip each; #C: collisions (F1 to F5) among their children; both are "
+    "means of the repetitions. E: the exhaustive search, a clip a second.",
+)
+
+
+def effectiveness(results: Results) -> tuple[Table, ...]:
+    """Return the tables of rq1."""
+    return (
+        _breakdown(results),
+        *(_ranking(results, clip_s) for clip_s in CLIPS_S if any(
+            results.of_campaign(driver, "proximity", clip_s) for driver in results.drivers
+        )),
+        _rates(results),
+        _statistics(results),
+    )  # fmt: skip
+
+
+def _breakdown(results: Results) -> Table:
+    columns = tuple(
+        column
+        for clip_s in CLIPS_S
+        for column in (
+            *(Column(title, (f"clip duration = {clip_s:g} s", str(n))) for n in POINTS for title in ("#RPs", "#C.")),
+            Column("#C.", (f"clip duration = {clip_s:g} s", "E")),
+        )
+    )
+    rows = [row for driver in results.drivers for row in _of_driver(results, driver)]
+    return Table(
+        "rq1", "RQ1: effectiveness. Collisions by scenario, configuration and driver", columns, tuple(rows), "n_rp",
+        NOTES,
+    )  # fmt: skip
+
+
+def _of_driver(results: Results, driver: str) -> Iterator[Row]:
+    lines = [
+        [value for clip_s in CLIPS_S for value in _configurations(results, driver, family, clip_s)]
+        for family in results.families
+    ]
+    if not any(value is not None for line in lines for value in line):
+        return
+    yield from family_rows(driver, results.families, lines)
+
+
+def _configurations(results: Results, driver: str, family: str, clip_s: float) -> Iterator[float | None]:
+    for n in POINTS:
+        yield from _pair(results.of_campaign(driver, "foresee", clip_s, points=n, family=family))
+    yield mean(m.count(Counted.COLLISIONS) for m in results.of_campaign(driver, EXHAUSTIVE, clip_s, family=family))
+
+
+def _pair(found: tuple[Measured, ...]) -> tuple[float | None, float | None]:
+    return mean(m.clips for m in found), mean(m.count(Counted.COLLISIONS) for m in found)
+
+
+def _ranking(results: Results, clip_s: float) -> Table:
+    """The paper's second table of rq2: the ranking by proximity beside the whole forecast."""
+    ranked = (("proximity", "Proximity rank"), ("foresee", "Risk-based rank"))
+    columns = tuple(Column(title, (head, str(n))) for _, head in ranked for n in POINTS for title in ("#RPs", "#C."))
+    rows = []
+    for driver in results.drivers:
+        lines = [
+            [v for ranker, _ in ranked for n in POINTS
+             for v in _pair(results.of_campaign(driver, ranker, clip_s, points=n, family=family))]
+            for family in results.families
+        ]  # fmt: skip
+        if not any(value is not None for line in lines for value in line):
+            continue
+        rows += family_rows(driver, results.families, lines)
+        sums = [total(column) for column in zip(*lines, strict=True)]
+        rates: list[Value] = []
+        for points, collisions in zip(sums[::2], sums[1::2], strict=True):
+            rates += [None, collisions / points if points and collisions is not None else None]
+        rows.append(Row("#C / #RP", tuple(rates), RowKind.SUM))
+    title = f"RQ1: effectiveness of the risk-based ranking, clips of {clip_s:g} s"
+    return Table(f"rq1_ranking_{clip_s:g}s", title, columns, tuple(rows), "n_rp", NOTES)
+
+
+def _rates(results: Results) -> Table:
+    """Collisions, findings and avoidable findings a risky point, and as a share of the exhaustive search's."""
+    columns = tuple(
+        Column(title, (what.value,), digits)
+        for what in Counted
+        for title, digits in (("number", 2), ("a risky point", 3), ("of exhaustive, %", 1))
+    )
+    rows = []
+    for driver, clip_s in product(results.drivers, CLIPS_S):
+        everything = results.of_campaign(driver, EXHAUSTIVE, clip_s)
+        lines = []
+        for ranker in ("foresee", "proximity"):
+            for n in POINTS:
+                found = results.of_campaign(driver, ranker, clip_s, points=n)
+                if found:
+                    lines.append(Row(f"{ranker}, n_rp {n}", tuple(_shares(found, everything))))
+        if everything:
+            lines.append(Row("exhaustive", tuple(_shares(everything, everything))))
+        if lines:
+            rows += [Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING), *lines]
+    note = (
+        "Numbers are means of the repetitions, and the share is that of two means. Of avoidable findings there is a "
+        "share only where reference drivers drove the exhaustive search's failures, too."
+    )
+    return Table("rq1_rates", "RQ1: what a risky point gives, and the share of the exhaustive search", columns,
+                 tuple(rows), "ranking", (note,))  # fmt: skip
+
+
+def _shares(found: tuple[Measured, ...], everything: tuple[Measured, ...]) -> Iterator[Value]:
+    points = mean(m.clips for m in found)
+    for what in Counted:
+        number = mean_count(found, what)
+        most = mean_count(everything, what)
+        yield number
+        yield number / points if points and number is not None else None
+        yield 100 * number / most if most and number is not None else None
+
+
+def _statistics(results: Results) -> Table:
+    compared = [
+        Compared(f"{driver}, clips of {clip_s:g} s, n_rp {n}", what.value, compare(pairs))
+        for driver, clip_s, n, what in product(results.drivers, CLIPS_S, POINTS, Counted)
+        if (pairs := results.pairs(driver, "foresee", "proximity", what, clip_s, n))
+    ]
+    return comparison_table("rq1_statistics", "RQ1: foresee (first) against proximity (second)", compared)

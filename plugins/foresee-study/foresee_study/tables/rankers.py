@@ -1,0 +1,121 @@
+"""rq2: rankers compared by scenario, kind of failure and driver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
+from foresee_study.measured import AVOIDERS, Counted, Measured, avoided
+from foresee_study.results import TOGETHER, Results, mean, total
+from foresee_study.statistics import compare
+from foresee_study.tables.comparing import Compared, comparison_table
+from foresee_study.tables.table import Column, Row, RowKind, Table, family_rows
+
+
+def comparison(results: Results) -> tuple[Table, ...]:
+    """Return the tables of rq2."""
+    return (_by_kind(results), _by_family(results), _counted(results), _statistics(results))
+
+
+def shown_rankers(results: Results) -> tuple[str, ...]:
+    """Return the rankers that were run with clips of the chosen length, the paper's order: foresee last."""
+    others = [r for r in results.rankers if r != "foresee"]
+    return tuple(r for r in (*others, "foresee") if any(results.of_campaign(d, r) for d in results.drivers))
+
+
+def _by_kind(results: Results) -> Table:
+    rankers = shown_rankers(results)
+    columns = (
+        Column("#TCs"),
+        *(Column(title, (ranker,)) for ranker in rankers for title in (*(k.value for k in COLLISIONS), "Σ", "stuck")),
+    )
+    rows: list[Row] = []
+    sums = []
+    for driver in results.drivers:
+        lines = [list(_kinds(results, driver, family, rankers)) for family in results.families]
+        if not any(value is not None for line in lines for value in line[1:]):
+            continue
+        rows += family_rows(driver, results.families, lines)
+        sums.append(tuple(map(total, zip(*lines, strict=True))))
+    if len(sums) > 1:
+        rows.append(Row("Total", tuple(map(total, zip(*sums, strict=True))), RowKind.SUM))
+    notes = (
+        "#TCs: children of foresee's clips. F1 to F5: collisions with what stands beside the road, pedestrians, and "
+        "frontal, lateral and rear ones with vehicles; Σ: all of them. Means of the repetitions.",
+    )
+    return Table("rq2", "RQ2: rankers compared, clips of 10 s, n_rp = 4", columns, tuple(rows), notes=notes)
+
+
+def _kinds(results: Results, driver: str, family: str, rankers: tuple[str, ...]) -> Iterator[float | None]:
+    own = results.of_campaign(driver, "foresee", family=family)
+    yield mean(len(m.children_run) for m in own)
+    for ranker in rankers:
+        found = results.of_campaign(driver, ranker, family=family)
+        numbers = {kind: mean(m.of_verdict(kind) for m in found) for kind in FAILURES}
+        yield from (numbers[kind] for kind in COLLISIONS)
+        yield total(numbers[kind] for kind in COLLISIONS)
+        yield numbers[Verdict.STUCK]
+
+
+def _by_family(results: Results) -> Table:
+    """Findings and avoidable findings, where the paper counts collisions."""
+    rankers = shown_rankers(results)
+    columns = tuple(Column(what.value, (ranker,)) for ranker in rankers for what in Counted)
+    rows: list[Row] = []
+    for driver in results.drivers:
+        lines = [
+            tuple(mean(m.count(what) for m in results.of_campaign(driver, ranker, family=family))
+                  for ranker in rankers for what in Counted)
+            for family in results.families
+        ]  # fmt: skip
+        if not any(value is not None for line in lines for value in line):
+            continue
+        rows += family_rows(driver, results.families, lines)
+    notes = (
+        "Findings: collisions of one family that tell the same story are one. Avoidable: another driver avoids one of "
+        "them, or R157's driver or the anticipating one would have. Means of the repetitions.",
+    )
+    return Table("rq2_findings", "RQ2: collisions, findings and avoidable findings", columns, tuple(rows), notes=notes)
+
+
+def _counted(results: Results) -> Table:
+    columns = (
+        Column("clips"), Column("children"), *(Column(what.value) for what in Counted),
+        *(Column(what.value, ("a clip",), 3) for what in Counted), Column("avoidable, %", digits=1),
+        *(Column(who, ("avoidable by",)) for who in AVOIDERS.values()),
+    )  # fmt: skip
+    rows: list[Row] = []
+    for driver in results.drivers:
+        lines = [
+            Row(ranker, tuple(_totals(found)))
+            for ranker in shown_rankers(results)
+            if (found := results.of_campaign(driver, ranker))
+        ]
+        if lines:
+            rows += [Row(driver, kind=RowKind.HEADING), *lines]
+    note = "Avoidable, %: of the findings."
+    return Table("rq2_totals", "RQ2: what each ranker gives", columns, tuple(rows), "ranker", (note,))
+
+
+def _totals(found: tuple[Measured, ...]) -> Iterator[float | None]:
+    clips = mean(m.clips for m in found)
+    numbers = {what: mean(m.count(what) for m in found) for what in Counted}
+    yield clips
+    yield mean(len(m.children_run) for m in found)
+    yield from numbers.values()
+    yield from (n / clips if clips and n is not None else None for n in numbers.values())
+    stories, avoidable = numbers[Counted.FINDINGS], numbers[Counted.AVOIDABLE]
+    yield 100 * avoidable / stories if stories and avoidable is not None else None
+    yield from (mean(avoided(m, who) for m in found) for who in AVOIDERS)
+
+
+def _statistics(results: Results) -> Table:
+    drivers = (*results.drivers, *((TOGETHER,) if len(results.drivers) > 1 else ()))
+    others = [ranker for ranker in shown_rankers(results) if ranker != "foresee"]
+    compared = [
+        Compared(f"{driver}: foresee against {other}", what.value, compare(pairs))
+        for driver, other, what in product(drivers, others, Counted)
+        if (pairs := results.pairs(driver, "foresee", other, what))
+    ]
+    return comparison_table("rq2_statistics", "RQ2: foresee (first) against the others (second)", compared)

@@ -1,0 +1,271 @@
+"""A table: values with columns in groups, which the terminal, Markdown, CSV and LaTeX show alike."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from itertools import groupby
+from pathlib import Path
+
+from foresee_dsl.files import templates
+from foresee_study.results import total
+
+PAGE_WIDTH = 120
+"""Characters that a page shows beside each other. Ours: what a code host's page shows without a scroll bar."""
+Value = str | int | float | None
+
+
+class RowKind(StrEnum):
+    """The kind of a row."""
+
+    ROW = "row"
+    HEADING = "heading"
+    SUM = "sum"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column.
+
+    Attributes:
+        title: its own heading. groups: those above it, from the outermost. digits: behind the point, at most.
+    """
+
+    title: str
+    groups: tuple[str, ...] = ()
+    digits: int = 2
+
+    @property
+    def whole_title(self) -> str:
+        """All its headings, for a table with a single line of them."""
+        return ", ".join(part for part in (*self.groups, self.title) if part)
+
+    def text(self, value: Value) -> str:
+        """Return a value as it is shown: a dash where there is none, no zeros at the end."""
+        if value is None:
+            return "-"
+        if not isinstance(value, float):
+            return str(value)
+        if math.isnan(value):
+            return "-"
+        if math.isinf(value):
+            return "inf" if value > 0 else "-inf"
+        shown = f"{value:.{self.digits}f}"
+        shown = shown.rstrip("0").rstrip(".") if "." in shown else shown
+        return "0" if shown in ("-0", "") else shown
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row: its label, and a value for each column."""
+
+    label: str
+    values: tuple[Value, ...] = ()
+    kind: RowKind = RowKind.ROW
+
+
+def family_rows(
+    heading: str,
+    families: Sequence[str],
+    lines: Sequence[Sequence[float | None]],
+    shown: Callable[[tuple[float | None, ...]], tuple[Value, ...]] = tuple,
+) -> list[Row]:
+    """Return a heading, a row for each family, and their sum. `shown`: makes the row's values of a line."""
+    rows = [Row(f"Scenario{f}", shown(tuple(line))) for f, line in zip(families, lines, strict=True)]
+    sums = shown(tuple(map(total, zip(*lines, strict=True))))
+    return [Row(heading, kind=RowKind.HEADING), *rows, Row("Σ", sums, RowKind.SUM)]
+
+
+@dataclass(frozen=True)
+class ShownRow:
+    """A row as it is shown: its label, what it is, and a text for each column."""
+
+    label: str
+    kind: RowKind
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Attributes:
+        name: of its files. title: above it. first: the heading of the labels. notes: below it, one sentence each.
+    """
+
+    name: str
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    first: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    def texts(self, row: Row) -> tuple[str, ...]:
+        """Return a row's values as they are shown."""
+        if row.kind is RowKind.HEADING:
+            return ("",) * len(self.columns)
+        return tuple(column.text(value) for column, value in zip(self.columns, row.values, strict=True))
+
+    @property
+    def spans(self) -> tuple[tuple[tuple[str, int], ...], ...]:
+        """The lines of headings above the columns' own: each group with how many columns it spans."""
+        depth = max((len(column.groups) for column in self.columns), default=0)
+        return tuple(
+            tuple(
+                (key[-1] if key else "", len(list(found)))
+                for key, found in groupby(self.columns, key=lambda column, level=level: column.groups[: level + 1])  # type: ignore[misc]
+            )
+            for level in range(depth)
+        )
+
+    @property
+    def stacked(self) -> tuple[str, ...]:
+        """Return the headings of each column as lines, a group's over the first of its columns alone."""
+        lines: list[tuple[str, ...]] = []
+        for before, column in zip((None, *self.columns), self.columns, strict=False):
+            same = before is not None and before.groups == column.groups
+            inner = [
+                ""
+                if same or (before is not None and before.groups[: level + 1] == column.groups[: level + 1])
+                else title
+                for level, title in enumerate(column.groups)
+            ]
+            lines.append((*inner, column.title))
+        return tuple("\n".join(line) for line in lines)
+
+    @property
+    def named_once(self) -> tuple[str, ...]:
+        """Return the headings of each column as one line, a group's before the first of its columns alone."""
+        lines = []
+        for before, column in zip((None, *self.columns), self.columns, strict=False):
+            new = () if before is not None and before.groups == column.groups else column.groups
+            lines.append(": ".join(part for part in (", ".join(filter(None, new)), column.title) if part))
+        return tuple(lines)
+
+    shown = "name title columns=headings rows=shown_rows notes"
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """The columns' whole headings."""
+        return tuple(column.whole_title for column in self.columns)
+
+    @property
+    def shown_rows(self) -> tuple[ShownRow, ...]:
+        """The rows as they are shown."""
+        return tuple(ShownRow(row.label, row.kind, self.texts(row)) for row in self.rows)
+
+    def parts(self, width: int, *, gap: int = 1, wraps: bool = False) -> tuple[Table, ...]:
+        """Return the table as several where it is wider than so many characters: groups of columns are kept together,
+        and a part with one group alone has it in its title. The notes are below the last part.
+
+        Args:
+            gap: characters between columns. wraps: whether headings are wrapped between words, as a page does it.
+        """
+        labels = max(map(len, (self.first, *(row.label for row in self.rows))))
+        parts: list[list[int]] = [[]]
+        left = width - labels
+        for _, found in groupby(range(len(self.columns)), key=lambda k: self.columns[k].groups[:1] or k):
+            group = list(found)
+            needed = sum(gap + self._width(k, wraps=wraps) for k in group)
+            if parts[-1] and needed > left:
+                parts.append([])
+                left = width - labels
+            parts[-1] += group
+            left -= needed
+        if len(parts) == 1:
+            return (self,)
+        return tuple(self._part(part, first=part is parts[0], last=part is parts[-1]) for part in parts)
+
+    def _width(self, k: int, *, wraps: bool) -> int:
+        heads = self.named_once[k].split() if wraps else self.stacked[k].splitlines()
+        return max(map(len, (*heads, *(self.texts(row)[k] for row in self.rows))), default=0)
+
+    def _part(self, chosen: Sequence[int], *, first: bool, last: bool) -> Table:
+        columns = [self.columns[k] for k in chosen]
+        title = self.title if first else f"{self.title}, continued"
+        common = {column.groups[:1] for column in columns}
+        if len(common) == 1 and columns[0].groups:
+            title = f"{self.title}: {columns[0].groups[0]}"
+            columns = [replace(column, groups=column.groups[1:]) for column in columns]
+        rows = tuple(
+            row if row.kind is RowKind.HEADING else replace(row, values=tuple(row.values[k] for k in chosen))
+            for row in self.rows
+        )
+        rows = tuple(row for section in _sections(rows) if any(_known(row) for row in section) for row in section)
+        return replace(self, title=title, columns=tuple(columns), rows=rows, notes=self.notes if last else ())
+
+    def as_markdown(self) -> str:
+        """Return the table as Markdown, with its title and notes: several where it is wider than a page."""
+        return "\n".join(part.one_markdown() for part in self.parts(PAGE_WIDTH, gap=3, wraps=True))
+
+    def one_markdown(self) -> str:
+        """Return it as one Markdown table, however wide."""
+        heads = (self.first, *self.named_once)
+        lines = [f"**{self.title}**", "", _barred(heads), _barred(("---", *("---:",) * len(self.columns)))]
+        for row in self.rows:
+            bold = row.kind is not RowKind.ROW
+            cells = (row.label, *self.texts(row))
+            lines.append(_barred(tuple(f"**{c}**" if bold and c else c for c in cells)))
+        return "\n".join((*lines, "", *(f"{note}  " for note in self.notes[:-1]), *self.notes[-1:])).rstrip() + "\n"
+
+    def as_csv(self) -> str:
+        """Return the table as CSV, with one line of headings; a heading among the rows is a column of its own."""
+        file = io.StringIO()
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("part", self.first or "row", *(column.whole_title for column in self.columns)))
+        part = ""
+        for row in self.rows:
+            if row.kind is RowKind.HEADING:
+                part = row.label
+            else:
+                texts = ("" if text == "-" else text for text in self.texts(row))
+                writer.writerow((part, row.label, *texts))
+        return file.getvalue()
+
+    def as_latex(self) -> str:
+        """Return the table as LaTeX, as the paper sets its tables: booktabs, groups over their columns."""
+        made = templates(str(Path(__file__).parents[1] / "templates"), markup=False)
+        made.filters["tex"] = _escaped
+        return made.get_template("table.tex.j2").render(table=self, rules=tuple(self._rules()))
+
+    def _rules(self) -> Iterator[tuple[tuple[int, int], ...]]:
+        """Yield the first and last column under each group, a tuple a line; the labels are column 1."""
+        for line in self.spans:
+            at, found = 2, []
+            for title, width in line:
+                if title:
+                    found.append((at, at + width - 1))
+                at += width
+            yield tuple(found)
+
+
+def _sections(rows: Sequence[Row]) -> list[list[Row]]:
+    """Divide rows before each heading."""
+    found: list[list[Row]] = []
+    for row in rows:
+        if not found or row.kind is RowKind.HEADING:
+            found.append([])
+        found[-1].append(row)
+    return found
+
+
+def _known(row: Row) -> bool:
+    return any(value is not None for value in row.values)
+
+
+def _barred(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+_TEX = {
+    "&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}", "\\": r"\textbackslash{}", "Σ": r"$\Sigma$", "<": r"$<$", ">": r"$>$",
+}  # fmt: skip
+
+
+def _escaped(text: str) -> str:
+    return "".join(_TEX.get(sign, sign) for sign in text)

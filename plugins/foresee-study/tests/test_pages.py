@@ -1,0 +1,146 @@
+"""The figures in the pages are those of the stored measurements (`benchmarks/study`, `benchmarks/idm_study`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from statistics import mean
+
+import pytest
+from foresee_study.beside import in_words
+from foresee_study.curves import Clock
+from foresee_study.folder import StudyFolder
+from foresee_study.measured import Child, Counted, Measured, avoided
+from foresee_study.results import Results
+from foresee_study.settings import EXHAUSTIVE
+from foresee_study.tables.effectiveness import effectiveness
+from foresee_study.tables.efficiency import _an_hour
+
+ROOT = next(folder for folder in Path(__file__).parents if (folder / "benchmarks").is_dir())
+STORED = {"results": "study", "results-idm": "idm_study"}
+"""By page, the folder under `benchmarks` that it is made from."""
+
+
+@pytest.fixture(scope="module")
+def stored() -> dict[str, Results]:
+    return {page: Results.of(StudyFolder(ROOT / "benchmarks" / folder)) for page, folder in STORED.items()}
+
+
+def page(name: str) -> str:
+    """A page as one line, so that a sentence is found wherever its lines break."""
+    return " ".join((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8").split())
+
+
+def between(figures: Iterable[float], form: str = "") -> str:
+    """The least and the largest of some figures, as the pages write them."""
+    low, *_, high = sorted(figures)
+    return f"{low:{form}} to {high:{form}}"
+
+
+@pytest.mark.parametrize("name", STORED)
+@pytest.mark.parametrize("question", ["rq1", "rq2", "rq4", "rq5"])  # rq3's areas take half a minute
+def test_the_sentences_of_the_results_are_those_of_the_stored_measurements(
+    stored: dict[str, Results], name: str, question: str
+) -> None:
+    text = page(name)
+    for sentence in in_words(stored[name], question):
+        assert f"- {sentence}" in text
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_the_rates_of_the_results_are_those_of_the_stored_measurements(stored: dict[str, Results], name: str) -> None:
+    rates = next(table for table in effectiveness(stored[name]) if table.name == "rq1_rates")
+    for table in (rates, _an_hour(stored[name], Clock.SIMULATED)):
+        assert (ROOT / "docs" / name / f"{table.name}.csv").read_text(encoding="utf-8") == table.as_csv()
+        assert f"({name}/{table.name}.csv)" in page(name)
+
+
+def test_the_method_says_what_the_exhaustive_search_has_and_what_one_search_finds_of_it(
+    stored: dict[str, Results],
+) -> None:
+    results = stored["results"]
+    (everything,) = results.of_campaign("pdm", EXHAUSTIVE)
+    failures, findings, avoidable = (everything.count(what) for what in Counted)
+    driver, braking, anticipating = (avoided(everything, who) for who in "dba")
+    searches = {ranker: results.of_campaign("pdm", ranker) for ranker in ("foresee", "careful")}
+    counts = {ranker: [m.count(Counted.AVOIDABLE) for m in found] for ranker, found in searches.items()}
+    hours = {ranker: [m.simulated_s / 3600 for m in found] for ranker, found in searches.items()}
+    found = mean(counts["foresee"])
+    assert (
+        f"simulated {everything.simulated_s / 3600:.1f} hours, and its {failures} failures are {findings} findings. "
+        f"{avoidable} of these are avoidable: another driver avoids {driver}, R157's driver would have avoided "
+        f"{braking}, and the anticipating driver {anticipating}. One search by `foresee` has "
+        f"{between(counts['foresee'])} avoidable findings in {between(hours['foresee'], '.1f')} hours, one by "
+        f"`careful` {between(counts['careful'])} in {between(hours['careful'], '.1f')} hours. Three times as many as "
+        f"the mean of `foresee`, {found:.1f}, would be {3 * found:.0f}: four of five that the exhaustive search finds, "
+        "in a fifteenth of its time."
+    ) in page("method")
+    assert 3 * found / avoidable == pytest.approx(4 / 5, abs=0.02)
+    assert everything.simulated_s / 3600 / mean(hours["foresee"]) == pytest.approx(15, abs=0.5)
+
+
+def test_the_method_counts_avoidable_findings_of_each_ranker_in_each_test_case(stored: dict[str, Results]) -> None:
+    text = page("method")
+    for name, driver in (("results", "pdm"), ("results-idm", "idm"), ("results", "frenetix")):
+        campaigns = [stored[name].of_campaign(driver, ranker)
+                     for ranker in ("careful", "foresee", "proximity", "selforacle", "random")]  # fmt: skip
+        counts = [sum(case.count(Counted.AVOIDABLE) for m in found for case in m.usable) for found in campaigns]
+        cells = [str(count) if found else "no weights" for count, found in zip(counts, campaigns, strict=True)]
+        assert f"| `{driver}` | {len(campaigns[0])} | {' | '.join(cells)} |" in text
+
+
+def test_the_study_page_says_where_forecasting_pays(stored: dict[str, Results]) -> None:
+    results, text = stored["results"], page("study")
+    for driver in ("pdm", "fusion_safe", "fusion", "frenetix"):
+        own, other, chance = (
+            colliding(results.of_campaign(driver, ranker), first)
+            for ranker, first in (("foresee", True), ("selforacle", True), ("random", False))
+        )
+        shares = " | ".join(f"{hits:,} of {runs:,} ({100 * hits / runs:.1f} %)" for hits, runs in (own, other, chance))
+        gains = " | ".join(f"{hits / runs / (chance[0] / chance[1]):.1f}" for hits, runs in (own, other))
+        assert f"| `{driver}` | {shares} | {gains} |" in text
+    own, other = (colliding(results.of_campaign("fusion_safe", ranker), False) for ranker in ("foresee", "selforacle"))
+    assert f"({other[0]} of {other[1]:,}; the forecast's {own[0]} of {own[1]:,})" in text
+
+
+def colliding(campaigns: Iterable[Measured], first: bool) -> tuple[int, int]:
+    """How many children collide, and of how many; of the moments of first rank, or of all."""
+    children = [child for m in campaigns for case in m.usable for clip in case.clips
+                if not first or clip.position == 0 for child in clip.children]  # fmt: skip
+    return sum(child.verdict.is_collision for child in children), len(children)
+
+
+@pytest.mark.parametrize("driver", ["pdm", "fusion"])
+def test_the_selforacle_page_compares_the_rankers_as_they_were_measured(
+    stored: dict[str, Results], driver: str
+) -> None:
+    text = page("selforacle")
+    for ranker in ("foresee", "selforacle", "proximity", "random"):
+        found = stored["results"].of_campaign(driver, ranker)
+        children = [child for m in found for child in m.children_run]
+        counts = (sum(m.clips for m in found), len(children), failing(children), clips_with(failing, found),
+                  *(sum(m.count(what) for m in found) for what in (Counted.FINDINGS, Counted.AVOIDABLE)))  # fmt: skip
+        assert f"| `{ranker}` | {' | '.join(f'{count:,}' for count in counts)} |" in text
+
+
+def failing(children: Iterable[Child]) -> int:
+    return sum(child.verdict.is_failure for child in children)
+
+
+def clips_with(count: Callable[[Iterable[Child]], int], campaigns: Iterable[Measured]) -> int:
+    return sum(count(clip.children) > 0 for m in campaigns for case in m.usable for clip in case.clips)
+
+
+def test_the_selforacle_page_says_what_fusion_safe_gave(stored: dict[str, Results]) -> None:
+    counts = []
+    for ranker in ("selforacle", "foresee", "random"):
+        found = stored["results"].of_campaign("fusion_safe", ranker)
+        hits, runs = colliding(found, False)
+        counts.append((hits, runs, *(sum(m.count(what) for m in found)
+                                     for what in (Counted.FINDINGS, Counted.AVOIDABLE))))  # fmt: skip
+    one, own, chance = counts
+    assert (
+        f"of `selforacle`'s children {one[0]} of {one[1]:,} collide ({one[2]} findings, counted in each seed, {one[3]} "
+        f"of them avoidable), of `foresee`'s {own[0]} of {own[1]:,} ({own[2]}, {own[3]}), of `random`'s {chance[0]} of "
+        f"{chance[1]:,} ({chance[2]}, {chance[3]})."
+    ) in page("selforacle")
