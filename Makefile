@@ -74,12 +74,11 @@ $(VENV)/.installed: pyproject.toml $(wildcard plugins/*/pyproject.toml)
 	else \
 	  $(PYTHON) -m venv $(VENV) && \
 	  install="$(BIN)/python -m pip install --quiet --disable-pip-version-check"; \
-	fi && { $$install -e '.[learned]' $(PLUGINS:%=-e plugins/%) 2>/dev/null || { $$install -e . && \
+	fi && { $$install -e . $(PLUGINS:%=-e plugins/%) 2>/dev/null || { $$install -e . && \
 	  for plugin in $(PLUGINS); do \
 	    $$install -e plugins/$$plugin || echo "the plug-in $$plugin cannot be installed here; all else works"; \
 	  done; }; }
 	@$(BIN)/python -c 'import frenetix' 2>/dev/null || echo "the driver frenetix is left out: its package has wheels for Python up to 3.12 on x86_64 Linux and macOS only; all else works"
-	@$(BIN)/python -c 'import onnxruntime' 2>/dev/null || echo "the drivers fusion and fusion_safe are left out: onnxruntime has no wheel for this machine; all else works"
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed

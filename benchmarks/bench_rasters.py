@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -15,8 +16,6 @@ from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.mission import mission_of
-from foresee_dsl.simulate.rasters import Canvas, stops_of
-from foresee_dsl.simulate.rasters.ground import GroundMap
 
 ACTORS = 25
 """Asked for: a town's traffic."""
@@ -32,7 +31,12 @@ took 2.2 to 2.4 of them."""
 
 
 def figures() -> Iterator[Figure]:
-    """Measure, and return the figures of the pictures."""
+    """Measure, and return the figures of the pictures; none without the plug-in that draws them."""
+    if find_spec("foresee_learned") is None:
+        return
+    from foresee_learned.rasters import Canvas, stops_of
+    from foresee_learned.rasters.ground import GroundMap
+
     bundle = compile_test_case(load_test_case(data_folder("scenarios") / "scenario9.foresee::r01"))
     mission, rng = mission_of(bundle), np.random.default_rng(1)
     canvas = Canvas.of_mission(bundle.network, mission, (4.5, 1.8))

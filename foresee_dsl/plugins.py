@@ -15,6 +15,10 @@ from foresee_dsl.errors import ForeseeError
 
 BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "frenetix": {"foresee_dsl.drivers": ("frenetix",)},
+    "learned": {
+        "foresee_dsl.drivers": ("fusion", "fusion_safe"),
+        "foresee_dsl.raster_views": ("birds_eye", "forward"),
+    },
     "study": {
         "foresee_dsl.commands": ("fuzz", "study"),
         "foresee_dsl.rankers": ("selforacle", "selforacle_conv"),
@@ -77,10 +81,8 @@ class PluginGroup:
         except self.error:
             raise
         except Exception as err:  # a plug-in may fail in any way; the message names its package
-            raise self.error(
-                f"{self.noun} {entry.name!r} of package {package_of(entry)} cannot be loaded: "
-                f"{type(err).__name__}: {err}"
-            ) from err
+            why = _needed(err) or f"cannot be loaded: {type(err).__name__}: {err}"
+            raise self.error(f"{self.noun} {entry.name!r} of package {package_of(entry)} {why}") from err
 
     def load(self, name: str) -> Any:  # noqa: ANN401 - whatever the package offers
         """Import what a plug-in's entry point names.
@@ -96,6 +98,14 @@ class PluginGroup:
 def package_of(entry: EntryPoint) -> str:
     """Return the name of the package that offers an entry point."""
     return entry.dist.name if entry.dist is not None else "unknown"
+
+
+def _needed(err: Exception) -> str:
+    """Return which plug-in beside this package an import asked for in vain; empty where it was something else."""
+    extra = str(err.name).partition(".")[0].removeprefix("foresee_") if isinstance(err, ImportError) else ""
+    if extra not in BESIDE:
+        return ""
+    return f"needs the plug-in foresee-{extra}, which is not installed: pip install 'foresee-dsl[{extra}]'"
 
 
 @lru_cache(maxsize=64)

@@ -142,7 +142,7 @@ def test_files_are_opened_in_one_place() -> None:
         "campaign/folder.py",
         "campaign/profiling/tasks.py", "campaign/execution/processes.py", "campaign/storage/soundness.py",
         "language/syntax/grammar.py", "language/codes/code.py", "report/page/html.py", "report/picture/answer.py",
-        "drivers/learned/weights.py", "exchange/maps/opendrive.py",
+        "weights.py", "selforacle/watcher.py", "exchange/maps/opendrive.py",
         "exchange/maps/osm.py", "cli/about.py", "cli/writing/init.py",
     }  # fmt: skip
     readers = (".read_bytes()", ".read_text(", '.open("rb")', "np.load(", "zlib.decompress(", "GzipFile(", "ZipFile(")
@@ -151,9 +151,10 @@ def test_files_are_opened_in_one_place() -> None:
         ("compile/nets/safe_xml.py", "GzipFile("),
         ("campaign/storage/store.py", '.open("rb")'),  # the head of a database that SQLite opened before
     }
-    package = ROOT / "foresee_dsl"
+    packages = ROOT / "foresee_dsl", *ROOT.glob("plugins/*/foresee_*")
     found = {
         (name, reader)
+        for package in packages
         for file in package.rglob("*.py")
         if (name := file.relative_to(package).as_posix()) not in own
         for reader in readers

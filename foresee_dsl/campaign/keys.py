@@ -27,6 +27,7 @@ from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import RANKERS, load_ranker
 from foresee_dsl.plugins import PluginGroup
+from foresee_dsl.simulate.sensing.views import RASTER_VIEWS
 
 _ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"))
 
@@ -49,7 +50,8 @@ def driver_identity(address: str) -> str:
     """Return what stands for a driver: its address, version, weights, and a hash of its code.
 
     A driver may name its weights' hash in an attribute `weights_hash`. Of a program (`external:python3 mine.py`) the
-    files that its command line names are hashed.
+    files that its command line names are hashed. A driver of another package may ask for pictures, so the code of all
+    installed views stands for it too.
 
     Raises:
         DriverError: there is no such driver.
@@ -58,23 +60,33 @@ def driver_identity(address: str) -> str:
         driver = load_driver(address)
     weights = str(getattr(driver, "weights_hash", "") or "")
     argument = address.partition(":")[2]
-    return json.dumps([address, driver.version, weights, _plugin(DRIVERS, name_in(address)), _files_named(argument)])
+    parts = [address, driver.version, weights, _plugin(DRIVERS, name_in(address)), _files_named(argument)]
+    if top_of(DRIVERS.find(name_in(address)).module) != "foresee_dsl":
+        parts.append(views_identity())
+    return json.dumps(parts)
 
 
 def ranker_identity(name: str, driver: str) -> str:
-    """Return what stands for a ranker: its name, a hash of its code, and of the weights that watch the driver, if any.
+    """Return what stands for a ranker: its name, a hash of its code, and, where it is learned, of the weights that
+    watch the driver and of the views that it may look at.
 
     Raises:
         ForeseeError: there is no such ranker, or no weights for this driver.
     """
     ranker = load_ranker(name)
-    weights = [ranker.weights_hash(driver)] if isinstance(ranker, Learned) else []
+    weights = [ranker.weights_hash(driver), views_identity()] if isinstance(ranker, Learned) else []
     return json.dumps([name, _plugin(RANKERS, name), *weights])
 
 
 def operators_identity() -> str:
     """Return what stands for the operators that packages have added to ours."""
     return json.dumps([[name, _plugin(OPERATORS, name)] for name in OPERATORS.names()])
+
+
+@cache
+def views_identity() -> str:
+    """Return what stands for the views that packages add; a package's files are read once a process."""
+    return json.dumps([[name, _plugin(RASTER_VIEWS, name)] for name in RASTER_VIEWS.names()])
 
 
 def _plugin(group: PluginGroup, name: str) -> str:

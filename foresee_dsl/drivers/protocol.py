@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
-
-from foresee_dsl.drivers.pictures.layout import WHOLE, Window
 
 FloatArray = NDArray[np.float64]
 
@@ -131,10 +129,20 @@ class SeenActor:
     width_m: float
 
 
-class Views(Protocol):
-    """Pictures of one step for learned drivers, drawn on request (docs/rasters.md has the layout)."""
+class Window(NamedTuple):
+    """A part of a picture: its first row and column, and how many."""
 
-    def birds_eye(self, window: Window = WHOLE) -> NDArray[np.uint8]:
+    top: int
+    left: int
+    rows: int
+    columns: int
+
+
+class Views(Protocol):
+    """Pictures of one step for learned drivers, drawn on request by packages that add views (docs/rasters.md has the
+    layout); each raises a `ForeseeError` where no installed package draws it."""
+
+    def birds_eye(self, window: Window | None = None) -> NDArray[np.uint8]:
         """Return the map, the seen actors and the signals from above, [channels, rows, columns]; or a part of it."""
         ...
 

@@ -7,6 +7,9 @@ signature. A process reads a kernel from the cache when it first calls it.
 Arithmetic is IEEE's, in the order that is written (no `fastmath`, no threads), so that a machine of the same kind gives
 the same bits. Indices are not checked: an index that comes from a measurement is clamped to its array (the integer of a
 NaN may be anything).
+
+Another package may have kernels too: it names the package that they are in by an entry point of the group `GROUP`, and
+they are compiled with ours, before its driver's time is counted.
 """
 
 from __future__ import annotations
@@ -17,10 +20,11 @@ import os
 import pkgutil
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, cached_property, update_wrapper
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
@@ -31,6 +35,8 @@ from numba.extending import typeof_impl
 
 F = TypeVar("F", bound=Callable[..., Any])
 _FOLDER = Path(__file__).parent
+GROUP = "foresee_dsl.kernels"
+"""Entry points: packages with kernels, which may call those here."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +86,9 @@ class Kernel:
         """What numba makes of it; it refuses arguments of other types with a `TypeError`."""
         signature = tuple(kind.for_numba() for kind in self._kinds)
         # numba (0.68.1) compiles anew when the function's own file changes, but not when a file does from which it uses
-        # functions or constants. It stores a function under its name, so the name contains a hash of this folder.
+        # functions or constants. It stores a function under its name, so the name contains a hash of its folder.
         qualified = self.py_func.__qualname__
-        self.py_func.__qualname__ = f"{qualified}_{state_of(_FOLDER)}"
+        self.py_func.__qualname__ = f"{qualified}_{_state_around(self.py_func)}"
         try:
             return numba.njit(signature, cache=True, error_model="numpy")(self.py_func)
         except RuntimeError:  # it can be stored neither beside the module nor in a user's folder
@@ -117,17 +123,26 @@ def compiled(*signature: Kind) -> Callable[[F], F]:
 
 @cache
 def ensure() -> None:
-    """Compile all kernels of this folder where that was not done yet: a minute, once.
+    """Compile all kernels, ours and those of other packages, where that was not done yet: a minute, once.
 
     A run calls this before its driver's time is counted.
     """
     if not _compiles():
         return
+    for package in (str(__package__), *_added()):
+        # The cache of a package is that of any function in it.
+        function = _machine if package == __package__ else next((k.py_func for k in _kernels_of(package)), None)
+        if function is not None:
+            _ensure(package, function)
+
+
+def _ensure(package: str, function: Callable[..., Any]) -> None:
+    """Compile a package's kernels; `function` is one of the package's, compiled or not."""
     try:
-        folder = Path(str(numba.njit(cache=True)(_machine).stats.cache_path))  # that of any function of this folder
+        folder = Path(str(numba.njit(cache=True)(function).stats.cache_path))
     except RuntimeError:  # nothing can be stored
         return
-    stamp = folder / f"kernels-{_machine()}-{state_of(_FOLDER)}"
+    stamp = folder / f"kernels-{_machine()}-{_state_around(function)}"
     if stamp.exists():
         return
     with _alone(folder):
@@ -135,16 +150,37 @@ def ensure() -> None:
             return
         if sys.stderr.isatty():
             sys.stderr.write("compiling the inner loops for this machine, once (about a minute) ...\n")
-        load()
+        load(package)
         stamp.touch()
 
 
-def load() -> None:
-    """Make all kernels of this folder ready, from numba's cache where it has them."""
-    for info in pkgutil.walk_packages([str(_FOLDER)], f"{__package__}."):
-        for value in vars(import_module(info.name)).values():
-            if isinstance(value, Kernel):
-                _ = value.dispatcher
+def load(*packages: str) -> None:
+    """Make the kernels of these packages ready, from numba's cache where it has them; of all, where none is named."""
+    for package in packages or (str(__package__), *_added()):
+        for kernel in _kernels_of(package):
+            _ = kernel.dispatcher
+
+
+def _kernels_of(package: str) -> Iterator[Kernel]:
+    """Yield the kernels of a package's modules; none of one that cannot be imported, of which its driver tells."""
+    with suppress(ImportError):
+        for info in pkgutil.walk_packages(import_module(package).__path__, f"{package}."):
+            for value in vars(import_module(info.name)).values():
+                if isinstance(value, Kernel) and value.py_func.__module__ == info.name:
+                    yield value
+
+
+@cache
+def _added() -> tuple[str, ...]:
+    """Return the packages of others that have kernels."""
+    return tuple(sorted({entry.value for entry in entry_points(group=GROUP)}))
+
+
+def _state_around(function: Callable[..., Any]) -> str:
+    """Return a hash of what a kernel may use: this folder, and its own package's where that is another."""
+    own = [package for package in _added() if (function.__module__ or "").startswith(f"{package}.")]
+    states = [state_of(_FOLDER), *(state_of(Path(path)) for name in own for path in import_module(name).__path__)]
+    return states[0] if len(states) == 1 else hashlib.sha256("".join(states).encode()).hexdigest()[:12]
 
 
 def _compiles() -> bool:

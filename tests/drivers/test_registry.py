@@ -92,6 +92,20 @@ def test_a_plug_in_beside_that_is_missing_is_named_with_what_installs_it(monkeyp
     assert "glider" not in driver_names()
 
 
+def test_a_plug_in_that_needs_another_one_beside_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ranker `selforacle` of foresee-study looks at the pictures of foresee-learned."""
+    (tmp_path / "towed.py").write_text("import foresee_gliding.winch\n")
+    info = tmp_path / "towed-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: towed\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[foresee_dsl.drivers]\ntowed = towed:Towed\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setitem(BESIDE, "gliding", {})
+    needs = r"needs the plug-in foresee-gliding, which is not installed: pip install 'foresee-dsl\[gliding\]'"
+    with pytest.raises(DriverError, match=f"driver 'towed' of package towed {needs}"):
+        load_driver("towed")
+
+
 @pytest.mark.usefixtures("plugin")
 def test_another_package_brings_a_driver() -> None:
     assert set(driver_names()) >= {"pdm", "coast"}

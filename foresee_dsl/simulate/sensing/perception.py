@@ -11,18 +11,17 @@ from typing import Any, cast
 
 import numpy as np
 
-from foresee_dsl.drivers.pictures.layout import CAMERA_RANGE_M
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.drivers.tracking import ObjectTable
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.mission import signal_heads
-from foresee_dsl.simulate.rasters import RunViews, StepViews
 from foresee_dsl.simulate.sensing.noise import Streams
 from foresee_dsl.simulate.sensing.objects import ObjectList, Pose, frames_of, seen_actors
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
+from foresee_dsl.simulate.sensing.views import CAMERA_RANGE_M, RunViews, StepViews
 from foresee_dsl.simulate.sensing.weather import Air
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, X, Y
 
@@ -211,7 +210,8 @@ class Sensing:
     def views(self, observation: Observation, states: FloatArray) -> StepViews:
         """Return the pictures of an observation; `states` as in `observe`."""
         x, y, heading = states[0, :3].tolist()
-        return self._views.at(observation, (x, y, heading), states[1:])
+        seen = observation.ego, observation.actors, observation.signals
+        return StepViews(self._views, *seen, (x, y, heading), states[1:])
 
     def _queue(self, scan: _Scan) -> None:
         self._pipe.append(scan)

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from foresee_learned.rasters import FORWARD_CHANNELS
 from foresee_study.selforacle.pictures import CLASSES, PALETTE, classes_seen, looked_at, pictures_of, signals_at
 from foresee_study.selforacle.segments import segments_of, waypoints_passed
 from foresee_study.selforacle.watcher import watcher_of
@@ -19,7 +20,6 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.protocol import Learned, NeedsSurroundings, Surroundings
 from foresee_dsl.forecast.registry import load_ranker, ranker_within
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.rasters import FORWARD_CHANNELS
 from foresee_dsl.simulate.runner import run
 from tests.support.handmade_traces import EAST, make_trace, straight
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from foresee_learned.rasters import FORWARD_CHANNELS, Canvas, RecordedFrames
+from foresee_learned.rasters.colours import coloured
+from foresee_learned.rasters.layout import FORWARD
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.pictures.layout import FORWARD
 from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.forecast.protocol import Surroundings
-from foresee_dsl.simulate.rasters import FORWARD_CHANNELS, Canvas, RecordedFrames
-from foresee_dsl.simulate.rasters.colours import coloured
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import STEP_S, Trace
 

@@ -17,14 +17,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from foresee_learned.weights import FOLDER_VARIABLE, Weights, checked
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.learned.weights import FOLDER_VARIABLE, Weights, checked
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.kernels.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from foresee_dsl.drivers.learned.session import Network
+    from foresee_learned.session import Network
 
 BUNDLED = Path(__file__).resolve().parent / "weights"
 _BATCH = 16
@@ -87,6 +87,6 @@ def _watched(ranker: str) -> list[str]:
 
 @lru_cache(maxsize=4)
 def _network(weights: Weights) -> Network:
-    from foresee_dsl.drivers.learned.session import network_of  # here: it is needed when a run is ranked, not before
+    from foresee_learned.session import network_of  # here: it is needed when a run is ranked, not before
 
     return network_of(weights)

@@ -1,0 +1,82 @@
+"""What the learned drivers share: ten decisions a second, and steering along the last one in between."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from foresee_dsl.drivers.protocol import Control, FloatArray, Mission, Observation, Reason, VehicleLimits
+from foresee_learned import settings as cfg
+from foresee_learned.inputs import InputMaker, LearnedInputs
+from foresee_learned.pilot import Pilot, laid_down
+from foresee_learned.session import Answer, Network
+
+
+class Decision(NamedTuple):
+    """What the ego shall do until the next decision.
+
+    Attributes:
+        waypoints: [N, 2] m ahead and to the left, where the ego was.
+        target_mps: the speed to have in `within_s`. hardest: brake as hard as the vehicle can instead.
+    """
+
+    waypoints: FloatArray
+    target_mps: float
+    within_s: float
+    hardest: bool = False
+
+
+class _Last(NamedTuple):
+    """The last decision, what it was made on, and its waypoints in the world."""
+
+    observation: Observation
+    inputs: LearnedInputs
+    decision: Decision
+    path: FloatArray
+
+
+class Decisions(ABC):
+    """What lasts from one `reset` to the next: the others' past places, the last decision, the pilot."""
+
+    def __init__(self, network: Network, mission: Mission, vehicle: VehicleLimits) -> None:
+        self._network, self.mission, self.vehicle = network, mission, vehicle
+        self.maker, self._pilot = InputMaker(mission, vehicle), Pilot(vehicle)
+        self._measured_s: float | None = None
+        self._last: _Last | None = None
+
+    @abstractmethod
+    def decide(self, observation: Observation, answer: Answer) -> Decision:
+        """Decide on what the network answered."""
+
+    @abstractmethod
+    def reasons(self, observation: Observation, inputs: LearnedInputs, decision: Decision) -> Sequence[Reason]:
+        """Say why the last decision was made."""
+
+    def step(self, observation: Observation) -> Control:
+        """Decide where the object list is new (see `DECIDES_S`), and follow the last decision."""
+        measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
+        if self._last is None or self._measured_s is None or measured_s - self._measured_s > cfg.DECIDES_S:
+            self._measured_s = measured_s
+            inputs = self.maker.make(observation)
+            decision = self.decide(observation, self.answer_to(inputs))
+            self._last = _Last(observation, inputs, decision, laid_down(decision.waypoints, observation.ego))
+        decision = self._last.decision
+        return self._pilot.follow(
+            self._last.path, decision.target_mps, decision.within_s, observation.ego, hardest=decision.hardest
+        )
+
+    def answer_to(self, inputs: LearnedInputs) -> Answer:
+        """Ask the network."""
+        pictures: dict[str, NDArray[Any]] = {
+            "birds_eye": inputs.birds_eye,
+            "forward": inputs.forward,
+            "vector": inputs.vector,
+        }
+        return self._network.answer(pictures)
+
+    def explain(self) -> Sequence[Reason]:
+        """Return why it made its last decision."""
+        return () if self._last is None else self.reasons(*self._last[:3])

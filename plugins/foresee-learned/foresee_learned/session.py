@@ -1,0 +1,74 @@
+"""Inference: a network of an ONNX file on one CPU thread, the same bits each time.
+
+onnxruntime is imported here and nowhere else, when a network is first used. A session is made once a process for each
+file's hash. One thread in and between operators, no other provider than the CPU: the order of all sums is fixed, so
+that answers depend on nothing but the inputs, the weights, the library's version and the kind of processor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.errors import DriverError, DriverUnavailableError
+
+if TYPE_CHECKING:
+    from foresee_learned.weights import Weights
+
+Answer = Mapping[str, NDArray[np.float32]]
+"""The outputs by their names (`learned.outputs`), without the axis of the batch."""
+_ERRORS_ONLY = 3
+"""onnxruntime's level of logging for errors: its warnings (a machine without a graphics card, say) tell nobody
+anything here, and what a driver prints is stored with its run."""
+_networks: dict[str, Network] = {}
+
+
+class Network:
+    """A network that is ready to be asked."""
+
+    def __init__(self, content: bytes, name: str = "the network") -> None:
+        """Load an ONNX file's bytes; `name` is what errors call it.
+
+        Raises:
+            DriverUnavailableError: onnxruntime is installed, but does not work here. DriverError: it cannot read these.
+        """
+        try:
+            import onnxruntime
+        except ImportError as err:
+            raise DriverUnavailableError(f"onnxruntime cannot be imported: {err}") from err
+        onnxruntime.set_default_logger_severity(_ERRORS_ONLY)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = 1
+        options.inter_op_num_threads = 1
+        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+        options.use_deterministic_compute = True
+        options.log_severity_level = _ERRORS_ONLY
+        try:
+            self._session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        except Exception as err:  # onnxruntime has a class for each of its codes, without a common one
+            why = " ".join(str(err).split())
+            raise DriverError(
+                f"{name} is no network that onnxruntime can read ({why}); export it anew, or reinstall foresee-dsl"
+            ) from None
+        self._inputs = tuple(one.name for one in self._session.get_inputs())
+        self._outputs = tuple(one.name for one in self._session.get_outputs())
+
+    def answer(self, inputs: Mapping[str, NDArray[Any]]) -> Answer:
+        """Return the outputs for one set of inputs."""
+        found = self.answers({name: inputs[name][None] for name in self._inputs})
+        return {name: np.asarray(value[0], np.float32) for name, value in found.items()}
+
+    def answers(self, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Return the outputs for a batch, as they come: both have its axis first."""
+        found = self._session.run(None, {name: inputs[name] for name in self._inputs})
+        return dict(zip(self._outputs, found, strict=True))
+
+
+def network_of(weights: Weights) -> Network:
+    """Return the network of a file; a process loads it once."""
+    if weights.sha256 not in _networks:
+        _networks[weights.sha256] = Network(weights.content(), str(weights.file))
+    return _networks[weights.sha256]
