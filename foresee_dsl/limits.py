@@ -35,8 +35,8 @@ LIMITS = MappingProxyType(
     {
         limit.name: limit
         for limit in (
-            # netconvert 1.28 starts with 250 MB of data and takes 65 MB of real memory for each CARLA town, for a map
-            # of 3 MB from OpenStreetMap 70 MB; a road of 100,000 km in a file of 1 kB takes all that there is.
+            # netconvert 1.28 with one thread starts with 200 MB of data and takes 65 MB of real memory for each CARLA
+            # town, for a map of 3 MB from OpenStreetMap 70 MB; a road of 100,000 km in a file of 1 kB takes all.
             Limit(
                 "netconvert-memory",
                 450,

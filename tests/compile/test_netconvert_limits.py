@@ -52,6 +52,16 @@ def test_a_road_without_end_is_refused_before_it_fills_the_memory(bomb: Path) ->
         foreign_net(bomb)
 
 
+def test_the_number_of_cores_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SUMO's OpenBLAS takes data for each core: netconvert died on machines of four cores and more."""
+    monkeypatch.setenv("FORESEE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("FORESEE_LIMITS", "netconvert-memory=230")
+    monkeypatch.setenv("OMP_NUM_THREADS", "64")
+    file = tmp_path / "short.xodr"
+    file.write_text(MAP.format(length="100"), encoding="utf-8")
+    assert foreign_net(file)
+
+
 def test_it_takes_no_more_meanwhile(bomb: Path) -> None:
     """In a process of its own: what is forked from a large one counts as large until it becomes netconvert."""
     done = subprocess.run([sys.executable, "-c", MEASURED, bomb], capture_output=True, text=True, check=True)

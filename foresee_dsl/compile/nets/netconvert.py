@@ -113,7 +113,9 @@ def _run(tool: str, arguments: Sequence[str], folder: Path, memory_mb: float) ->
     program = shutil.which(tool, path=str(home / "bin"))
     if program is None:
         raise CompileError(f"{tool} is not in {home / 'bin'}: reinstall the package 'eclipse-sumo'")
-    environment = {**os.environ, "SUMO_HOME": str(home)}
+    # SUMO 1.28 links OpenBLAS, which takes 150 MB of data for each core at the start: 2.4 GB on 16 cores, more than the
+    # limit, and it dies of SIGSEGV where it does not get them. Neither program uses more than one thread of it.
+    environment = {**os.environ, "SUMO_HOME": str(home), "OMP_NUM_THREADS": "1"}
     return _watched([program, *arguments], folder, environment, memory_mb=memory_mb, time_s=most("netconvert-time"))
 
 
