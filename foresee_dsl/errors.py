@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from foresee_dsl.helps import Edit, Help, HelpText
+
 
 @dataclass(frozen=True, slots=True)
 class Span:
@@ -28,6 +30,7 @@ class Diagnostic:
         span: the place, or None where the whole file is meant.
         source_line: the text of line `span.line`, without its newline (may be cut around the place if very long).
         severity: "error" or "warning".
+        fixes: the edits that the help stands for, likely ones first; they mend it in an editor.
     """
 
     code: str
@@ -37,8 +40,23 @@ class Diagnostic:
     span: Span | None = None
     source_line: str = ""
     severity: Literal["error", "warning"] = "error"
+    fixes: tuple[Edit, ...] = field(default=(), compare=False)
 
     shown = "code severity message help path span"
+
+    @classmethod
+    def of(
+        cls,
+        code: str,
+        message: str,
+        help: HelpText,
+        path: str,
+        span: Span | None = None,
+        source_line: str = "",
+    ) -> Diagnostic:
+        """Return an error with the text of its help and the edits that this stands for."""
+        helped = Help.of(help)
+        return cls(code, message, helped.text, path, span, source_line, fixes=helped.edits)
 
 
 class ForeseeError(Exception):

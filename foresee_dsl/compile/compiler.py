@@ -213,7 +213,7 @@ def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
 def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -> Diagnostic:
     document = case.document
     if document is None:
-        return Diagnostic(code=problem.code, message=problem.message, help=problem.help, path=case.id)
+        return Diagnostic.of(problem.code, problem.message, problem.help, case.id)
     item, field = _place(document, problem)
     if item is not None and (problem.about or problem.part is not None):
         item, field = _named(document, item, problem, named) or (item, field)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import cache, partial
 from pathlib import Path
 
 from foresee_dsl.editor import navigate
@@ -16,9 +18,9 @@ from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.editor.protocol.rpc import Json, RequestError
 from foresee_dsl.editor.protocol.uris import is_file, path_of
 from foresee_dsl.editor.server import TOKEN_TYPES
-from foresee_dsl.editor.session import SOURCE, Session
+from foresee_dsl.editor.session import SOURCE, Session, with_help
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
-from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.parser import format_text
 
 # Numbers of the protocol (3.17): CompletionItemKind, SymbolKind.
@@ -190,29 +192,33 @@ def code_actions(session: Session, params: Json) -> list[Json]:
     """Return a quick fix for every text that a diagnostic suggests."""
     uri = _uri(params)
     places, path, overlay = session.positions(uri), path_of(uri), session.overlay()
-    known: dict[str, tuple[Diagnostic, ...]] = {}
 
-    def check(text: str) -> tuple[Diagnostic, ...]:
-        if text not in known:
-            # where things stand is looked at only for a mistake that shows no sooner
-            found = find(path, text, overlay, places=placed) if is_file(uri) else find_alone(text, str(path))
-            known[text] = tuple(one for one in found if one.path == str(path))
-        return known[text]
+    @cache
+    def found(text: str, placed: bool) -> tuple[Diagnostic, ...]:
+        # where things stand is looked at only for a mistake that shows no sooner
+        every = find(path, text, overlay, places=placed) if is_file(uri) else find_alone(text, str(path))
+        return tuple(one for one in every if one.path == str(path))
 
     adapt = with_known_names(path, overlay)
     actions = []
     for diagnostic in params["context"]["diagnostics"]:
         if diagnostic.get("source") != SOURCE:
             continue
-        placed = str(diagnostic.get("code", "")) in _PLACED
-        known.clear()
         span = places.span(diagnostic["range"])
-        offered = fixes(str(diagnostic["message"]), str(diagnostic.get("code", "")), span, places, check, adapt)
+        check = partial(found, placed=str(diagnostic.get("code", "")) in _PLACED)
+        meant = _meant(diagnostic, span, check(session.text(uri)))
+        offered = fixes(meant, span, places, check, adapt) if meant is not None else ()
         for k, fix in enumerate(offered):
             edit = {"changes": {uri: [{"range": places.range(fix.span), "newText": fix.text}]}}
             action: Json = {"title": fix.title, "kind": "quickfix", "diagnostics": [diagnostic], "edit": edit}
             actions.append({**action, "isPreferred": k == 0 and len(offered) == 1})
     return actions
+
+
+def _meant(shown: Json, span: Span, found: Iterable[Diagnostic]) -> Diagnostic | None:
+    """Return the diagnostic that an editor shows; of several with its words the nearest. None: it is not there now."""
+    same = [one for one in found if (one.code, with_help(one)) == (shown.get("code"), shown["message"])]
+    return min(same, key=lambda one: abs(one.span.line - span.line) if one.span is not None else 0, default=None)
 
 
 def _placed_codes() -> frozenset[str]:

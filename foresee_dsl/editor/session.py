@@ -238,12 +238,16 @@ class Session:
         return shown
 
 
+def with_help(diagnostic: Diagnostic) -> str:
+    """Return a diagnostic's message, and its help on the next line."""
+    return f"{diagnostic.message}\n{diagnostic.help}" if diagnostic.help else diagnostic.message
+
+
 def diagnostic_json(diagnostic: Diagnostic, where: Json) -> dict[str, Any]:
     """Return a diagnostic as the protocol has it."""
-    help = f"\n{diagnostic.help}" if diagnostic.help else ""
     return {
         "range": where,
-        "message": diagnostic.message + help,
+        "message": with_help(diagnostic),
         "severity": _WARNING if diagnostic.severity == "warning" else _ERROR,
         "code": diagnostic.code,
         "source": SOURCE,

@@ -9,6 +9,7 @@ from typing import TypeVar, cast
 
 from pydantic import ValidationError
 
+from foresee_dsl.helps import HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.names import (
     BAD_CHANGE,
@@ -89,7 +90,7 @@ def value_of(actor: Participant, name: str) -> _Value | None:
 class _RefusedError(Exception):
     """A change that cannot be made: which of its fields is at fault, and why."""
 
-    def __init__(self, field: str, code: str, message: str, help: str = "") -> None:
+    def __init__(self, field: str, code: str, message: str, help: HelpText = "") -> None:
         super().__init__(message)
         self.field, self.code, self.message, self.help = field, code, message, help
 
@@ -98,7 +99,7 @@ def _label(change: m.Change) -> str:
     return f"{change.actor}.{change.property}"
 
 
-def _mixed(now: m.Expression, body: tuple[m.ScenarioItem, ...]) -> tuple[str, str] | None:
+def _mixed(now: m.Expression, body: tuple[m.ScenarioItem, ...]) -> tuple[str, HelpText] | None:
     """Return what is wrong with the dimensions of an expression: message and help."""
     from foresee_dsl.language.arithmetic.dimensions import Dimensions
 
@@ -191,7 +192,7 @@ def _of_scenario(
 
 def _not_there(change: m.Change, body: tuple[m.ScenarioItem, ...], place: str) -> _RefusedError:
     if change.actor == "end":
-        return _RefusedError("property", NOT_IN_PARENT, f"{place} has no `end`", "write `add end after 60 s`")
+        return _RefusedError("property", NOT_IN_PARENT, f"{place} has no `end`", "write " + write("add end after 60 s"))
     if change.actor == "param":
         known = [item.name for item in body if isinstance(item, m.Param)]
         help = did_you_mean(change.property, known) or "it has no parameters"

@@ -15,6 +15,7 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 from foresee_dsl import disk_cache
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.files import NotOrdinaryError, open_outside
+from foresee_dsl.helps import HelpText, meant_code, meant_word, write
 from foresee_dsl.language.model import Catalogue, Definition, Extension, Network
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
@@ -59,8 +60,8 @@ def parse(text: str, path: str) -> Document:
     """
     text = plain(text)
     if not text.strip():
-        help = "begin with `foresee 1`, then a scenario, network, clip, mutant or models block"
-        raise InputError((Diagnostic("FS002", "the file is empty", help, path),))
+        help = "begin with " + write("foresee 1") + ", then a scenario, network, clip, mutant or models block"
+        raise InputError((Diagnostic.of("FS002", "the file is empty", help, path),))
     _check_size(text, path)
     errors: list[TextError] = []
     comments: list[Token] = []
@@ -222,7 +223,7 @@ def _wrong_version(header: Tree[Token]) -> Iterable[TextError]:
     number = header.children[0]
     if str(number) != VERSION and isinstance(number, Token):
         message = f"this file is written in version {str(number)[:20]} of the language"
-        yield TextError("FS009", message, f"this tool reads `foresee {VERSION}`", span_of(number))
+        yield TextError("FS009", message, "this tool reads " + write(f"foresee {VERSION}"), span_of(number))
 
 
 def _nameless(nodes: Sequence[Node], path: str) -> Iterable[TextError]:
@@ -232,7 +233,7 @@ def _nameless(nodes: Sequence[Node], path: str) -> Iterable[TextError]:
             place = Span(node.span.line, node.span.column, node.span.line, node.span.column + len("network"))
             stem = re.sub(r"\W+", "_", Path(path).stem.lower()).strip("_")
             name = stem if re.fullmatch(r"[a-z][a-z0-9_]*", stem) else "town"
-            yield TextError("FS014", "this network needs a name", f"did you mean `network {name}`?", place)
+            yield TextError("FS014", "this network needs a name", meant_code(f"network {name}"), place)
 
 
 def _diagnostics(errors: Iterable[TextError], text: str, path: str) -> tuple[Diagnostic, ...]:
@@ -241,20 +242,20 @@ def _diagnostics(errors: Iterable[TextError], text: str, path: str) -> tuple[Dia
     for error in errors:
         span = error.span
         source = lines[span.line - 1] if span.line <= len(lines) else ""
-        diagnostic = Diagnostic(error.code, error.message, error.help, path, span, source)
+        diagnostic = Diagnostic.of(error.code, error.message, error.help, path, span, source)
         found.setdefault((span.line, span.column, error.message), diagnostic)
     return tuple(found[key] for key in sorted(found))
 
 
 def _unreadable(path: Path, name: str, error: Exception) -> Diagnostic:
     if isinstance(error, FileNotFoundError):
-        near = ""
+        near: HelpText = ""
         if path.parent.is_dir():
             from foresee_dsl.language.messages.suggest import closest
 
             found = closest(path.name, sorted(p.name for p in path.parent.iterdir()))
-            near = f"did you mean '{found}'?" if found else ""
-        return Diagnostic("FS001", "there is no such file", near, name)
+            near = meant_word(found, path.name) if found else ""
+        return Diagnostic.of("FS001", "there is no such file", near, name)
     if isinstance(error, IsADirectoryError):
         return Diagnostic("FS001", "this is a folder", "name a file in it", name)
     if isinstance(error, PermissionError):

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
 from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.helps import meant_word
 from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.report.builds.github import render_github
 from foresee_dsl.report.builds.sarif import to_sarif
@@ -165,7 +166,7 @@ def test_sarif_columns_are_utf16():
     line = '  doc "🚗🚗" kmh'
     at = line.index("kmh") + 1
     result = one_result(
-        Diagnostic("FS005", "unknown unit 'kmh'", "did you mean 'km/h'?", "a", Span(3, at, 3, at + 3), line)
+        Diagnostic.of("FS005", "unknown unit 'kmh'", meant_word("km/h", "kmh"), "a", Span(3, at, 3, at + 3), line)
     )
     region = result["locations"][0]["physicalLocation"]["region"]
     assert region == {"startLine": 3, "startColumn": at + 2, "endLine": 3, "endColumn": at + 5}
@@ -177,14 +178,14 @@ def test_sarif_offers_the_fix_that_the_help_spells_out():
     line = "    start at 20 m along ego.rout"
     span = Span(5, line.index("rout") + 1, 5, len(line) + 1)
     result = one_result(
-        Diagnostic("FS006", "unknown property 'rout' of 'ego'", "did you mean 'route'?", "a", span, line)
+        Diagnostic.of("FS006", "unknown property 'rout' of 'ego'", meant_word("route", "rout"), "a", span, line)
     )
     (change,) = result["fixes"][0]["artifactChanges"][0]["replacements"]
     assert change["insertedContent"] == {"text": "route"}
     assert change["deletedRegion"]["startColumn"] == span.column
     path = '  use network "maps/twon.foresee"'
     span = Span(4, path.index('"') + 1, 4, len(path) + 1)
-    result = one_result(Diagnostic("FS130", "no file", "did you mean 'town.foresee'?", "a", span, path))
+    result = one_result(Diagnostic.of("FS130", "no file", meant_word("town.foresee", "twon.foresee"), "a", span, path))
     region = result["fixes"][0]["artifactChanges"][0]["replacements"][0]["deletedRegion"]
     assert path[region["startColumn"] - 1 : region["endColumn"] - 1] == "twon.foresee"
     assert "fixes" not in one_result(Diagnostic("FS003", "odd", "write it otherwise", "a", span, path))

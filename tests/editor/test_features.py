@@ -197,7 +197,7 @@ def test_help_that_names_a_text_offers_it_and_the_mistake_goes_away(project: Pat
         mistake = found[0]
         assert mistake.span is not None
         offered = fixes(
-            f"{mistake.message}\n{mistake.help}", mistake.code, mistake.span, Positions(text),
+            mistake, mistake.span, Positions(text),
             lambda text, path=path: find(path, text, {}, places=True),
         )  # fmt: skip
         assert offered, mistake

@@ -71,8 +71,7 @@ def _of(file: Path) -> Iterator[Mistake]:
 
     for one in check(text):
         if one.span is not None:
-            said = f"{one.message}\n{one.help}"
-            offered = fixes(said, one.code, one.span, Positions(text), check, with_known_names(file, {}))
+            offered = fixes(one, one.span, Positions(text), check, with_known_names(file, {}))
             yield Mistake(file, text, one, offered, check)
 
 
@@ -162,5 +161,5 @@ def test_a_fix_leaves_no_more_mistakes_of_one_name_behind() -> None:
     assert Counter(one.message for one in wrong) == {wrong[0].message: 2}
     for one in wrong:
         assert one.span is not None
-        offered = fixes(f"{one.message}\n{one.help}", one.code, one.span, Positions(text), check)
+        offered = fixes(one, one.span, Positions(text), check)
         assert [fix.title for fix in offered] == ["Write `2.5 s`"]

@@ -11,7 +11,8 @@ from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.hover import conversions, hover
 from foresee_dsl.editor.symbols import folds, occurrences, outline
 from foresee_dsl.errors import Span
-from foresee_dsl.language.messages.suggest import replacement
+from foresee_dsl.helps import Help, meant_code, meant_word, write
+from foresee_dsl.language.messages.suggest import meant_at
 from foresee_dsl.language.units import UNITS
 
 NET = """foresee 1
@@ -181,20 +182,21 @@ def test_there_is_nothing_to_say_about_a_comment_or_a_text(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("message", "written", "right"),
+    ("help", "written", "right"),
     [
-        ("unknown unit 'kmh'\ndid you mean 'km/h'?", "kmh", "km/h"),
-        ("no file 'nets/towm.foresee'\ndid you mean 'town.foresee'?", '"nets/towm.foresee"', '"nets/town.foresee"'),
-        ("no file 'towm.foresee'\ndid you mean 'town.foresee'?", '"towm.foresee"', '"town.foresee"'),
-        ("unknown property 'rout' of 'ego'\ndid you mean 'route'?", "rout", "route"),
-        ("unexpected `->`\ndid you mean `=>`?", "->", "=>"),
-        ("unknown actor 'runer'\ndid you mean 'runner'?", "runer stops", "runner stops"),
-        ("unknown actor 'a'\ndid you mean 'b'?", "car at a", None),
-        ("something\nwrite it like `speed 50 km/h`", "speed", None),
+        (meant_word("km/h", "kmh"), "kmh", "km/h"),
+        (meant_word("town.foresee", "nets/towm.foresee"), '"nets/towm.foresee"', '"nets/town.foresee"'),
+        (meant_word("town.foresee", "towm.foresee"), '"towm.foresee"', '"town.foresee"'),
+        (meant_word("route", "rout"), "rout", "route"),
+        (meant_code("=>"), "->", "=>"),
+        (meant_word("runner", "runer"), "runer stops", "runner stops"),
+        (meant_word("east", "west"), "from west to west_end", "from east to west_end"),
+        (meant_word("b", "a"), "car at a and a", None),
+        ("write it like " + write("speed 50 km/h"), "speed", None),
     ],
 )
-def test_mends(message: str, written: str, right: str | None) -> None:
-    found = replacement(message, written)
+def test_what_was_meant_takes_the_place_of_the_wrong_word(help: Help, written: str, right: str | None) -> None:
+    found = meant_at(help.edits, written)
     assert (written[: found[0]] + found[2] + written[found[1] :] if found else None) == right
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from foresee_dsl.campaign.findings.written import JSON, read_written
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.helps import Help
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import absolute, is_file, kind_of
 
@@ -99,7 +100,7 @@ def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
                            "that name (`--campaign OUT` says where it is)")  # fmt: skip
     names = sorted({*known, *others})
     hint = did_you_mean(wanted, names) if names else "that campaign found no failure"
-    raise ForeseeError(f"there is no file {wanted!r}, and no finding of that name in {campaign}: {hint}")
+    raise ForeseeError(f"there is no file {wanted!r}, and no finding of that name in {campaign}: {Help.of(hint).text}")
 
 
 def _by_file(path: Path) -> Asked:

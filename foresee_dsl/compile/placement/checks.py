@@ -16,6 +16,7 @@ from foresee_dsl.compile.placement.statements import WHEELS, lane_kind, path_of
 from foresee_dsl.compile.roads.network import STOP_LENGTH_M, RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.helps import HelpText, one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import written
@@ -73,7 +74,7 @@ def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Itera
         at, speed = too_fast
         most = placed.model.max_speed_mps * slack / slack * 3.6
         message = f"{placed.id} is to go {speed * 3.6:.0f} km/h, but {placed.model.name} can go only {most:.0f} km/h"
-        help_ = f"use at most `{math.floor(most)} km/h`, or a faster model"
+        help_ = "use at most " + write(f"{math.floor(most)} km/h") + ", or a faster model"
         yield Problem(placed.id, at, codes.TOO_FAST, message, help_)
 
 
@@ -93,7 +94,9 @@ def of_overlaps(
             apart = math.hypot(placed[k].x - placed[j].x, placed[k].y - placed[j].y)
             if apart < reach[k] + reach[j] and common_area(box, boxes[j]) > _TOUCH_M2:
                 message = f"{placed[k].id} starts on top of {placed[j].id}"
-                help_ = f"both are at ({placed[k].x:.1f} m, {placed[k].y:.1f} m), give one of them another start"
+                help_: HelpText = (
+                    f"both are at ({placed[k].x:.1f} m, {placed[k].y:.1f} m), give one of them another start"
+                )
                 help_ += _farther(actors.get(placed[k].id), placed[k], placed[j])
                 yield Problem(placed[k].id, "start_at", codes.OVERLAP, message, help_)
                 pairs += 1
@@ -122,7 +125,7 @@ def few(problems: Iterable[Problem]) -> tuple[Problem, ...]:
     return tuple(named)
 
 
-def _farther(actor: m.Ego | m.Actor | None, one: PlacedActor, other: PlacedActor) -> str:
+def _farther(actor: m.Ego | m.Actor | None, one: PlacedActor, other: PlacedActor) -> HelpText:
     """Return a start so much farther along that there is room; nothing where an actor's start is no length."""
     start = next((item for item in actor.body if isinstance(item, m.StartAt)), None) if actor is not None else None
     place = start.place if start is not None else None
@@ -130,7 +133,7 @@ def _farther(actor: m.Ego | m.Actor | None, one: PlacedActor, other: PlacedActor
         return ""
     room = math.ceil(one.model.length_m + other.model.length_m)
     at = m.Quantity.of(place.at.si + room, "length", 2)
-    return f": `start at {written(place.model_copy(update={'at': at}))}`"
+    return ": " + write(f"start at {written(place.model_copy(update={'at': at}))}")
 
 
 def footprint(actor: PlacedActor) -> Points:
@@ -163,12 +166,12 @@ def common_area(one: Points, other: Points) -> float:
     return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(left, left[1:] + left[:1], strict=True)) / 2
 
 
-def _nearest_road(x: float, y: float, network: RoadNetwork) -> str:
+def _nearest_road(x: float, y: float, network: RoadNetwork) -> HelpText:
     near = network.nearest_lane(x, y, within_m=1000.0)
     if near is None:
         return ""
     nx, ny, _ = near.lane.line.at(near.pos_m)
-    return f"the nearest lane is on {near.lane.edge}, at `({nx:.1f} m, {ny:.1f} m)`"
+    return f"the nearest lane is on {near.lane.edge}, at " + write(f"({nx:.1f} m, {ny:.1f} m)")
 
 
 class NameChecks:
@@ -278,7 +281,7 @@ class NameChecks:
             message = f"a signal shows {part.actor} green, amber or red, and never {state}"
             stage = state in self._signals[junction].stages
             help = (
-                f"write `signal({junction}) is {state}` for its stage"
+                "write " + write(f"signal({junction}) is {state}") + " for its stage"
                 if stage
                 else did_you_mean(_OTHER_COLOURS.get(state, state), m.SIGNAL_COLOURS)
             )
@@ -287,7 +290,7 @@ class NameChecks:
             actor = placed.get(part.actor)
             if actor is not None and (over := _misses(actor, junction)):
                 message = f"the route of {part.actor} does not go over {junction}"
-                yield Problem("", kind, codes.PLACE, message, f"it goes over {over}", junction)
+                yield Problem("", kind, codes.PLACE, message, "it goes over " + over, junction)
 
     def _action(self, kind: str, action: m.Action, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
         match action:
@@ -314,11 +317,15 @@ class NameChecks:
             # `ew_amber` is no stage of its own: it belongs to `ew_go`
             near = next((s for s in self._signals[junction].stages if s.rpartition("_")[0] == name), None)
             if near is not None:
-                bad = [replace(bad[0], help=f"amber and red belong to a stage: `{junction} turns to {near} {light}`")]
+                bad = [
+                    replace(
+                        bad[0], help="amber and red belong to a stage: " + write(f"{junction} turns to {near} {light}")
+                    )
+                ]
         yield from bad
         if not bad and self._signals[junction].phase_of(stage, action.light) is None:
             message = f"the stage {stage} at {junction} has no {action.light} of its own"
-            yield Problem("", kind, codes.UNKNOWN, message, f"write `{junction} turns to {stage}`", stage)
+            yield Problem("", kind, codes.UNKNOWN, message, "write " + write(f"{junction} turns to {stage}"), stage)
 
     def _limit(self, kind: str, action: m.Limit) -> Iterator[Problem]:
         name = word_of(action.road)
@@ -340,8 +347,8 @@ class NameChecks:
             found = self._stops().get(where.stop)
             if found is None:
                 message = f"there is no bus stop called {where.stop}"
-                help = did_you_mean(where.stop, self._stops())
-                help = help or "the network has none: add `stop NAME on ROAD at 40 m`, or name a place"
+                help: HelpText = did_you_mean(where.stop, self._stops())
+                help = help or "the network has none: add " + write("stop NAME on ROAD at 40 m") + ", or name a place"
                 yield Problem("", kind, codes.UNKNOWN, message, help, where.stop)
                 return
             place, about = m.AlongEdge(edge=found.road, at=found.at), where.stop
@@ -389,7 +396,9 @@ class NameChecks:
         if not action.edges or actor is None:
             return
         if actor.model.kind not in WHEELS:
-            yield Problem("", kind, codes.NO_WAY, f"{actor.id} cannot join the traffic", "leave out `then joins`")
+            yield Problem(
+                "", kind, codes.NO_WAY, f"{actor.id} cannot join the traffic", "leave out " + write("then joins")
+            )
         elif end is not None:
             try:
                 joined_way(self._network, action.edges, end, lane_kind(actor.model))
@@ -406,16 +415,16 @@ class NameChecks:
         signal = self._signals.get(junction)
         if signal is None:
             message = f"there is no signal at {junction}"
-            help = did_you_mean(junction, self._signals)
+            help: HelpText = did_you_mean(junction, self._signals)
             if not self._signals:
-                help = "no junction has signals: write `signals` and stages where one is defined"
+                help = "no junction has signals: write " + write("signals") + " and stages where one is defined"
             field = ("shows" if kind != "signal" else "signal", "junction")
             yield Problem("", kind, codes.UNKNOWN, message, help, junction, field=field)
         elif stage not in signal.stages:
             message = f"the signal at {junction} has no stage called {stage}"
-            help = f"its stages are {', '.join(signal.stages)}"
+            help = "its stages are " + one_of(signal.stages)
             if stage in m.SIGNAL_COLOURS:
-                help += f"; what it shows to an actor is `ego.signal({junction}) is {stage}`"
+                help += "; what it shows to an actor is " + write(f"ego.signal({junction}) is {stage}")
             yield Problem("", kind, codes.UNKNOWN, message, help, stage)
 
     def _junction(self, actor: str, at: str, junction: str) -> Iterator[Problem]:
@@ -443,11 +452,11 @@ def _meeting(
         actor = placed.get(one)
         if actor is not None and (over := _misses(actor, junction)):
             message = f"{name} cannot meet {item.other} at {junction}: {one} does not go over it"
-            yield Problem(owner, at, codes.NO_MEETING, message, f"{one} goes over {over}", junction)
+            yield Problem(owner, at, codes.NO_MEETING, message, f"{one} goes over " + over, junction)
 
 
-def _misses(actor: PlacedActor, junction: str) -> str:
+def _misses(actor: PlacedActor, junction: str) -> HelpText:
     """Return the junctions that an actor's route goes over when this one is none of them; else, or off roads, ""."""
     if actor.line is None or actor.line.passage(junction) is not None:
         return ""
-    return ", ".join(p.junction for p in actor.line.passages) or "no junction"
+    return one_of(p.junction for p in actor.line.passages) or "no junction"

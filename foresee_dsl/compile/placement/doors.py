@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import DoorOf, ModelSpec, PlacedActor
+from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.document import Problem
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
@@ -44,7 +45,7 @@ def door_problems(scenario: m.Scenario, placed: Iterable[PlacedActor]) -> Iterat
         model = models.get(name)
         if model is not None and not has_doors(model):
             message = f"{name} ({model}) has no door that could be opened"
-            help = "cars, vans and trucks have doors, parked ones too (`obstacle.parked_car`)"
+            help = "cars, vans and trucks have doors, parked ones too (" + write("obstacle.parked_car") + ")"
             yield Problem("", "when", codes.NO_DOOR, message, help, name)
 
 

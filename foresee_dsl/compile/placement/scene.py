@@ -33,6 +33,7 @@ from foresee_dsl.compile.roads.polyline import XY, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.compile.roads.walkways import Walk, walkways
+from foresee_dsl.helps import HelpText, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.document import PlacementError, Problem, TestCase
@@ -185,7 +186,7 @@ class SceneBuilder:
             away = min(self._network.distance_to_lanes(patch.x, patch.y, kind) for kind in ("car", "bicycle"))
             if away > patch.radius_m:
                 message = f"{patch.name} lies beside the road: the nearest lane is {away:.1f} m from its middle"
-                help_ = "put it on a lane, such as `20 m along ego.route`, or make it larger"
+                help_ = "put it on a lane, such as " + write("20 m along ego.route") + ", or make it larger"
                 yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
 
     def _beside_all_roads(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
@@ -198,7 +199,9 @@ class SceneBuilder:
             away = min(self._network.distance_to_lanes(x, y, kind) for x, y in line_of(actor.path).xy for kind in kinds)
             if away > actor.model.width_m / 2:
                 message = f"the path of {actor.id} comes to no road: the nearest lane is {away:.1f} m from it"
-                help_ = "lead it onto a road, such as `path [20 m along ego.route offset -5 m, 20 m along ego.route]`"
+                help_ = "lead it onto a road, such as " + write(
+                    "path [20 m along ego.route offset -5 m, 20 m along ego.route]"
+                )
                 yield Problem(actor.id, path.kind, codes.BESIDE_ALL_ROADS, message, help_)
 
     @property
@@ -211,7 +214,7 @@ class SceneBuilder:
         """Where the places of conditions are, m, once the actors were placed."""
         return {place: xy for place, xy in self._names.places.items() if not isinstance(place, m.AtStop)}
 
-    def _add(self, actor: str, at: str, code: str, message: str, help: str = "") -> None:
+    def _add(self, actor: str, at: str, code: str, message: str, help: HelpText = "") -> None:
         self._problems.append(Problem(actor, at, code, message, help))
 
     def _try(self, actor: str, at: str, work: Callable[[], _T]) -> _T | None:
@@ -246,7 +249,9 @@ class SceneBuilder:
         routed = route_of(actor) is not None
         placed: PlacedActor | None = None
         if isinstance(actor, m.Ego) and not routed:
-            self._add(name, "", codes.NO_WAY, "the ego has no route", "add `route from south straight over j4`")
+            self._add(
+                name, "", codes.NO_WAY, "the ego has no route", "add " + write("route from south straight over j4")
+            )
         elif routed and spec.kind in WHEELS:
             at = "route" if item(actor, m.StartAt) is None or self._route_fails(name) else "start_at"
             if (start := self._try(name, at, lambda: self._starts.on_route(name))) is not None:
@@ -257,7 +262,7 @@ class SceneBuilder:
         elif routed:
             route = route_of(actor)
             road = word_of(route.start if isinstance(route, m.Route) else route.edges[0]) if route is not None else ""
-            help_ = f"a pedestrian follows a path, such as `path [10 m along {road}, 30 m along {road}]`"
+            help_ = "a pedestrian follows a path, such as " + write(f"path [10 m along {road}, 30 m along {road}]")
             self._add(name, "route", codes.NO_WAY, f"{name} cannot follow a route", help_)
         elif (pose := self._try(name, "start_at", lambda: self._starts.still(name))) is not None:
             placed = PlacedActor(name, spec, "static", *pose, speed_mps=0.0)
@@ -363,7 +368,7 @@ class SceneBuilder:
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
         if abs(lateral) > checks.GOAL_OFF_M:
             message = f"the goal is {abs(lateral):.1f} m off the ego's route"
-            self._add("ego", "goal", codes.GOAL, message, "write it like `goal 40 m past j4 on ego.route`")
+            self._add("ego", "goal", codes.GOAL, message, "write it like " + write("goal 40 m past j4 on ego.route"))
         elif goal <= start and not self._case.snapshot:
             message = f"the goal is {start - goal:.1f} m behind the ego's start"
             self._add(
@@ -371,7 +376,7 @@ class SceneBuilder:
                 "goal",
                 codes.GOAL,
                 message,
-                "put it in front, or remove it: then the goal is the end of the route",
+                "put it in front, or " + remove("remove it") + ": then the goal is the end of the route",
             )
         return start, goal
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.helps import write
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,7 @@ class CircleError(RouteError):
         message = f"the places of actors are counted in a circle: {circle}"
         if len(members) == 1:
             message = f"the place of {members[0]} is counted from {members[0]} itself"
-        super().__init__(message, "give one of them a place of its own, such as `30 m along ego.route`")
+        super().__init__(message, "give one of them a place of its own, such as " + write("30 m along ego.route"))
         self.members = frozenset(members)
 
 

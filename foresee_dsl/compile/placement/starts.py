@@ -20,6 +20,7 @@ from foresee_dsl.compile.roads.polyline import XY, distance, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, check_junction
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
+from foresee_dsl.helps import one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.traversal import word_of
@@ -180,10 +181,10 @@ class Starts:
         line, _ = self._line_of(place.actor)
         passage = line.passage(junction)
         if passage is None or passage.entry_s >= line.end_s - _SLACK_M:
-            over = ", ".join(p.junction for p in line.passages if p.entry_s < line.end_s - _SLACK_M)
+            over = one_of(p.junction for p in line.passages if p.entry_s < line.end_s - _SLACK_M)
             raise RouteError(
                 f"the route of {place.actor} does not go over {junction}",
-                f"it goes over {over}" if over else "it goes over no junction",
+                "it goes over " + over if over else "it goes over no junction",
             )
         s = passage.exit_s + si(place.at) if place.side == "past" else passage.entry_s - si(place.at)
         return _on(line, s, place)
@@ -274,10 +275,16 @@ class Starts:
         if actor.state is None and start is not None and isinstance(start.place, m.AlongEdge):
             edge = word_of(start.place.edge)
             if not set(self._network.pieces(edge)) & set(edges):
-                raise RouteError(f"{name} starts on {edge}, off its route", f"its route is {', '.join(edges)}")
+                raise RouteError(f"{name} starts on {edge}, off its route", "its route is " + one_of(edges))
         match = self._match(near, kind, x, y, heading)
         if isinstance(match, float):
-            help = f"its route is {', '.join(edges)}; write `start at 10 m along {edges[0]}`, for example"
+            help = (
+                "its route is "
+                + one_of(edges)
+                + "; write "
+                + write(f"start at 10 m along {edges[0]}")
+                + ", for example"
+            )
             raise RouteError(f"{name} starts {match:.1f} m off its route", help)
         k, lane, pos = match
         if ego and k and actor.state is not None:

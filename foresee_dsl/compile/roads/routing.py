@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind, Movement, Topology
+from foresee_dsl.helps import HelpText, instead, one_of
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import EdgeRoute, Leg, Route, Turn
 from foresee_dsl.language.streets.layout import next_piece
@@ -25,7 +26,7 @@ _ONWARD_LETTERS = "slrLRtT"
 class RouteError(ValueError):
     """A route (or a name in it) does not fit the network; `help` says what would."""
 
-    def __init__(self, message: str, help: str = "") -> None:
+    def __init__(self, message: str, help: HelpText = "") -> None:
         super().__init__(message)
         self.help = help
 
@@ -50,8 +51,8 @@ def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "c
     check_junction(network, first)
     edges = next((way for edges in choices if (way := _until(network, edges[0], first, kind))), None)
     if edges is None:
-        ends = " or ".join(dict.fromkeys(_named_end(network, edges[-1]) for edges in choices))
-        raise RouteError(f"{start} does not lead to {first}", f"it leads to {ends}")
+        ends = one_of(dict.fromkeys(_named_end(network, edges[-1]) for edges in choices), " or ")
+        raise RouteError(f"{start} does not lead to {first}", "it leads to " + ends)
     for leg in route.legs:
         edges = _over(network, edges, leg, kind)
     while (following := next_piece(edges[-1])) in network.edges and network.parts:  # to the end of the last road
@@ -141,7 +142,7 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
     if not way:
         following = _named_end(network, edges[-1])
         leg_text = f"{turn} over {junction}"
-        help = f"say first where to go over it: `straight over {following} {leg_text}` instead of `{leg_text}`"
+        help = "say first where to go over it: " + instead(f"straight over {following} {leg_text}", leg_text)
         raise RouteError(f"after {edges[-1]} comes {following}, not {junction}", help)
     if junction in network.rings:
         return (*edges, *way[1:], *_round(network, way[-1], leg, kind))
@@ -157,8 +158,8 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
     return (*edges, *way[1:], chosen.to_edge)
 
 
-def _other_turn(turns: Sequence[str], turn: str, junction: str) -> str:
-    return f"write `{turns[0]} over {junction}` instead of `{turn} over {junction}`" if turns else ""
+def _other_turn(turns: Sequence[str], turn: str, junction: str) -> HelpText:
+    return "write " + instead(f"{turns[0]} over {junction}", f"{turn} over {junction}") if turns else ""
 
 
 def _by_name(ways: Sequence[Movement], edge: str) -> tuple[Movement, ...]:
@@ -236,11 +237,11 @@ def _listed(network: Topology, route: EdgeRoute, kind: LaneKind) -> tuple[str, .
     return tuple(edges)
 
 
-def _leads_to(network: Topology, edges: Sequence[str], edge: str, kind: LaneKind) -> str:
+def _leads_to(network: Topology, edges: Sequence[str], edge: str, kind: LaneKind) -> HelpText:
     ways = [m.to_edge for m in onward(network, edges[-1], kind)]
-    reach = f"it leads to {', '.join(ways)}" if ways else "it is a dead end"
+    reach = "it leads to " + one_of(ways) if ways else "it is a dead end"
     try:
         shortest_route(network, edges[-1], edge, kind)
     except RouteError:
         return reach
-    return f"{reach}; write [{edges[-1]}, ..., {edge}] for the shortest way"
+    return reach + f"; write [{edges[-1]}, ..., {edge}] for the shortest way"

@@ -1,44 +1,28 @@
-"""The edits that a help in words stands for: to write a text, to take something out, to give another name, to close."""
+"""Where the edits that a diagnostic carries may be made: to write, to take out, to rename, to close."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import assert_never
 
+from foresee_dsl import helps as h
 from foresee_dsl.editor.protocol.positions import Positions
-from foresee_dsl.errors import Span
+from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.keywords import USAGE, words_of
-from foresee_dsl.language.messages.suggest import replacement
+from foresee_dsl.language.messages.suggest import meant_at
 from foresee_dsl.language.syntax.scan import Lines, Raw, scan
 from foresee_dsl.language.units import UNITS
 
-_SUGGESTED = re.compile(r"`([^`\n]+)`")
-_LISTED = re.compile(r"(?:\b(?:are|is|to|over|go|of|write)|:) ((?:[\w./^#]+(?:, | or | and ))*[\w./^#]+)(?=$|;|, not)")
-"""`its stages are go, wait`; `it leads to j4 or west_end`: each is offered in the place of one word."""
 LISTED = "one of the"
 """What edits are for that put in one of the names of a list: those are the file's own."""
-_INSTEAD = re.compile(r"`([^`\n]+)` instead of `([^`\n]+)`")
-_REMOVED = re.compile(
-    r"\b(?:remove (?:it|this|one|the comment|the braces|what it sets off)\b|keep one of the two|leave (?:it|this) out)"
-)
-_LEFT_OUT = re.compile(r"\bleave `(\w+)` out")
-_GO_ON = re.compile(r"^go on like `([^`\n]+)`")
-_IN_BLOCK = re.compile(r"write `([^`\n]+)` in the block of (?:\w+ )?'(\w+)'")
-_RENAMED = re.compile(r"\bgive .*?another (?:name|label)")
-_CLOSED = re.compile(r"^(?:add a `\}` where it ends|close the outermost)")
-_MOVED_IN = re.compile(r"^(?:move it inside|it belongs in)")
-_MOVED_OUT = re.compile(r"^what it does stands in a trigger")
-_COMMENTED = re.compile(r"^begin each line of it with `#`")
-_OTHERWISE = re.compile(r"^there is no `(?:else|elif)`")
 _CONDITION = re.compile(r"(?:if|elif|when(?:\s+(?:once|every|next))?(?:\s+\w+:)?)\s+(?P<condition>.+)", re.DOTALL)
 _VALUE = re.compile(r"-?[0-9]|\([^()]*,[^()]*\)$")
-_IS_NO_TEXT = re.compile(
-    r"\{ \.\.\. \}|\[\.\.\.\]|\(\.\.\.| \.\.\.$|CONDITION"  # more stands there
-    r"|^(?:[*/+\-#{}]|else|elif)$|^foresee (?!1$)"  # what is wrong, or a command
-)
 _WORD = re.compile(r"[a-z]\w*")
+_IN_ORDER = (h.Rewrite, h.GoOn, h.InBlock, h.Instead, h.Write, h.OneOf, h.Remove, h.Rename)
+"""Likely ones first: what is written anew in a fixed form, then texts, then what takes something away."""
 
 
 @dataclass(frozen=True)
@@ -57,48 +41,28 @@ def applied(text: str, positions: Positions, fix: Fix) -> str:
     return text[:start] + fix.text + text[end:]
 
 
-def edits(message: str, span: Span, positions: Positions) -> Iterator[tuple[str, Fix]]:
-    """Yield the edits that a diagnostic's help (behind its message's first line) may stand for, likely ones first; each
-    with what it puts in or does, of which one edit is enough."""
+def edits(diagnostic: Diagnostic, span: Span, positions: Positions) -> Iterator[tuple[str, Fix]]:
+    """Yield the edits at a place that a diagnostic's fixes may stand for, likely ones first; each with what it puts in
+    or does, of which one edit is enough."""
     place = _Place(span, positions)
-    first, _, help = message.partition("\n")
-    meant = replacement(message, place.written)
+    meant = meant_at(diagnostic.fixes, place.written)
     if meant is not None and (span.line == span.end_line or "\n" not in place.written[: meant[1]]):
         start, end, right = meant
         yield "meant", place.fix(f"Write '{right}'", place.start + start, place.start + end, right)
         return
-    for pattern, purpose, found in (
-        (_CLOSED, "closed", place.closings),
-        (_MOVED_IN, "moved", place.moved_in),
-        (_MOVED_OUT, "moved", place.moved_out),
-        (_COMMENTED, "commented", place.commented),
-        (_OTHERWISE, "otherwise", place.otherwise),
-    ):
-        if pattern.match(help):
-            yield from ((purpose, fix) for fix in found())
-    for words in _GO_ON.findall(help):
-        yield words, place.fix(f"Add `{words}`", place.end, place.end, f" {words}")
-    for words, name in _IN_BLOCK.findall(help):
-        yield from ((words, fix) for fix in place.in_block(words, name))
-    for right, wrong in _INSTEAD.findall(help):
-        yield from (("instead", fix) for fix in place.instead(wrong, right))
-    for words in _texts(help):
-        yield from ((words, fix) for fix in place.ways(words))
-    for listed in _LISTED.findall(help):
-        for word in re.split(r", | or | and ", listed):
-            yield from ((f"{LISTED} {word}", fix) for fix in place.words(word, first))
-    for word in _LEFT_OUT.findall(help):
-        yield from (("removed", fix) for fix in place.removals(word))
-    if _REMOVED.search(help):
-        yield from (("removed", fix) for fix in place.removals())
-    if _RENAMED.search(help):
-        yield from (("renamed", fix) for fix in place.renamings(everywhere="is a word of the language" in first))
+    others = {part for fix in diagnostic.fixes for part in _texts_of(fix)}
+    for kind in _IN_ORDER:
+        for fix in dict.fromkeys(fix for fix in diagnostic.fixes if isinstance(fix, kind)):
+            if not isinstance(fix, h.Write) or fix.text not in others:
+                yield from place.edits(fix, diagnostic.message)
 
 
-def _texts(help: str) -> Iterable[str]:
-    instead = {text for pair in (*_INSTEAD.findall(help), *_IN_BLOCK.findall(help)) for text in pair}
-    found = dict.fromkeys(_SUGGESTED.findall(_LEFT_OUT.sub("", help)))
-    return [text for text in found if text not in instead and not _IS_NO_TEXT.search(text)]
+def _texts_of(fix: h.Edit) -> tuple[str, ...]:
+    """Return the texts of an edit that is more than to write them."""
+    match fix:
+        case h.Instead(text, other) | h.InBlock(text, other):
+            return text, other
+    return ()
 
 
 class _Place:
@@ -117,6 +81,39 @@ class _Place:
     def fix(self, title: str, start: int, end: int, text: str) -> Fix:
         """Return an edit between two offsets."""
         return Fix(title, self._lines.span(start, end), text)
+
+    def edits(self, fix: h.Edit, message: str) -> Iterator[tuple[str, Fix]]:
+        """Yield what an edit may be here, with what it puts in or does."""
+        match fix:
+            case h.Rewrite(to):
+                yield from ((to, one) for one in self._rewritten(to))
+            case h.GoOn(text):
+                yield text, self.fix(f"Add `{text}`", self.end, self.end, f" {text}")
+            case h.InBlock(text, name):
+                yield from ((text, one) for one in self.in_block(text, name))
+            case h.Instead(text, wrong):
+                yield from (("instead", one) for one in self.instead(wrong, text))
+            case h.Write(text) | h.Meant(text):
+                yield from ((text, one) for one in self.ways(text))
+            case h.OneOf(words):
+                for word in words:
+                    yield from ((f"{LISTED} {word}", one) for one in self.words(word, message))
+            case h.Remove(word):
+                yield from (("removed", one) for one in self.removals(word))
+            case h.Rename(everywhere):
+                yield from (("renamed", one) for one in self.renamings(everywhere=everywhere))
+            case _:
+                assert_never(fix)
+
+    def _rewritten(self, to: str) -> Iterator[Fix]:
+        forms = {
+            "closed block": self.closings,
+            "inside": self.moved_in,
+            "trigger": self.moved_out,
+            "comment": self.commented,
+            "opposite": self.otherwise,
+        }
+        return forms[to]()
 
     def _around(self) -> list[Raw]:
         """Return the statements around the place, outermost first."""

@@ -24,7 +24,7 @@ _MOST_OFFERED = 5
 _OF_THE_GRAMMAR = frozenset({"FS003", "FS004", "FS008", "FS009", "FS015", "FS065"})
 """Mistakes that no edit may bring, wherever they stand."""
 
-_SURE = frozenset({"meant", "closed"})
+_SURE = frozenset({"meant", "closed block"})
 """What these edits put in is no example."""
 _NAMES: tuple[SymbolKind, ...] = ("actor", "junction", "road", "parameter", "thing")
 _MEANT_BY: Mapping[str, str] = {"gap": "time", "pace": "speed", "speed": "speed", "width": "length", "share": "ratio"}
@@ -39,21 +39,20 @@ Adapt = Callable[[str, Positions, Fix], Fix]
 
 
 def fixes(
-    message: str, code: str, span: Span, positions: Positions, check: Check, adapt: Adapt | None = None
+    diagnostic: Diagnostic, span: Span, positions: Positions, check: Check, adapt: Adapt | None = None
 ) -> tuple[Fix, ...]:
-    """Return what a diagnostic (its message with the help) offers; each was tried, and leaves one mistake less.
+    """Return what a diagnostic offers; each was tried, and leaves one mistake less.
 
     Args:
-        message, code, span: of the diagnostic. positions: of the text.
+        diagnostic: what is wrong. span: where it is now. positions: of the text.
         check: says what is wrong with a text, other files left out.
         adapt: puts names that are known into an example.
     """
     text = "\n".join(positions.lines)
-    first = message.partition("\n")[0]
     found: dict[str, Fix] = {}
     tried: dict[tuple[Span, str], None] = {}
     before: tuple[Diagnostic, ...] | None = None
-    for purpose, edit in edits(message, span, positions):
+    for purpose, edit in edits(diagnostic, span, positions):
         if purpose in found:
             continue
         if len(found) == _MOST_OFFERED or len(tried) == _MOST_TRIED:
@@ -67,7 +66,7 @@ def fixes(
         pinned = _of_the_parent(trial.found, fix)
         if pinned is not None:
             fix, trial = pinned, _Trial(text, positions, pinned, check)
-        if not trial.stays(code, first, span) and not trial.worse(before, purpose):
+        if not trial.stays(diagnostic.code, diagnostic.message, span) and not trial.worse(before, purpose):
             found[purpose] = fix
     return tuple(found.values())
 

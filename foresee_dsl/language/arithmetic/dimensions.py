@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, assert_never
 
+from foresee_dsl.helps import HelpText, instead, meant_code, one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.printer import written
@@ -68,7 +69,7 @@ class Mismatch:
 
     item: m.Item
     message: str
-    help: str
+    help: HelpText
 
 
 class Dimensions:
@@ -107,8 +108,8 @@ class Dimensions:
         if type_ is not None and dimension is None:
             message = f"'{reference.name}' is of type {type_}, a word: nothing can be calculated with it"
             numbers = [name for name, known in self._types.items() if any(d == known for d in POWERS)]
-            which = f": {', '.join(numbers)}" if 0 < len(numbers) <= 8 else ", such as one of type `time`"
-            self._add(reference, message, f"use a parameter that holds a number{which}")
+            which = ": " + one_of(numbers) if 0 < len(numbers) <= 8 else ", such as one of type " + write("time")
+            self._add(reference, message, "use a parameter that holds a number" + which)
         return POWERS[dimension] if dimension is not None else None
 
     def _same(self, whole: m.Sum | m.Extreme, values: tuple[m.AnyValue, ...]) -> Powers | None:
@@ -131,13 +132,13 @@ class Dimensions:
         if isinstance(whole, m.Sum) and whole.op == "-":
             what = "are subtracted"
         message = f"`{written(one)}` is {in_words(first)}, but `{written(other)}` {_is(other, second)}"
-        help = _instead(one, first, other, second)
+        help: HelpText = _instead(one, first, other, second)
         needed = named(self._needed) if self._needed is not None else None
         if needed is not None and first != self._needed:
-            help = f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}` instead of `{written(whole)}`"
+            help = f"write {NOUNS[needed]} such as " + instead(EXAMPLES[needed], written(whole))
         self._add(other, f"{message}: only values of one kind {what}", help)
 
-    def _add(self, item: m.Item, message: str, help: str) -> None:
+    def _add(self, item: m.Item, message: str, help: HelpText) -> None:
         self.mismatches.append(Mismatch(item, message, help))
 
 
@@ -146,17 +147,17 @@ def _is(value: m.Item, powers: Powers) -> str:
     return "has no unit" if bare else f"is {in_words(powers)}"
 
 
-def _instead(one: m.Item, first: Powers, other: m.Item, second: Powers) -> str:
+def _instead(one: m.Item, first: Powers, other: m.Item, second: Powers) -> HelpText:
     """Say what to write for the second of two values, so that it is of the first one's kind."""
     needed = named(first)
     if isinstance(other, m.Quantity) and not other.unit and needed is not None and SI_WORD[needed]:
         unit = one.unit if isinstance(one, m.Quantity) else SI_WORD[needed]
-        return f"did you mean `{written(other)} {unit}`?"
+        return meant_code(f"{written(other)} {unit}")
     if isinstance(one, m.Quantity) and not one.unit and (meant := named(second)) is not None and SI_WORD[meant]:
-        return f"give it a unit too: `{written(one)} {SI_WORD[meant]}` instead of `{written(one)}`"
+        return "give it a unit too: " + instead(f"{written(one)} {SI_WORD[meant]}", written(one))
     if needed is None:
         return "give both the same kind"
-    return f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}` instead of `{written(other)}`"
+    return f"write {NOUNS[needed]} such as " + instead(EXAMPLES[needed], written(other))
 
 
 def turned(value: m.Item) -> m.Product | None:

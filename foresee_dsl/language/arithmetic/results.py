@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal
 from typing import get_args
 
+from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
@@ -44,7 +45,7 @@ class Unfit:
     field: str
     code: str
     message: str
-    help: str
+    help: HelpText
 
 
 def uses(items: Iterable[m.Item]) -> Iterator[Use]:
@@ -75,7 +76,7 @@ def unfit(found: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator
             yield Unfit(item, field, code, f"{_where(name, len(wrong) - 1)}{message}", help)
 
 
-_Problem = tuple[m.Item, str, str, str, str]
+_Problem = tuple[m.Item, str, str, str, HelpText]
 
 
 def _problem(use: Use, values: Values) -> _Problem | None:
@@ -86,7 +87,13 @@ def _problem(use: Use, values: Values) -> _Problem | None:
     form = form_of(type(use.item), use.field.partition(".")[0])
     shown = f"`{written(use.value)}` is {value_text(result)}{_with(use, values)}"
     if form.dimension == "count" and (result.value != result.value.to_integral_value() or result.value < 0):
-        return use.item, use.field, c.MISFIT, f"{shown}, but a whole number is needed here", "write one such as `2`"
+        return (
+            use.item,
+            use.field,
+            c.MISFIT,
+            f"{shown}, but a whole number is needed here",
+            "write one such as " + write("2"),
+        )
     bounds = form.bounds
     if bounds is None or bounds.low <= result.si <= bounds.high:
         return None
@@ -95,7 +102,12 @@ def _problem(use: Use, values: Values) -> _Problem | None:
     )
     small = result.si < bounds.low
     kept = f"{'max' if small else 'min'}({written(use.value)}, {written(nearest(bounds, result))})"
-    help = f"use at {'least' if small else 'most'} `{written(nearest(bounds, result))}`, such as by `{kept}`"
+    help = (
+        f"use at {'least' if small else 'most'} "
+        + write(written(nearest(bounds, result)))
+        + ", such as by "
+        + write(kept)
+    )
     return use.item, use.field, out_of_bounds(use.item), message, help
 
 
@@ -104,9 +116,9 @@ def out_of_bounds(item: m.Item) -> str:
     return "FS043" if isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
 
 
-def limit(bounds: m.Bounds, value: m.Quantity) -> str:
+def limit(bounds: m.Bounds, value: m.Quantity) -> Help:
     """Return what to write instead of a value that is too small or too large."""
-    return f"use at {'least' if value.si < bounds.low else 'most'} `{written(nearest(bounds, value))}`"
+    return f"use at {'least' if value.si < bounds.low else 'most'} " + write(written(nearest(bounds, value)))
 
 
 def nearest(bounds: m.Bounds, value: m.Quantity) -> m.Quantity:
@@ -124,7 +136,7 @@ def _shortest(number: Decimal) -> Decimal:
     return Decimal(f"{number.normalize():f}")
 
 
-def not_by_zero(item: m.Item, values: Values) -> str:
+def not_by_zero(item: m.Item, values: Values) -> HelpText:
     """Return what to write instead of a division by what can be zero, or of what comes to nothing else."""
     if not isinstance(item, m.Product):
         return "write another value"
@@ -133,10 +145,12 @@ def not_by_zero(item: m.Item, values: Values) -> str:
     try:
         zero = evaluate(item.right, values)
     except ExpressionError:
-        return "keep it out with a `require`"
+        return "keep it out with a " + write("require")
     least = written(m.Quantity(value=Decimal("0.1"), unit=zero.unit))
     left = f"({written(item.left)})" if isinstance(item.left, m.Sum) else written(item.left)
-    return f"keep it from zero: `{left} / max({written(item.right)}, {least})`, or by a `require`"
+    return (
+        "keep it from zero: " + write(f"{left} / max({written(item.right)}, {least})") + ", or by a " + write("require")
+    )
 
 
 def _where(name: str, more: int) -> str:

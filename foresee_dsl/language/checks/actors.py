@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
+from foresee_dsl.helps import HelpText, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
-from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.suggest import closest, did_you_mean
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.traversal import walk
@@ -23,11 +24,11 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     groups = [item for item in body if isinstance(item, m.Traffic)]
     named = [actor for actor in actors if isinstance(actor, m.Actor)]
     for other in [actor for actor in named if actor.name == "ego"][:1]:
-        findings.add(other, "name", "FS030", "only the ego is called 'ego'", "give this actor another name")
+        findings.add(other, "name", "FS030", "only the ego is called 'ego'", rename("give this actor another name"))
     for other in named:
         if other.name in m.TAKEN or other.name in m.OWNERS:
             message = f"'{other.name}' is a word of the language"
-            findings.add(other, "name", "FS049", message, "give this actor another name")
+            findings.add(other, "name", "FS049", message, rename("give this actor another name", everywhere=True))
     findings.unique([*((a, "name", a.name) for a in named), *((g, "name", g.name) for g in groups)], "actors")
     cases = [item for item in body if isinstance(item, m.Case)]
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}
@@ -53,17 +54,17 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) 
     moves = bool(kinds & set(_WAYS))
     if isinstance(actor, m.Ego):
         if not moves or kinds & set(_PATHS):
-            help = "write it like `route from south straight over j4`"
+            help = "write it like " + write("route from south straight over j4")
             findings.add(actor, "", "FS042", "the ego has no route", help, head_only=True)
         return
     placed = actor.state is not None or moves or ("start_at" in kinds and actor.kind in ("obstacle", "pedestrian"))
     if not placed:
-        help = "add a way, such as `path [(0 m, 0 m), (20 m, 0 m)]`"
+        help = "add a way, such as " + write("path [(0 m, 0 m), (20 m, 0 m)]")
         if actor.kind != "pedestrian":
             ways = [print_item(item) for item in ego.body if item.kind in _WAYS] if ego is not None else []
-            help = f"add a way, such as `{ways[0] if ways else 'route from south straight over j4'}`"
+            help = "add a way, such as " + write(ways[0] if ways else "route from south straight over j4")
         if actor.kind == "obstacle":
-            help = "add `start at 20 m along ego.route`, or a position in front of the brace"
+            help = "add " + write("start at 20 m along ego.route") + ", or a position in front of the brace"
         findings.add(actor, "", "FS042", f"'{actor.name}' is nowhere", help, head_only=True)
 
 
@@ -71,7 +72,7 @@ def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
     """Who joins the traffic comes from a path."""
     for item in actor.body:
         if isinstance(item, m.Joins) and not any(isinstance(other, m.AnyPath) for other in actor.body):
-            help = "write `path [PLACE, PLACE]` before it, or `route [...]` instead"
+            help = "write " + write("path [PLACE, PLACE]") + " before it, or `route [...]` instead"
             findings.add(item, "", "FS042", f"'{actor.name}' joins the traffic, but has no path", help)
 
 
@@ -81,9 +82,11 @@ def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
     for item in actor.body:
         if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):
             message = f"'{actor.name}' follows a path, whose line takes no times"
-            findings.add(item, "", "FS042", message, "leave out `from` and `for`")
+            findings.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
         if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
-            findings.add(item, "", "FS042", "the ego's driver brakes", "say it of another actor, or remove it")
+            findings.add(
+                item, "", "FS042", "the ego's driver brakes", "say it of another actor, or " + remove("remove it")
+            )
 
 
 def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
@@ -92,7 +95,7 @@ def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
         kind = "way" if item.kind in _WAYS else item.kind
         if kind in seen and kind not in _MAY_REPEAT:
             what = "a second route or path" if kind == "way" else "a second statement of this kind"
-            findings.add(item, "", "FS047", f"{what} for '{actor.name}'", "keep one of the two")
+            findings.add(item, "", "FS047", f"{what} for '{actor.name}'", remove("keep one of the two"))
         seen[kind] = item
 
 
@@ -104,7 +107,11 @@ def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
             continue
         if isinstance(actor, m.Actor):
             findings.add(
-                item, "", "FS056", f"'{actor.name}' has a recorded state", "only the ego can follow one: remove it"
+                item,
+                "",
+                "FS056",
+                f"'{actor.name}' has a recorded state",
+                "only the ego can follow one: " + remove("remove it"),
             )
         elif isinstance(item.time, m.Quantity):
             if item.time.si <= before:
@@ -123,10 +130,10 @@ def _check_class(
         class_ = model.partition(".")[0]
         if class_ not in wanted:
             keyword = "vehicle" if class_ in VEHICLE_CLASSES else class_
-            help = f"`{actor.kind}` takes models of the classes {', '.join(wanted)}"
+            help = write(actor.kind) + f" takes models of the classes {', '.join(wanted)}"
             if isinstance(actor, m.Actor) and item is actor:
-                classes = " or ".join(filter(None, (", ".join(wanted[:-1]), wanted[-1])))
-                help = f"write `{keyword} {actor.name}: {model}`, or take a model of {classes}"
+                help = "write " + write(f"{keyword} {actor.name}: {model}") + ", or take a model of "
+                help += one_of(wanted, " or ")
             findings.add(item, field, "FS038", f"'{actor.name}' is a {actor.kind}, but `{model}` is none", help)
 
 
@@ -156,8 +163,8 @@ def _known_class(findings: Findings, item: m.Item, field: str, model: str) -> bo
     if class_ in CLASSES:
         return True
     help = did_you_mean(class_, CLASSES)
-    if "did you mean" not in help:
-        help = f"classes are {', '.join(CLASSES)}: write one such as `car.sedan`"
+    if closest(class_, CLASSES) is None:
+        help = f"classes are {', '.join(CLASSES)}: write one such as " + write("car.sedan")
     findings.add(item, field, "FS012", f"unknown class of models '{class_}'", help)
     return False
 
@@ -180,7 +187,7 @@ def _check_mentions(
                 group = re.fullmatch(r"(.+)_[0-9]+", name)
                 if name in actors or name in doors or (group is not None and group[1] in groups):
                     continue
-                help = did_you_mean(name, sorted(actors))
+                help: HelpText = did_you_mean(name, sorted(actors))
                 if name in groups:
-                    help = f"name one of its actors: `{name}_01`"
+                    help = "name one of its actors: " + write(f"{name}_01")
                 findings.add(item, field, "FS037", f"unknown actor '{name}'", help)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from foresee_dsl.errors import Diagnostic
+from foresee_dsl.helps import HelpText, meant_code, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.actors import check_actors
 from foresee_dsl.language.checks.parameters import check_parameters
@@ -57,15 +58,24 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
     egos, networks = scenario.all(m.Ego), (*scenario.all(m.UseNetwork), *scenario.all(m.Network))
     if not egos:
         example = "ego: car.sedan { route from south straight over j4 }"
-        help = f"add the vehicle that is driven by the software under test: `{example}`"
+        help = "add the vehicle that is driven by the software under test: " + write(example)
         findings.add(scenario, "name", "FS035", f"scenario '{scenario.name}' has no ego", help)
     for ego in egos[1:]:
-        findings.add(ego, "", "FS035", "a second ego", "a scenario has exactly one: remove it", head_only=True)
+        findings.add(
+            ego, "", "FS035", "a second ego", "a scenario has exactly one: " + remove("remove it"), head_only=True
+        )
     if not networks:
-        help = 'add `use network "town.foresee"` or a block `network { ... }`'
+        help = "add " + write('use network "town.foresee"') + " or a block `network { ... }`"
         findings.add(scenario, "name", "FS036", f"scenario '{scenario.name}' has no network", help)
     for network in networks[1:]:
-        findings.add(network, "", "FS036", "a second network", "a scenario has exactly one: remove it", head_only=True)
+        findings.add(
+            network,
+            "",
+            "FS036",
+            "a second network",
+            "a scenario has exactly one: " + remove("remove it"),
+            head_only=True,
+        )
     for kind in (m.End, m.Weather, m.Tags):
         findings.only_once(scenario.all(kind))
     for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
@@ -83,10 +93,12 @@ def _check_expected(findings: Findings, model: m.Scenario | m.Clip | m.Mutant, c
     seen: set[tuple[str, str | None]] = set()
     for item in (item for item in model.body if isinstance(item, m.Expected)):
         if (item.driver, item.case) in seen:
-            findings.add(item, "driver", "FS013", f"'{item.driver}' has two expected results", "keep one of the two")
+            findings.add(
+                item, "driver", "FS013", f"'{item.driver}' has two expected results", remove("keep one of the two")
+            )
         seen.add((item.driver, item.case))
         if item.case is not None and cases is not None and item.case not in cases:
-            help = did_you_mean(item.case, cases) or "it has no cases: leave out `in case`"
+            help = did_you_mean(item.case, cases) or "it has no cases: leave out " + write("in case")
             findings.add(item, "case", "FS100", f"no case '{item.case}' here", help)
 
 
@@ -102,15 +114,15 @@ def _check_clip(findings: Findings, clip: m.Clip) -> None:
     for kind, word, usage in needed:
         found = [item for item in clip.body if isinstance(item, kind)]
         if not found:
-            findings.add(clip, "name", "FS044", f"clip '{clip.name}' has no `{word}`", f"write it like `{usage}`")
+            findings.add(clip, "name", "FS044", f"clip '{clip.name}' has no `{word}`", "write it like " + write(usage))
         findings.only_once(found)
     for item in clip.body:
         match item:
             case m.Window(start=m.Quantity() as start, end=m.Quantity() as end) if end.si <= start.si:
-                help = f"did you mean `window {written(end)}..{written(start)}`?"
+                help = meant_code(f"window {written(end)}..{written(start)}")
                 findings.add(item, "", "FS039", "this window ends before it begins", help)
             case m.Ego(state=None) | m.Actor(state=None):
-                help = "in a clip every actor has a state: `at (1 m, 2 m) heading 90 deg speed 8 m/s`"
+                help = "in a clip every actor has a state: " + write("at (1 m, 2 m) heading 90 deg speed 8 m/s")
                 findings.add(item, "", "FS044", f"'{item.name}' has no position", help, head_only=True)
     patches = [item for item in clip.body if isinstance(item, m.Slippery)]
     findings.unique(((item, "name", item.name) for item in patches), "slippery patches")
@@ -122,7 +134,7 @@ def _check_clip(findings: Findings, clip: m.Clip) -> None:
 
 def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
     if not mutant.changes:
-        help = "add a line such as `change runner.timing: 1.00 => 0.80`"
+        help = "add a line such as " + write("change runner.timing: 1.00 => 0.80")
         findings.add(mutant, "name", "FS045", f"mutant '{mutant.name}' changes nothing", help)
     findings.only_once([item for item in mutant.body if isinstance(item, m.Origin)])
     _check_changes(findings, mutant.changes, parameters=False)
@@ -140,7 +152,9 @@ def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameter
     for change in changes:
         path = (change.actor, change.property)
         if path in seen:
-            findings.add(change, "property", "FS013", f"'{'.'.join(path)}' is changed twice", "keep one of the two")
+            findings.add(
+                change, "property", "FS013", f"'{'.'.join(path)}' is changed twice", remove("keep one of the two")
+            )
         seen.add(path)
         for side in ("was", "now"):
             _check_changed(findings, change, side, parameters=parameters)
@@ -148,7 +162,15 @@ def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameter
         if change.actor in m.OWNERS or rule is None or not rule.timed:
             for field in ("start", "duration"):
                 if getattr(change, field) is not None:
-                    help = "`steer`, `line` and `brakes` take times, such as `from 4.00 s for 1.00 s`"
+                    help = (
+                        write("steer")
+                        + ", "
+                        + write("line")
+                        + " and "
+                        + write("brakes")
+                        + " take times, such as "
+                        + write("from 4.00 s for 1.00 s")
+                    )
                     findings.add(change, field, "FS124", f"'{'.'.join(path)}' has no times", help)
 
 
@@ -158,7 +180,7 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
         needed = m.OWNERS[change.actor].dimension
     elif change.property == "model":
         if not isinstance(value, str):
-            findings.add(change, side, "FS046", "the model of an actor is a name", "such as `car.compact`")
+            findings.add(change, side, "FS046", "the model of an actor is a name", "such as " + write("car.compact"))
         return
     else:
         rule = m.PROPERTIES.get(change.property)
@@ -170,7 +192,7 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
     if isinstance(value, str):
         if parameters:
             return  # the name of one, or else the joined scenario is refused
-        help = f"write {findings.example(needed)}"
+        help = "write " + findings.example(needed)
         findings.add(change, side, "FS046", f"`{value}` cannot be a value of `{change.property}`", help)
     elif isinstance(value, m.Quantity) and value.dimension != needed:
         findings.wrong_dimension(change, side, value, needed, code="FS046")
@@ -185,7 +207,7 @@ _SEVERAL: tuple[type[m.Item], ...] = (m.Doc, m.Seeds)
 def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
     """Check a campaign's file; whether its drivers, rankers and files exist is known where it is run."""
     if not any(isinstance(item, m.Seeds) for item in campaign.body):
-        help = 'say which test cases it runs: `seeds "scenarios/**"`'
+        help = "say which test cases it runs: " + write('seeds "scenarios/**"')
         findings.add(campaign, "name", "FS057", f"campaign '{campaign.name}' has no `seeds`", help)
     for kind in {type(item) for item in campaign.body} - set(_SEVERAL):
         findings.only_once([item for item in campaign.body if isinstance(item, kind)])
@@ -193,7 +215,7 @@ def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
         names = item.names if isinstance(item, m.Drivers | m.Against | m.Rankers) else ()
         for k, name in enumerate(names):
             if name in names[:k]:
-                findings.add(item, f"names.{k}", "FS013", f"'{name}' stands twice", "keep one of the two")
+                findings.add(item, f"names.{k}", "FS013", f"'{name}' stands twice", remove("keep one of the two"))
 
 
 def check_catalogue(findings: Findings, catalogue: m.Catalogue) -> None:
@@ -214,7 +236,9 @@ def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
         low, high = getattr(model, less), getattr(model, more)
         if isinstance(low, m.Quantity) and isinstance(high, m.Quantity) and low.si > high.si:
             message = f"its {less} `{written(low)}` is above its {more} `{written(high)}`"
-            findings.add(model, less, "FS055", message, f"use at most `{written(high)}`, or raise `{more}`")
+            findings.add(
+                model, less, "FS055", message, "use at most " + write(written(high)) + ", or raise " + write(more)
+            )
     parts = {name: getattr(model, name) for name in ("front_overhang", "wheelbase", "rear_overhang")}
     given = {name: part for name, part in parts.items() if isinstance(part, m.Quantity)}
     if not given or not isinstance(model.length, m.Quantity):
@@ -225,7 +249,7 @@ def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
         message = f"{' + '.join(given)} is {sum_m:.2f} m, and the length is {length_m:.2f} m"
         last = next(reversed(given))
         left_m = length_m - (sum_m - given[last].si)
-        help = f"write `{last} {left_m:.2f} m`" if left_m > 0 else "correct them, or the length"
+        help = "write " + write(f"{last} {left_m:.2f} m") if left_m > 0 else "correct them, or the length"
         findings.add(model, last, "FS055", message, help)
 
 
@@ -247,7 +271,7 @@ def check_network(findings: Findings, network: m.Network) -> None:
     for junction in junctions:
         _check_junction(findings, junction, network)
     if not roads:
-        findings.add(network, "name", "FS014", "this network has no roads", "add `road main from a to b`")
+        findings.add(network, "name", "FS014", "this network has no roads", "add " + write("road main from a to b"))
     if len(junctions) + len(roads) + sum(isinstance(b, m.Building | m.Doc) for b in network.body) < len(network.body):
         Streets(findings, network, names).check()
 
@@ -255,16 +279,16 @@ def check_network(findings: Findings, network: m.Network) -> None:
 def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:
     for field, name, other in (("start", road.start, road.end), ("end", road.end, road.start)):
         if name not in junctions:
-            help = did_you_mean(name, [known for known in junctions if known != other])
+            help: HelpText = did_you_mean(name, [known for known in junctions if known != other])
             findings.add(road, field, "FS040", f"unknown junction '{name}'", help)
     others = [name for name in dict.fromkeys(junctions) if name != road.start]
     if road.start == road.end:
-        help = f"known are {', '.join(others)}" if others else "add `junction b at (100 m, 0 m)`"
-        findings.add(road, "end", "FS050", "this road ends where it begins", f"a road joins two junctions; {help}")
+        help = "known are " + one_of(others) if others else "add " + write("junction b at (100 m, 0 m)")
+        findings.add(road, "end", "FS050", "this road ends where it begins", "a road joins two junctions; " + help)
     if road.name.removesuffix("_back") in roads - {road.name}:
         other = road.name.removesuffix("_back")
         message = f"'{road.name}' is also the other direction of road '{other}'"
-        findings.add(road, "name", "FS030", message, "give it another name")
+        findings.add(road, "name", "FS030", message, rename("give it another name"))
 
 
 def _check_junction(findings: Findings, junction: m.Junction, network: m.Network) -> None:
@@ -273,10 +297,10 @@ def _check_junction(findings: Findings, junction: m.Junction, network: m.Network
         roads = dict.fromkeys(
             item.name for item in network.body if isinstance(item, m.Road) and junction.name in (item.start, item.end)
         )
-        help = f"add at least one: `stage go for 25 s green [{', '.join(roads) or 'north, south'}]`"
+        help = "add at least one: " + write(f"stage go for 25 s green [{', '.join(roads) or 'north, south'}]")
         findings.add(junction, "name", "FS048", f"the signals of '{junction.name}' have no stages", help)
     if junction.control != "signals" and junction.stages:
-        help = f"write `signals` after the position of '{junction.name}', or remove it"
+        help = "write " + write("signals") + f" after the position of '{junction.name}', or " + remove("remove it")
         findings.add(junction.stages[0], "", "FS048", "a stage at a junction without signals", help)
     named: list[tuple[m.Item, str, str]]
     named = [(junction, f"crossings.{k}", name) for k, name in enumerate(junction.crossings or ())]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from decimal import Decimal
 
+from foresee_dsl.helps import rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.printer import value_text, written
@@ -41,7 +42,11 @@ def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
             continue
         reported.add(id(item))
         drawn = isinstance(item, m.Cases)
-        help = "take another seed, or give the written case another name" if drawn else "give one of them another name"
+        help = (
+            "take another seed, or " + rename("give the written case another name")
+            if drawn
+            else rename("give one of them another name")
+        )
         findings.add(item, field, "FS030", f"there are two cases called '{name}'", help)
 
 
@@ -51,11 +56,13 @@ def _check_cases(findings: Findings, cases: m.Cases) -> bool:
     for field, low, high in (("count", 1, MAX_CASES), ("seed", 0, _MAX_SEED)):
         value: m.Quantity = getattr(cases, field)
         if value.unit or value.value != value.value.to_integral_value():
-            findings.add(cases, field, "FS010", f"`{written(value)}` is no whole number", "write one such as `20`")
+            findings.add(
+                cases, field, "FS010", f"`{written(value)}` is no whole number", "write one such as " + write("20")
+            )
             sound = False
         elif not low <= value.value <= high:
             message = f"`{written(value)}` is no {'number of cases' if field == 'count' else 'seed'} that can be drawn"
-            findings.add(cases, field, "FS050", message, f"use `{low}` to `{high}`")
+            findings.add(cases, field, "FS050", message, "use " + write(str(low)) + " to " + write(str(high)))
             sound = False
     return sound
 
@@ -67,11 +74,11 @@ def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.
         if isinstance(default, m.Quantity):
             twice = m.Quantity(value=default.value * 2 or Decimal(1), unit=default.unit)
             low = m.Quantity(value=Decimal(0) * default.value, unit=default.unit)
-            help = (
-                f"give it a range: `{_head(parameter)} in {written(low)}..{written(twice)} as {written(distribution)}`"
+            help = "give it a range: " + write(
+                f"{_head(parameter)} in {written(low)}..{written(twice)} as {written(distribution)}"
             )
         else:
-            help = f"give it options: `{_head(parameter)} in [{default}] as {written(distribution)}`"
+            help = "give it options: " + write(f"{_head(parameter)} in [{default}] as {written(distribution)}")
         findings.add(distribution, "", "FS051", f"'{parameter.name}' has nothing to be drawn from", help)
     elif isinstance(distribution, m.Normal):
         _check_normal(findings, parameter, distribution)
@@ -80,7 +87,7 @@ def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.
     elif kind == "grid" and parameter.range is not None and parameter.range.step is None and parameter.type != "count":
         low, high = parameter.range.low, parameter.range.high
         steps = f"{written(low)}..{written(high)} step {written(_tenth(parameter.range))}"
-        help = f"write it like `{_head(parameter)} in {steps} as grid`"
+        help = "write it like " + write(f"{_head(parameter)} in {steps} as grid")
         findings.add(distribution, "", "FS051", "a grid needs steps, and this range has none", help)
 
 
@@ -88,7 +95,7 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
     limits = parameter.range
     if limits is None:
         weights = ", ".join("1" for _ in parameter.options or ())
-        help = f"options are drawn as `uniform`, `choice({weights})` or `grid`"
+        help = "options are drawn as " + write("uniform") + ", " + write(f"choice({weights})") + " or " + write("grid")
         findings.add(normal, "", "FS051", "a normal distribution needs a range, and this parameter has options", help)
         return
     needed = limits.low.dimension
@@ -101,7 +108,9 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
         ends = f"{written(limits.low)}..{written(limits.high)}"
         message = f"the mean `{written(normal.mean)}` is outside the range, {ends}"
         near = written(limits.low if normal.mean.si < limits.low.si else limits.high)
-        findings.add(normal, "mean", "FS051", message, f"use one inside it, such as `{near}`, or widen the range")
+        findings.add(
+            normal, "mean", "FS051", message, "use one inside it, such as " + write(near) + ", or widen the range"
+        )
     if normal.deviation.si <= 0:
         message = f"a deviation of `{written(normal.deviation)}` draws nothing"
         findings.add(
@@ -109,21 +118,21 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
             "deviation",
             "FS051",
             message,
-            f"a standard deviation is more than zero, such as `{written(_tenth(limits))}`",
+            "a standard deviation is more than zero, such as " + write(written(_tenth(limits))),
         )
 
 
 def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> None:
     options, weights = parameter.options, choice.weights
     if options is None:
-        help = "write the values to choose from, in brackets behind `in`, or draw as `uniform`"
+        help = "write the values to choose from, in brackets behind " + write("in") + ", or draw as " + write("uniform")
         findings.add(choice, "", "FS051", "a choice needs options, and this parameter has a range", help)
         return
     if len(options) != len(weights):
         message = f"{len(weights)} weights for {len(options)} options"
         more = [m.Quantity(value=Decimal(1))] * max(len(options) - len(weights), 0)
         given = ", ".join(written(weight) for weight in [*weights[: len(options)], *more])
-        findings.add(choice, "", "FS051", message, f"give each option one, in their order: `choice({given})`")
+        findings.add(choice, "", "FS051", message, "give each option one, in their order: " + write(f"choice({given})"))
     for k, weight in enumerate(weights):
         if weight.unit:
             findings.add(
@@ -131,10 +140,10 @@ def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> N
                 f"weights.{k}",
                 "FS051",
                 f"`{written(weight)}` is no weight",
-                f"a weight has no unit: `{written(m.Quantity(value=weight.value))}`",
+                "a weight has no unit: " + write(written(m.Quantity(value=weight.value))),
             )
         elif weight.value <= 0:
-            help = "a weight is more than zero, such as `1`; leave out an option that is not to be drawn"
+            help = "a weight is more than zero, such as " + write("1") + "; leave out an option that is not to be drawn"
             findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is no weight", help)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from foresee_dsl.helps import Help, HelpText, meant_code
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
@@ -19,7 +20,7 @@ from foresee_dsl.language.units import Dimension
 def refuse(findings: Findings, kind: str, item: m.Item, field: str, value: m.Expression) -> None:
     """Report an expression in a file that holds values only."""
     try:
-        help = f"did you mean `{written(evaluate(value))}`?"
+        help: HelpText = meant_code(written(evaluate(value)))
     except ExpressionError:
         help = "write its value"
     message = f"{kind} holds values: `{written(value)}` is not worked out here"
@@ -51,11 +52,11 @@ def check_expression(
     return None
 
 
-def _instead(value: m.Expression, needed: Dimension, dimensions: Dimensions, example: str) -> str:
+def _instead(value: m.Expression, needed: Dimension, dimensions: Dimensions, example: Help) -> Help:
     other = turned(value)
     if other is not None and dimensions.of(other) == POWERS[needed]:
-        return f"did you mean `{written(other)}`?"
-    return f"write {example}, or work one out of others: {_RECIPES[needed]}"
+        return meant_code(written(other))
+    return "write " + example + f", or work one out of others: {_RECIPES[needed]}"
 
 
 _RECIPES: Mapping[Dimension, str] = {
@@ -84,7 +85,7 @@ def compare_sides(findings: Findings, item: m.Comparison, types: Mapping[str, m.
         return True
     message = f"`{written(item.left)}` is {in_words(left)}, but `{written(item.right)}` {_is(item.right, right)}"
     dimension = named(left)
-    help = f"compare it with {Findings.example(dimension)}" if dimension is not None else "compare values of one kind"
+    help = "compare it with " + Findings.example(dimension) if dimension is not None else "compare values of one kind"
     findings.add(item, "right", c.MIXED_KINDS, message, help)
     return False
 

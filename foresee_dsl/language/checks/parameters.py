@@ -7,6 +7,7 @@ import re
 from decimal import Decimal
 from typing import get_args
 
+from foresee_dsl.helps import Help, HelpText, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, needed_by, plain, references
@@ -44,10 +45,11 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
         for assignment in case.values:
             known = by_name.get(assignment.name)
             if known is None:
-                help = did_you_mean(assignment.name, [name for name in by_name if name not in given])
+                left = [name for name in by_name if name not in given]
+                help = did_you_mean(assignment.name, left)
                 other = closest(assignment.name, [name for name in given if name in by_name])
-                if "did you mean" not in help and other is not None:
-                    help = f"'{other}' is given beside it: remove it"
+                if closest(assignment.name, left) is None and other is not None:
+                    help = f"'{other}' is given beside it: " + remove("remove it")
                 findings.add(assignment, "name", "FS031", f"unknown parameter '{assignment.name}'", help)
             else:
                 _check_assignment(findings, known, assignment, by_name)
@@ -73,7 +75,11 @@ def _check_assignment(
         if parameter.type in WORD_TYPES:
             message = f"'{parameter.name}' is of type {parameter.type}, not a number"
             findings.add(
-                assignment, "value", "FS034", message, f"write it like the default, `{value_text(parameter.default)}`"
+                assignment,
+                "value",
+                "FS034",
+                message,
+                "write it like the default, " + write(value_text(parameter.default)),
             )
         elif not unknown_in(value, types):
             check_expression(findings, assignment, "value", value, dimension_of(parameter), types)
@@ -99,9 +105,10 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
     try:
         values = case_values(scenario, case)
     except ExpressionError as error:
-        item, help = error.item, not_by_zero(error.item, {p.name: p.default for p in parameters.values()})
+        item = error.item
+        help: HelpText = not_by_zero(error.item, {p.name: p.default for p in parameters.values()})
         if isinstance(item, m.Assignment):
-            help = f"write a value: `{item.name} = {value_text(plain(parameters[item.name].default))}`"
+            help = "write a value: " + write(f"{item.name} = {value_text(plain(parameters[item.name].default))}")
             item = item if any(item is assignment for assignment in case.values) else case
         findings.add(item, "", c.NO_RESULT, f"in case '{case.name}' {error.message}", help)
         return
@@ -114,13 +121,13 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
 def _check_parameter(findings: Findings, parameter: m.Param) -> None:
     if parameter.name in RESERVED:
         message = f"'{parameter.name}' is a word of the language"
-        findings.add(parameter, "name", "FS049", message, "give the parameter another name")
+        findings.add(parameter, "name", "FS049", message, rename("give the parameter another name", everywhere=True))
     limits, sound = parameter.range, True
     if limits is not None:
         ends = [(end, value) for end in ("low", "high", "step") if (value := getattr(limits, end)) is not None]
         sound = all(_check_type(findings, parameter, limits, end, value) for end, value in ends)
         if sound and limits.low.si > limits.high.si:
-            help = f"write `{written(limits.high)}..{written(limits.low)}`"
+            help = "write " + write(f"{written(limits.high)}..{written(limits.low)}")
             findings.add(limits, "", "FS039", "this range ends before it begins", help)
             sound = False
         elif sound and limits.step is not None and limits.step.si <= 0:
@@ -144,8 +151,8 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
         return
     if parameter.options is not None and not any(same_value(value, option) for option in parameter.options):
         message = f"`{written(value)}` is not among the options of '{parameter.name}'"
-        known = ", ".join(written(option) for option in parameter.options if isinstance(option, m.Quantity))
-        findings.add(item, field, "FS033", message, f"options are {known}")
+        known = one_of(written(option) for option in parameter.options if isinstance(option, m.Quantity))
+        findings.add(item, field, "FS033", message, "options are " + known)
         return
     limits = parameter.range
     if limits is None or limits.low.si > limits.high.si:
@@ -156,13 +163,15 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
     if not low - slack <= value.si <= high + slack:
         message = f"`{written(value)}` is outside the range of '{parameter.name}', {ends}"
         near = written(limits.low if value.si < low else limits.high)
-        findings.add(item, field, "FS033", message, f"use a value inside it, such as `{near}`, or widen the range")
+        findings.add(
+            item, field, "FS033", message, "use a value inside it, such as " + write(near) + ", or widen the range"
+        )
     elif limits.step is not None and limits.step.si > 0:
         steps = (value.si - low) / limits.step.si
         if abs(steps - round(steps)) > _ON_STEP * max(1.0, abs(steps)):
             message = f"`{written(value)}` is not on a step of '{parameter.name}': {ends} step {written(limits.step)}"
             near = _on_step(limits, min(round(steps), math.floor((high - low) / limits.step.si + _ON_STEP)))
-            help = f"round it to the step, `{near}`, or make the step smaller"
+            help = "round it to the step, " + write(near) + ", or make the step smaller"
             findings.add(item, field, "FS033", message, help)
 
 
@@ -184,13 +193,13 @@ def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str
     type_ = parameter.type
     if type_ not in WORD_TYPES:
         message = f"'{parameter.name}' is of type {type_}, but `{value}` is a word"
-        findings.add(item, field, "FS034", message, f"write {findings.example(dimension_of(parameter))}")
+        findings.add(item, field, "FS034", message, "write " + findings.example(dimension_of(parameter)))
     elif type_ == "side" and value not in _SIDES:
         findings.add(item, field, "FS034", f"unknown side '{value}'", did_you_mean(value, _SIDES))
     elif type_ == "turn" and value not in _TURNS:
         findings.add(item, field, "FS034", f"unknown turn '{value}'", did_you_mean(value, _TURNS))
     elif type_ == "model" and _MODEL.fullmatch(value) is None:
-        help = "models are called class.variant, such as `car.compact`"
+        help = "models are called class.variant, such as " + write("car.compact")
         findings.add(item, field, "FS034", f"`{value}` is no name of a model", help)
     else:
         return True
@@ -200,22 +209,23 @@ def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str
 def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.Quantity) -> bool:
     type_ = parameter.type
     if type_ in WORD_TYPES:
-        help = {
-            "arm": "write the name of a road, such as `south`",
-            "turn": f"turns are {', '.join(_TURNS)}",
-            "junction": "write the name of a junction, such as `j4`",
-            "stage": "write the name of a stage, such as `ns_go`",
-            "side": "write `left` or `right`",
+        help: dict[str, Help] = {
+            "arm": "write the name of a road, such as " + write("south"),
+            "turn": "turns are " + one_of(_TURNS),
+            "junction": "write the name of a junction, such as " + write("j4"),
+            "stage": "write the name of a stage, such as " + write("ns_go"),
+            "side": "write " + write("left") + " or " + write("right"),
         }
         message = f"'{parameter.name}' is of type {type_}, not a number"
-        findings.add(item, field, "FS034", message, help.get(type_, "write the name of a model, such as `car.compact`"))
+        a_model = "write the name of a model, such as " + write("car.compact")
+        findings.add(item, field, "FS034", message, help.get(type_, a_model))
         return False
     needed = dimension_of(parameter)
     if value.dimension != needed and not (needed == "count" and not value.unit):
         findings.wrong_dimension(item, field, value, needed, code="FS034")
         return False
     if needed == "count" and (value.value < 0 or value.value != value.value.to_integral_value()):
-        findings.add(item, field, "FS034", f"`{written(value)}` is no whole number", "write one such as `2`")
+        findings.add(item, field, "FS034", f"`{written(value)}` is no whole number", "write one such as " + write("2"))
         return False
     return True
 

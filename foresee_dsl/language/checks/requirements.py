@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values
@@ -53,7 +54,12 @@ def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.P
         unknown = unknown_in(part.left, types) or unknown_in(part.right, types)  # `check_values` reports them
         return not unknown and compare_sides(findings, part, types)
     help = (
-        "only parameters are compared here: `require gap < 2 s`; what happens in the world is for `when` and `expect`"
+        "only parameters are compared here: "
+        + write("require gap < 2 s")
+        + "; what happens in the world is for "
+        + write("when")
+        + " and "
+        + write("expect")
     )
     findings.add(part, "", "FS052", f"`{written(part)}` is not known before the run", help)
     return False
@@ -64,7 +70,7 @@ def _check_equals(findings: Findings, part: m.Equals, parameters: dict[str, m.Pa
     if parameter is None:
         return False  # `check_values` reports it
     if parameter.type not in WORD_TYPES:
-        help = f"compare it with a value: `{parameter.name} <= {value_text(parameter.default)}`"
+        help = "compare it with a value: " + write(f"{parameter.name} <= {value_text(parameter.default)}")
         message = f"'{parameter.name}' is {NOUNS[dimension_of(parameter)]}, and never a word"
         findings.add(part, "left", "FS032", message, help)
         return False
@@ -84,7 +90,7 @@ def _check_compared(
         return False
     for field, name in sides:
         if parameters[name].type in WORD_TYPES:
-            help = f"write `{name} is {value_text(parameters[name].default)}`"
+            help = "write " + write(f"{name} is {value_text(parameters[name].default)}")
             findings.add(part, field, "FS032", f"'{name}' is a word, which is neither less nor more", help)
             return False
     first = parameters[left.name]

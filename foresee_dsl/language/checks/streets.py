@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
+from foresee_dsl.helps import HelpText, in_block, leave_out, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -83,7 +84,7 @@ class Streets:
             for edge in self._edges.values():
                 self._along(edge)
 
-    def _add(self, item: m.Item, field: str, message: str, help: str, code: str = "FS270") -> None:
+    def _add(self, item: m.Item, field: str, message: str, help: HelpText, code: str = "FS270") -> None:
         self._placed = False
         self._findings.add(item, field, code, message, help)
 
@@ -94,7 +95,12 @@ class Streets:
         check_touching(self._findings, item.name, named, self._network)
         if len(ring.arms) < 2:
             known = f"only {ring.arms[0][1].name} ends" if ring.arms else "no road ends"
-            help = f"at least two do: add `road west from west_end to {item.name}` and another, or remove it"
+            help: HelpText = (
+                "at least two do: add "
+                + write(f"road west from west_end to {item.name}")
+                + " and another, or "
+                + remove("remove it")
+            )
             self._add(item, "name", f"{known} at the roundabout '{item.name}'", help)
             return
         for (angle, road), (following, other) in pairwise((*ring.arms, ring.arms[0])):
@@ -109,9 +115,9 @@ class Streets:
                     f"the arms '{first.name}' and '{last.name}' of '{item.name}' overlap: "
                     f"{math.degrees(between):.0f} degrees are between them"
                 )
-                fits = f"write `radius {wider} m` in the block of '{item.name}', or " if wider <= 200 else ""
+                fits = in_block(f"radius {wider} m", item.name) + ", or " if wider <= 200 else ""
                 end = "end" if last.end == item.name else "start"
-                self._add(last, end, message, f"{fits}lead one of them to another side by `via`")
+                self._add(last, end, message, fits + "lead one of them to another side by " + write("via"))
         for _, road in ring.arms:
             far = road.end if road.start == item.name else road.start
             points = [(road, f"via.{k}", point) for k, point in enumerate(road.via)]
@@ -139,23 +145,23 @@ class Streets:
                     item,
                     "speed",
                     f"a bump with the speed of its road '{edge.road.name}'",
-                    f"use less, such as `{_slower(item.speed)}`",
+                    "use less, such as " + write(_slower(item.speed)),
                 )
             return
         if not number(edge.road.sidewalk):
-            help = f"write `sidewalk 2 m` in the block of road '{edge.road.name}'"
+            help = in_block("sidewalk 2 m", edge.road.name, "road")
             self._add(item, "road", f"nobody can come to '{item.name}': road '{item.road}' has no sidewalk", help)
         if item.island is None:
             return
         if not lanes_of(edge.road)[1]:
             message = f"'{item.road}' has one direction, so no island can be between two"
-            self._add(item, "island", message, "leave `island` out")
+            self._add(item, "island", message, leave_out("island"))
         elif number(item.island) > number(edge.road.median):
             at_m = number(item.at)
             if min(at_m, edge.length_m - at_m) < ISLAND_END_M:
                 message = f"the road has no room to widen for this island within {ISLAND_END_M:.0f} m of its end"
                 median = f"median {number(item.island):g} m"
-                help = f"put it farther away, or write `{median}` in the block of road '{edge.road.name}'"
+                help = "put it farther away, or " + in_block(median, edge.road.name, "road")
                 self._add(item, "at", message, help)
 
     def _directed(self, item: m.LaneEnd) -> None:
@@ -167,7 +173,7 @@ class Streets:
 
     def _ramp(self, item: m.OnRamp | m.OffRamp) -> None:
         if item.junction not in self._junctions:
-            help = did_you_mean(item.junction, self._junctions) or f"junctions are {', '.join(self._junctions)}"
+            help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
             self._findings.add(item, "junction", "FS040", f"unknown junction '{item.junction}'", help)
             self._placed = False
         edge = self._edges.get(item.edge)
@@ -179,7 +185,12 @@ class Streets:
         if length > high - low:
             field = "length" if item.length is not None else "at"
             message = f"the further lane of '{item.name}' is {length:g} m long, '{edge.id}' only {edge.length_m:.0f} m"
-            self._add(item, field, message, f"use a length of `{max(high - low, 20) // 2:.0f} m`, or a longer road")
+            self._add(
+                item,
+                field,
+                message,
+                "use a length of " + write(f"{max(high - low, 20) // 2:.0f} m") + ", or a longer road",
+            )
             return
         joins = isinstance(item, m.OnRamp)
         self._range(item, edge, low if joins else low + length, high - length if joins else high, "ramp")
@@ -199,7 +210,9 @@ class Streets:
             verb = "before" if isinstance(item, m.OnRamp) else "behind"
             side = "on the left of" if right < 0 else "not " + verb
             message = f"'{junction.name}' lies {side} the place on '{edge.id}' where '{item.name}' meets it"
-            help = f"a ramp meets its edge on the right: put the junction to the right and {verb} it, or add `via`"
+            help = f"a ramp meets its edge on the right: put the junction to the right and {verb} it, or add " + write(
+                "via"
+            )
             self._add(item, "junction", message, help)
 
     def _range(self, item: layout.OnRoads, edge: Directed, low: float, high: float, word: str) -> None:
@@ -211,24 +224,29 @@ class Streets:
             self._add(item, "at", f"{long}, too short for a {word}", "use a longer road")
         else:
             message = f"no place for a {word} at {at_m:g} m: {long}"
-            self._add(item, "at", message, f"use a length from `{math.ceil(low)} m` to `{math.floor(high)} m`")
+            self._add(
+                item,
+                "at",
+                message,
+                "use a length from " + write(f"{math.ceil(low)} m") + " to " + write(f"{math.floor(high)} m"),
+            )
 
     def _unknown_edge(self, item: m.Item, field: str, name: str, known: Sequence[str]) -> None:
+        help: HelpText
         if name in self._ramps:
-            message, help = f"'{name}' is a ramp, and no road", f"roads are {', '.join(known)}"
+            message = f"'{name}' is a ramp, and no road"
+            help = "roads are " + one_of(known)
         elif name.removesuffix(BACK) in known and name.endswith(BACK):
             message = f"'{name}' is one direction of a road"
-            help = f"it lies on both: write `{name.removesuffix(BACK)}`"
+            help = "it lies on both: write " + write(name.removesuffix(BACK))
             if name.removesuffix(BACK) in self._edges and not isinstance(item, m.Zebra | m.Bump):
-                message, help = (
-                    f"road '{name.removesuffix(BACK)}' has one direction only",
-                    f"write `{name.removesuffix(BACK)}`",
-                )
+                message = f"road '{name.removesuffix(BACK)}' has one direction only"
+                help = "write " + write(name.removesuffix(BACK))
         else:
             message, help = f"unknown road '{name}'", did_you_mean(name, known)
-            help = help or ("" if isinstance(item, Ramp) else f"roads are {', '.join(known)}")
+            help = help or ("" if isinstance(item, Ramp) else "roads are " + one_of(known))
             if not help and isinstance(item, Ramp):
-                help = "a ramp joins or leaves a road: add `road a1 from a to b { lanes 2; speed 130 km/h }`"
+                help = "a ramp joins or leaves a road: add " + write("road a1 from a to b { lanes 2; speed 130 km/h }")
         self._add(item, field, message, help, "FS041")
 
     def _along(self, edge: Directed) -> None:
@@ -244,28 +262,30 @@ class Streets:
                 apart = APART_M + _half(early) + _half(late)
                 message = f"this is on top of {_called(early)}: {abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
                 free = number(early.at) + math.copysign(math.ceil(apart), number(late.at) - number(early.at) or 1)
-                self._findings.add(late, "at", "FS270", message, f"leave room between them, such as by `{free:g} m`")
+                self._findings.add(
+                    late, "at", "FS270", message, "leave room between them, such as by " + write(f"{free:g} m")
+                )
                 return
             if isinstance(item, Ramp):
                 if not cut.last and open_ramp is not None:
                     message = f"its further lane overlaps that of {_called(open_ramp.item)}"
                     self._findings.add(
-                        item, "at", "FS270", message, "let one end before the other begins, or remove one"
+                        item, "at", "FS270", message, "let one end before the other begins, or " + remove("remove one")
                     )
                     return
                 open_ramp = None if cut.last else cut
             elif isinstance(item, m.LaneEnd):
                 if open_ramp is not None:
-                    help = "let it end before the ramp's further lane, or behind it, or remove it"
+                    help = "let it end before the ramp's further lane, or behind it, or " + remove("remove it")
                     message = f"a lane ends beside the further lane of {_called(open_ramp.item)}"
                     self._findings.add(item, "at", "FS270", message, help)
                     return
                 count, lane = last - first + 1, round(number(item.lane))
                 if count < 2 or lane not in (1, count):
                     some = (
-                        f"the outer ones can end: `1` (the rightmost) and `{count}`"
+                        "the outer ones can end: " + write("1") + " (the rightmost) and " + write(f"{count}")
                         if count > 1
-                        else "it stays: remove this"
+                        else "it stays: " + remove("remove this")
                     )
                     message = f"lane {lane} of '{edge.id}' cannot end there, where it has {count}"
                     self._findings.add(item, "lane", "FS270", message, some)
@@ -286,14 +306,18 @@ class Streets:
         count = lanes_of(edge.road)[1 if edge.back else 0] - sum(isinstance(c.item, m.LaneEnd) for c in edge.cuts)
         if number(item.lane) > count:
             lanes = f"{count} lanes" if count > 1 else "one lane"
-            help = f"lanes are counted from the right, from `1` to `{count}`" if count > 1 else "its number is `1`"
+            help = (
+                "lanes are counted from the right, from " + write("1") + " to " + write(str(count))
+                if count > 1
+                else "its number is " + write("1")
+            )
             self._findings.add(item, "lane", "FS270", f"'{item.edge}' has {lanes} at its end", help)
         exits = self._exits(edge)
         for k, turn in enumerate(item.turns):
             if exits and turn not in exits.values() and edge.end in self._plain_junctions:
                 message = f"from '{item.edge}' nobody can go {turn} over '{edge.end}'"
-                known = " or ".join(dict.fromkeys(exits.values()))
-                self._findings.add(item, f"turns.{k}", "FS270", message, f"one can go {known}")
+                known = one_of(dict.fromkeys(exits.values()), " or ")
+                self._findings.add(item, f"turns.{k}", "FS270", message, "one can go " + known)
 
     @property
     def _plain_junctions(self) -> frozenset[str]:
@@ -302,11 +326,17 @@ class Streets:
     def _banned(self, item: m.BannedTurn) -> None:
         if item.junction in self._rings:
             part = f"{item.junction}_{item.roads[0]}"
-            help = f"a roundabout is left at any arm, so remove it; `{part}` is one of its junctions"
+            help: HelpText = (
+                "a roundabout is left at any arm, so "
+                + remove("remove it")
+                + "; "
+                + write(part)
+                + " is one of its junctions"
+            )
             self._findings.add(item, "junction", "FS270", f"'{item.junction}' is a roundabout", help)
             return
         if item.junction not in self._plain_junctions:
-            help = did_you_mean(item.junction, self._junctions) or f"junctions are {', '.join(self._junctions)}"
+            help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
             self._findings.add(item, "junction", "FS040", f"unknown junction '{item.junction}'", help)
             return
         named: list[tuple[m.Item, str, str]] = [(item, f"roads.{k}", name) for k, name in enumerate(item.roads)]
@@ -316,7 +346,7 @@ class Streets:
             ways = [e for e in (self._edges.get(road), self._edges.get(road + BACK)) if e is not None]
             if edge is None and ways and all(item.junction == e.start for e in ways):
                 message = f"nobody comes from '{road}' to '{item.junction}': it only leads away from there"
-                self._findings.add(item, f"roads.{k}", "FS270", message, "leave it out")
+                self._findings.add(item, f"roads.{k}", "FS270", message, remove("leave it out"))
 
     def _into(self, road: str, junction: str) -> Directed | None:
         ways = (self._edges.get(road), self._edges.get(road + BACK))
@@ -348,11 +378,11 @@ class Streets:
                 ways = left.setdefault(edge.id, set(self._exits(edge).values()))
                 if ways and not ways - {item.turn}:
                     message = f"no way on is left from '{road}' over '{item.junction}'"
-                    help = f"{item.turn} is the last way on: remove it, or make '{road}' one-way"
+                    help = f"{item.turn} is the last way on: " + remove("remove it") + f", or make '{road}' one-way"
                     self._findings.add(item, f"roads.{k}", "FS270", message, help)
                 elif ways and item.turn not in ways and item.turn != "back":
                     message = f"from '{road}' nobody can go {item.turn} over '{item.junction}' anyway"
-                    self._findings.add(item, "turn", "FS270", message, f"one can go {' or '.join(sorted(ways))}")
+                    self._findings.add(item, "turn", "FS270", message, "one can go " + one_of(sorted(ways), " or "))
                 ways.discard(item.turn)
 
     # ---- names ------------------------------------------------------------------------------------------------------
@@ -364,7 +394,7 @@ class Streets:
                 key = (item.kind, item.edge, number(item.lane))
                 if key in seen:
                     message = f"lane {number(item.lane):g} of '{item.edge}' has two such lines"
-                    self._findings.add(item, "lane", "FS013", message, "keep one of the two")
+                    self._findings.add(item, "lane", "FS013", message, remove("keep one of the two"))
                 seen.add(key)
 
     def _derived_names(self) -> None:
@@ -379,7 +409,7 @@ class Streets:
         for item in self._network.body:
             if isinstance(item, NamedJunction) and item.name in parts:
                 message = f"'{item.name}' is also what a junction of {_called(parts[item.name])} is called"
-                self._findings.add(item, "name", "FS030", message, "give it another name")
+                self._findings.add(item, "name", "FS030", message, rename("give it another name"))
 
 
 def _called(item: m.Item) -> str:

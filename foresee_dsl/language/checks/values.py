@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 
+from foresee_dsl.helps import meant_code, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.arithmetic.results import limit, out_of_bounds, unfit, uses
 from foresee_dsl.language.messages.findings import Findings
-from foresee_dsl.language.messages.suggest import did_you_mean, of_type
+from foresee_dsl.language.messages.suggest import closest, did_you_mean, of_type
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
 from foresee_dsl.language.model.pattern import form_of, word_before
@@ -81,7 +82,7 @@ def _check_gap(findings: Findings, item: m.KeepsGap, types: Mapping[str, str]) -
         findings.wrong_dimension(item, "gap", gap, "time")
     elif isinstance(gap, m.Ref) and types.get(gap.name, "time") not in ("time", "length"):
         message = f"'{gap.name}' is of type {types[gap.name]}, but a gap is a time or a length"
-        findings.add(item, "gap", "FS032", message, of_type("time", types, f"{findings.example('time')}"))
+        findings.add(item, "gap", "FS032", message, of_type("time", types, findings.example("time")))
 
 
 def _needed(item: m.Item, field: str) -> Dimension | None:
@@ -112,7 +113,7 @@ def _drawn(scenario: m.Scenario) -> Iterator[m.Case]:
 
 
 _A_MODEL = {
-    name.partition(".")[0]: f"did you mean `{name}`?"
+    name.partition(".")[0]: meant_code(name)
     for name in ("car.compact", "van.delivery", "truck.rigid", "bus.city", "motorcycle.street", "bicycle.city",
                  "pedestrian.adult", "obstacle.crate")
 }  # fmt: skip
@@ -122,7 +123,13 @@ _A_MODEL = {
 def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:
     """Triggers and expectations are about the running world, in which a parameter never changes."""
     name = written(item.left)
-    help = f"compare something of the world, such as `ego.speed`; or write `require {written(item)}` in the scenario"
+    help = (
+        "compare something of the world, such as "
+        + write("ego.speed")
+        + "; or write "
+        + write(f"require {written(item)}")
+        + " in the scenario"
+    )
     findings.add(item, "left", "FS052", f"'{name}' is nothing that happens in the world", help)
 
 
@@ -142,10 +149,10 @@ def _check_reference(
     parameter = parameters.get(reference.name)
     if parameter is None:
         help = did_you_mean(reference.name, parameters)
-        if word_of(type(item), field) == "model" and "did you mean" not in help:
-            help = _A_MODEL.get(reference.name, "models are called class.variant, such as `car.compact`")
+        if word_of(type(item), field) == "model" and closest(reference.name, parameters) is None:
+            help = _A_MODEL.get(reference.name, "models are called class.variant, such as " + write("car.compact"))
         if not help and (dimension := form_of(type(item), field).dimension) is not None:
-            help = f"write {findings.example(dimension)}"
+            help = "write " + findings.example(dimension)
         findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)
         return
     word = word_of(type(item), field.partition(".")[0])

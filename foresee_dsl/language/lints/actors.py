@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import get_args
 
+from foresee_dsl.helps import HelpText, in_block, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.lints.found import Found
@@ -37,23 +38,24 @@ def actor_lints(case: TestCase) -> Iterator[Found]:
                 yield from _too_fast(action, "to", action.to, actor_, case.models)
 
 
-def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:
+def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | None:
     """Return why an actor cannot do something, and what would help; None when it can."""
     if isinstance(actor, m.Ego):
         return (
             "the ego cannot be told what to do: the driver under test drives it",
-            "name another actor, or remove this",
+            "name another actor, or " + remove("remove this"),
         )
     if actor.kind == "obstacle" and not isinstance(action, m.Leaves):
-        return f"'{actor.name}' is an obstacle, which never moves", "name another actor, or remove this"
+        return f"'{actor.name}' is an obstacle, which never moves", "name another actor, or " + remove("remove this")
     ways = {type(item) for item in actor.body} & {m.Route, m.EdgeRoute, m.Path, m.PathAlong}
     if not ways and actor.state is None and not isinstance(action, m.Leaves):
-        help = f"write `path [(0 m, 0 m), (20 m, 0 m)]` in the block of '{actor.name}', or remove this"
+        help = in_block("path [(0 m, 0 m), (20 m, 0 m)]", actor.name) + ", or " + remove("remove this")
         return f"'{actor.name}' has no way to go, so it stands where it is", help
     if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside | m.Reverses) and (
         actor.kind == "pedestrian" or ways & {m.Path, m.PathAlong}
     ):
-        return f"'{actor.name}' follows a path, which has no lanes", "bend its `path` instead, or remove this"
+        help = "bend its " + write("path") + " instead, or " + remove("remove this")
+        return f"'{actor.name}' follows a path, which has no lanes", help
     return None
 
 
@@ -66,7 +68,7 @@ def _too_fast(
         return
     if speed.si > top.si * _SLACK:
         message = f"'{actor.name}' is to go {written(speed)}, but {model.name} reaches {written(top)}"
-        help = f"use at most `{written(top)}`, or a faster model"
+        help = "use at most " + write(written(top)) + ", or a faster model"
         yield Found(item, field, c.OVER_TOP_SPEED, message, help)
 
 
@@ -93,7 +95,7 @@ def _gap(item: m.Item, roads: Roads) -> Found | None:
         for one, other in zip(item.edges, item.edges[1:], strict=False):
             if one in roads.edges and other in roads.edges and roads.edges[one][1] != roads.edges[other][0]:
                 message = f"'{one}' ends at {roads.edges[one][1]}, but '{other}' begins at {roads.edges[other][0]}"
-                help = f"write `[{one}, ..., {other}]` for the shortest way between them"
+                help = "write " + write(f"[{one}, ..., {other}]") + " for the shortest way between them"
                 return Found(item, "edges", c.BROKEN_ROUTE, message, help)
     if isinstance(item, m.Route) and isinstance(item.start, str):
         return _gap_between_legs(item, roads)
@@ -109,7 +111,7 @@ def _gap_between_legs(route: m.Route, roads: Roads) -> Found | None:
             return None  # an unknown name, which is reported as such
         reached = roads.reached(edges)
         if junction not in reached:
-            help = f"say first where to go over {' or '.join(sorted(reached))}"
+            help = "say first where to go over " + one_of(sorted(reached), " or ")
             return Found(leg, "junction", c.BROKEN_ROUTE, f"{before} does not lead to '{junction}'", help)
         edges = roads.leaving(junction)
         before = f"the way over '{junction}'"
@@ -124,5 +126,5 @@ def _off_the_way(statement: m.When | m.Expect, roads: Roads, passed: dict[str, s
             message = (
                 f"the route of '{part.actor}' does not go over '{part.other}', so `{written(part)}` is never known"
             )
-            help = f"it comes to {', '.join(sorted(passed[part.actor])) or 'no junction'}"
+            help = "it comes to " + (one_of(sorted(passed[part.actor])) or "no junction")
             yield Found(part, "other", c.NOT_ON_ROUTE, message, help)

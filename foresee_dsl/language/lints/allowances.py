@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.helps import remove
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.project.document import Document
 
@@ -55,7 +56,10 @@ def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tu
             message = f"nothing here is reported as {allowance.code}, so there is nothing to allow"
             source = lines[span.line - 1]
             reported.append(
-                Diagnostic(c.NEEDLESS_ALLOW, message, "remove the comment", document.path, span, source, "warning")
+                replace(
+                    Diagnostic.of(c.NEEDLESS_ALLOW, message, remove("remove the comment"), document.path, span, source),
+                    severity="warning",
+                )
             )
     return tuple(sorted(reported, key=lambda d: (d.span.line, d.span.column, d.code) if d.span else (0, 0, d.code)))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
+from foresee_dsl.helps import remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.lints.certain import About, Limits, always, earliest_s, never
@@ -14,7 +15,7 @@ from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, parts, walk
 
-_HELP = "change the condition, or remove what it sets off"
+_HELP = "change the condition, or " + remove("remove what it sets off")
 _ROUNDING_S = 1e-6
 
 
@@ -111,7 +112,7 @@ def dead_parts(condition: m.Condition, limits: Limits) -> Iterator[Found]:
         dead, certain = never(part, limits), always(part, limits)
         if dead or certain:
             message = f"`{written(part)}` {'can never hold' if dead else 'always holds'}: {dead or certain}"
-            yield Found(part, "", c.DEAD_PART, message, "remove this part, or write what was meant")
+            yield Found(part, "", c.DEAD_PART, message, remove("remove this part") + ", or write what was meant")
             return  # what holds it is certain for the same reason
 
 
@@ -122,7 +123,13 @@ def dead_requirements(scenario: m.Scenario) -> Iterator[Found]:
         dead, certain = never(require.condition, limits), always(require.condition, limits)
         if dead or certain:
             message = f"{'no case meets this' if dead else 'every case meets this'}: {dead or certain}"
-            yield Found(require, "condition", c.DEAD_PART, message, "write which values belong together, or remove it")
+            yield Found(
+                require,
+                "condition",
+                c.DEAD_PART,
+                message,
+                "write which values belong together, or " + remove("remove it"),
+            )
         else:
             yield from dead_parts(require.condition, limits)
 
@@ -133,7 +140,7 @@ def blind_actors(scenario: m.Scenario) -> Iterator[Found]:
         for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Sees) and part.actor != "ego":
                 message = f"'{part.actor}' has no sensors: only the ego sees"
-                help = f"write `{part.other} in sight of {part.actor}`"
+                help = "write " + write(f"{part.other} in sight of {part.actor}")
                 yield Found(part, "actor", c.NO_SENSORS, message, help)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from foresee_dsl.helps import HelpText
 from foresee_dsl.language import model as m
 
 
@@ -15,4 +16,4 @@ class Found:
     field: str
     code: str
     message: str
-    help: str = ""
+    help: HelpText = ""

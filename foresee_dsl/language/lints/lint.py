@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.helps import remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values, needed_by
 from foresee_dsl.language.codes import names as c
@@ -83,7 +84,7 @@ def _unused_parameters(scenario: m.Scenario) -> Iterator[Found]:
     used |= {ref.name for given in assignments for ref in needed_by(given, types)}
     for parameter in scenario.all(m.Param):
         if parameter.name not in used:
-            help = f"write `{parameter.name}` where its value is meant, or remove it"
+            help = "write " + write(parameter.name) + " where its value is meant, or " + remove("remove it")
             yield Found(parameter, "name", c.UNUSED_PARAMETER, f"nothing uses parameter '{parameter.name}'", help)
 
 
@@ -93,7 +94,7 @@ def _dead_cases(scenario: m.Scenario) -> Iterator[Found]:
         key = tuple(sorted((name, _comparable(value)) for name, value in case_values(scenario, case).items()))
         if key in seen:
             message = f"case '{case.name}' has the same values as case '{seen[key]}'"
-            yield Found(case, "name", c.DEAD_CASE, message, "change a value, or remove one of the two")
+            yield Found(case, "name", c.DEAD_CASE, message, "change a value, or " + remove("remove one of the two"))
         seen.setdefault(key, case.name)
 
 
@@ -131,7 +132,7 @@ def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
     until = expect.within.si if isinstance(expect.within, m.Quantity) else limits.end_s
     if until > limits.end_s and expect.within is not None:
         message = f"the run ends after {limits.end_s:g} s, before the {written(expect.within)} are over"
-        help = f"write `end after {written(expect.within)}`, or a shorter time"
+        help = "write " + write(f"end after {written(expect.within)}") + ", or a shorter time"
         yield Found(expect, "within", c.CUT_SHORT, message, help)
     inside = replace(limits, end_s=min(until, limits.end_s))
     cannot, must = never(expect.condition, inside), always(expect.condition, inside)
@@ -141,7 +142,11 @@ def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
     met = bool(cannot) if expect.mode == "never" else bool(must)
     message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
     yield Found(
-        expect, "condition", c.DECIDED, message, "expect something that a driver can meet or miss, or remove it"
+        expect,
+        "condition",
+        c.DECIDED,
+        message,
+        "expect something that a driver can meet or miss, or " + remove("remove it"),
     )
 
 
@@ -151,7 +156,9 @@ def _nothing_expected(scenario: m.Scenario) -> Iterator[Found]:
     if "ego" in named:
         return
     message = f"scenario '{scenario.name}' expects nothing of the ego"
-    yield Found(scenario, "name", c.NOTHING_EXPECTED, message, "add `expect never collision(ego)`, for example")
+    yield Found(
+        scenario, "name", c.NOTHING_EXPECTED, message, "add " + write("expect never collision(ego)") + ", for example"
+    )
 
 
 # ---- places ---------------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from dataclasses import replace
 from decimal import Decimal
 
 from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.helps import Help, HelpText, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of
@@ -25,12 +26,12 @@ class Findings:
         self._found: list[Diagnostic] = []
 
     def add(
-        self, item: m.Item | None, field: str, code: str, message: str, help: str = "", *, head_only: bool = False
+        self, item: m.Item | None, field: str, code: str, message: str, help: HelpText = "", *, head_only: bool = False
     ) -> None:
         """Report something about a field of an item ("": all of it; None: the file); `head_only` underlines no more
         than its first line."""
         if self._document is None:
-            self._found.append(Diagnostic(code, message, help, self._path))
+            self._found.append(Diagnostic.of(code, message, help, self._path))
             return
         found = self._document.diagnostic(item, field, code, message, help)
         if head_only and found.span is not None and found.span.end_line != found.span.line:
@@ -44,14 +45,20 @@ class Findings:
         for item in items[1:]:
             word = re.match(r"\w+", print_item(item))
             message = f"`{word[0] if word else item}` stands twice"
-            self.add(item, "", "FS047", message, "keep one of the two", head_only=True)
+            self.add(item, "", "FS047", message, remove("keep one of the two"), head_only=True)
 
     def unique(self, named: Iterable[tuple[m.Item, str, str]], what: str) -> None:
         """Report names that are given twice: (item, field of the name, name)."""
         seen: set[str] = set()
         for item, field, name in named:
             if name in seen:
-                self.add(item, field, "FS030", f"there are two {what} called '{name}'", "give one of them another name")
+                self.add(
+                    item,
+                    field,
+                    "FS030",
+                    f"there are two {what} called '{name}'",
+                    rename("give one of them another name"),
+                )
             seen.add(name)
 
     def wrong_dimension(
@@ -60,12 +67,12 @@ class Findings:
         """Report a quantity that should be of another dimension."""
         has = "has no unit" if not value.unit else f"is {NOUNS[value.dimension]}"
         message = f"`{written(value)}` {has}, but {NOUNS[needed]} is needed here"
-        self.add(item, field, code, message, f"write {self.example(needed, item, field, value)}")
+        self.add(item, field, code, message, "write " + self.example(needed, item, field, value))
 
     @staticmethod
     def example(
         dimension: Dimension, item: m.Item | None = None, field: str = "", bare: m.Quantity | None = None
-    ) -> str:
+    ) -> Help:
         """Return `a time such as `2.5 s``, with a value that the field of an item takes; the number of a bare one."""
         number, _, unit = EXAMPLES[dimension].partition(" ")
         if bare is not None and not bare.unit and unit:
@@ -78,7 +85,7 @@ class Findings:
             from foresee_dsl.language.arithmetic.results import nearest
 
             example = written(nearest(bounds, value))
-        return f"{NOUNS[dimension]} such as `{example}`"
+        return f"{NOUNS[dimension]} such as " + write(example)
 
     def __len__(self) -> int:
         """How much was found."""

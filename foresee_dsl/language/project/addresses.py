@@ -10,6 +10,7 @@ from pathlib import Path, PurePath
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.files import open_outside
+from foresee_dsl.helps import HelpText, meant_word, write
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.values import NAME_PATTERN
@@ -34,10 +35,13 @@ def parse_address(address: str) -> tuple[Path, str | None]:
         file, case = address, ""
     if not file:
         raise mistake(
-            c.BAD_ADDRESS, f"'{address}' names no file", "write `file.foresee` or `file.foresee::case`", address
+            c.BAD_ADDRESS,
+            f"'{address}' names no file",
+            "write " + write("file.foresee") + " or " + write("file.foresee::case"),
+            address,
         )
     if mark and not re.fullmatch(NAME_PATTERN, case):
-        raise mistake(c.BAD_ADDRESS, f"'{case}' is no name of a case", "write `file.foresee::case`", file)
+        raise mistake(c.BAD_ADDRESS, f"'{case}' is no name of a case", "write " + write("file.foresee::case"), file)
     return Path(file), case or None
 
 
@@ -105,25 +109,25 @@ def missing(path: Path) -> InputError:
     return mistake(c.MISSING_FILE, f"no file or folder '{shown(path)}'", near_files(path), shown(path))
 
 
-def near_files(path: Path) -> str:
+def near_files(path: Path) -> HelpText:
     """Return a hint at files in the same folder whose names are close to a missing one."""
     folder = shown(path.parent.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path.parent)
     if not is_folder(path.parent):
-        return f"there is no folder '{folder}'{_elsewhere(path)}"
+        return f"there is no folder '{folder}'" + _elsewhere(path)
     try:
         names = sorted(e.name for e in path.parent.iterdir() if e.name.endswith((SUFFIX, *FOREIGN_NETWORKS)))
     except OSError:
         return ""
     stems = {name.partition(".")[0]: name for name in names}
     near = stems.get(closest(path.name.partition(".")[0], stems) or "")
-    return f"did you mean '{near}'?" if near else f"there is none of that name in '{folder}'"
+    return meant_word(near, path.name) if near else f"there is none of that name in '{folder}'"
 
 
 _MOST_FILES = 200
 """So many files are looked at for one that was meant (ours: some milliseconds)."""
 
 
-def _elsewhere(path: Path) -> str:
+def _elsewhere(path: Path) -> HelpText:
     """Return where a file of nearly this name lies, when the folder that was named does not exist."""
     above = next((folder for folder in path.parents if is_folder(folder)), None)
     if above is None:
@@ -134,7 +138,7 @@ def _elsewhere(path: Path) -> str:
         return ""
     names = {file.name: file for file in sorted(files, key=lambda file: -len(file.parts))}
     near = names.get(closest(path.name, names) or "")
-    return f': there is `"{near.relative_to(above).as_posix()}"`' if near is not None else ""
+    return ": there is " + write(f'"{near.relative_to(above).as_posix()}"') if near is not None else ""
 
 
 def files_with(folder: Path, word: str) -> tuple[str, ...]:
@@ -185,6 +189,6 @@ def _under(folder: Path) -> list[Path]:
     return sorted(files, key=lambda file: file.as_posix())
 
 
-def mistake(code: str, message: str, help: str, path: str) -> InputError:
+def mistake(code: str, message: str, help: HelpText, path: str) -> InputError:
     """Return the error for one mistake that is about a file as a whole."""
-    return InputError((Diagnostic(code=code, message=message, help=help, path=path),))
+    return InputError((Diagnostic.of(code, message, help, path),))

@@ -7,6 +7,7 @@ from typing import TypeVar, cast
 
 from pydantic import ValidationError
 
+from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, references
@@ -70,7 +71,7 @@ def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[
         known |= {found.name: found for found in draw(scenario, drawn)}
     if case not in known:
         message = f"no case '{case}' in scenario '{scenario.name}'"
-        help = did_you_mean(case, known) or "it has no cases: leave out `::case`"
+        help = did_you_mean(case, known) or "it has no cases: leave out " + write("::case")
         findings.add(None, "", c.UNKNOWN_CASE, message, help)
         findings.raise_if_any()
     try:
@@ -122,12 +123,14 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | N
             return evaluate(part, values)
         except ExpressionError as error:
             where = f"in case '{case}' " if case is not None else ""
-            findings.add(error.item, "", c.NO_RESULT, f"{where}{error.message}", "keep it out with a `require`")
+            findings.add(
+                error.item, "", c.NO_RESULT, f"{where}{error.message}", "keep it out with a " + write("require")
+            )
             return part
 
     def unknown(owner: m.Item, name: str, ref: m.Ref) -> None:
         message = f"'{ref.name}' is no parameter of this scenario"
-        units = f"write a number with a unit ({', '.join(list(UNITS)[:6])}, ...), or declare it with `param`"
+        units = f"write a number with a unit ({', '.join(list(UNITS)[:6])}, ...), or declare it with " + write("param")
         findings.add(owner, name, c.UNKNOWN_PARAMETER, message, did_you_mean(ref.name, values) or units)
 
     def refused(owner: m.Item, name: str, part: m.Ref | m.Expression, error: ValidationError) -> None:

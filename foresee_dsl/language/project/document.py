@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.helps import HelpText
 from foresee_dsl.language import model as m
 
 
@@ -56,7 +57,7 @@ class Document:
         """Return where an item (or one of its fields) stands, falling back to the whole item."""
         return self.spans.get((id(item), name)) or self.spans.get((id(item), ""))
 
-    def diagnostic(self, item: m.Item | None, name: str, code: str, message: str, help: str = "") -> Diagnostic:
+    def diagnostic(self, item: m.Item | None, name: str, code: str, message: str, help: HelpText = "") -> Diagnostic:
         """Make an error about an item of this file (None: about the file).
 
         About an item that a scenario has from the one that it extends: at `extends`, and with the other's line.
@@ -69,7 +70,7 @@ class Document:
         span = self.span(item, name) if item is not None else None
         lines = self.text.split("\n")
         line = lines[span.line - 1] if span is not None and span.line <= len(lines) else ""
-        return Diagnostic(code=code, message=message, help=help, path=self.path, span=span, source_line=line)
+        return Diagnostic.of(code, message, help, self.path, span, line)
 
     def _holder(self, item: m.Item) -> Document:
         """Return the document, this or one that it extends, whose file says an item."""
@@ -129,7 +130,7 @@ class Problem:
     item: str
     code: str
     message: str
-    help: str = ""
+    help: HelpText = ""
     about: str = ""
     part: m.Item | None = None
     field: tuple[str, str] = ("", "")

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.changes import changed_body, weakened
 from foresee_dsl.language.codes import names as c
@@ -117,7 +118,7 @@ def _essentials(clip: m.Clip, findings: Findings) -> tuple[m.Ego, m.Quantity]:
     ego_usage = "ego: car.sedan at (0 m, 0 m) heading 0 deg speed 8 m/s { ... }"
     for word, usage, item in (("ego", ego_usage, ego), ("window", "window 12.40 s..22.40 s", window)):
         if item is None:
-            findings.add(clip, "", c.INCOMPLETE_CLIP, f"clip '{clip.name}' has no {word}", f"write `{usage}`")
+            findings.add(clip, "", c.INCOMPLETE_CLIP, f"clip '{clip.name}' has no {word}", "write " + write(usage))
     length = _window_length(window, findings) if window is not None else None
     findings.raise_if_any()
     assert ego is not None and length is not None  # noqa: S101  (whatever is missing has just been raised)

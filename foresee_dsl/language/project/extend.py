@@ -10,6 +10,7 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.helps import HelpText, instead, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.changes import changed_body, weakened
@@ -121,7 +122,7 @@ class _Joiner:
             message = f"'{self._extension.parent}' has {'an' if called[0] in 'aeiou' else 'a'} {called} already"
             span = self._parent.span(found)
             place = f" (line {span.line} of '{self._parent.path}')" if span is not None else ""
-            help = f"write `change` instead of `add` to replace it{place}"
+            help = "write " + instead("change", "add") + f" to replace it{place}"
             self._findings.add(line.item, _named_by(item), c.ALREADY_IN_PARENT, message, help)
             return
         self._body = (*self._body, item)
@@ -130,9 +131,9 @@ class _Joiner:
         if isinstance(item, m.Require) or (isinstance(item, m.When | m.Expect) and item.name is None):
             word = "require" if isinstance(item, m.Require) else item.kind
             message = f"which `{word}` this changes is not given"
-            help = f"give both a name, `{word} some_name: ...`"
+            help: HelpText = f"give both a name, `{word} some_name: ...`"
             if isinstance(item, m.Require):
-                help = "a `require` can only be added; to loosen one, change it in the other scenario"
+                help = "a " + write("require") + " can only be added; to loosen one, change it in the other scenario"
             self._findings.add(line.item, "", c.NOT_IN_PARENT, message, help)
             return
         found = self._like(item)
@@ -141,7 +142,7 @@ class _Joiner:
             known = [n for g, n in map(_identity, self._body) if g == group and n]
             message = f"'{self._extension.parent}' has no {_called(item)}"
             hint = did_you_mean(name, known) if name else ""
-            help = hint or f"write `add` instead of `change`: there is no {_word(item)} to change"
+            help = hint or "write " + instead("add", "change") + f": there is no {_word(item)} to change"
             self._findings.add(line.item, _named_by(item), c.NOT_IN_PARENT, message, help)
             return
         self._body = tuple(item if old is found else old for old in self._body)
@@ -151,17 +152,19 @@ class _Joiner:
         known = [name for item in self._body if _word(item) == line.what and (name := _identity(item)[1])]
         single = line.what in (*_SINGLE, "cases")
         if line.name is None and not single:
-            help = f"write the name behind it: `drop {line.what} {known[0] if known else 'some_name'}`"
+            help: HelpText = "write the name behind it: " + write(
+                f"drop {line.what} {known[0] if known else 'some_name'}"
+            )
             self._findings.add(line, "", c.NOT_IN_PARENT, f"which {line.what} to drop is not given", help)
         elif line.name is not None and single:
-            help = f"write `drop {line.what}`"
+            help = "write " + write(f"drop {line.what}")
             self._findings.add(line, "name", c.NOT_IN_PARENT, f"{line.what} is dropped without a name", help)
         elif not gone:
             other = next((item for item in self._body if isinstance(item, m.Actor) and item.name == line.name), None)
             message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
             help = did_you_mean(line.name, known) if line.name else ""
             if other is not None:
-                help = f"it is a {other.kind}: write `drop {other.kind} {other.name}`"
+                help = f"it is a {other.kind}: write " + write(f"drop {other.kind} {other.name}")
             self._findings.add(line, "name" if line.name else "", c.NOT_IN_PARENT, message, help)
         else:
             self._body = tuple(item for item in self._body if not any(item is old for old in gone))

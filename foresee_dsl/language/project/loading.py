@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 from foresee_dsl.files import data_folder
+from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import meaning_hash, pin_of
@@ -103,7 +104,7 @@ class _Use:
     def shown(self) -> str:
         return shown(Path(self.file.document.path).parent / self.written)
 
-    def fail(self, code: str, message: str, help: str = "", *, field: str | None = None) -> NoReturn:
+    def fail(self, code: str, message: str, help: HelpText = "", *, field: str | None = None) -> NoReturn:
         name = self.field if field is None else field
         raise InputError((self.file.document.diagnostic(self.item, name, code, message, help),))
 
@@ -262,7 +263,7 @@ class Project:
         if not self._allow_outside and not a.is_inside(use.path, self._roots or (chain[0].path.parent,)):
             root = a.project_folder(absolute(Path()))
             message = f"'{use.written}' lies outside the project folder '{root.as_posix()}'"
-            use.fail(c.OUTSIDE, message, "move the file there, or allow it with `--allow-outside`")
+            use.fail(c.OUTSIDE, message, "move the file there, or allow it with " + write("--allow-outside"))
         if not self._is_file(use.path):
             use.fail(c.MISSING_FILE, f"no file '{use.written}'", a.near_files(use.path))
 
@@ -317,7 +318,13 @@ class Project:
         if case is None and known:
             message = f"'{file.document.path}' has {len(known)} cases: say which one"
             written = f"case {known[0]}" if use else f"{file.document.path}::{known[0]}"
-            _fail_case(file, use, c.WHICH_CASE, message, f"write `{written}`, for example; {did_you_mean('', known)}")
+            _fail_case(
+                file,
+                use,
+                c.WHICH_CASE,
+                message,
+                "write " + write(written) + ", for example; " + did_you_mean("", known),
+            )
         concrete = concretise(scenario, case, document=file.document)
         network = self._network(file, concrete, chain)
         models = self._models(file, concrete, chain)
@@ -347,7 +354,7 @@ class Project:
         if inline is not None:
             return inline
         if used is None:
-            help = 'write `use network "file"`, or a block `network { ... }`'
+            help = "write " + write('use network "file"') + ", or a block `network { ... }`"
             message = f"scenario '{scenario.name}' has no network"
             raise InputError((file.document.diagnostic(file.document.model, "name", c.NO_NETWORK, message, help),))
         use = _Use(file, used, "path", used.path)
@@ -376,7 +383,7 @@ class Project:
         if not use.written.endswith(".foresee"):
             network = isinstance(use.item, m.UseNetwork)
             known = ".foresee, .net.xml or .xodr" if network else ".foresee"
-            help = f"write a file that ends in {known}; {_name_another(use, 'network' if network else 'models')}"
+            help = f"write a file that ends in {known}; " + _name_another(use, "network" if network else "models")
             use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", help)
         self._check_reachable(use, chain)
         return _settled(self._read(use.path, use.shown).document)
@@ -395,14 +402,16 @@ def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:
         use.fail(c.USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.shown])}", help)
 
 
-def _name_another(use: _Use, word: str) -> str:
+def _name_another(use: _Use, word: str) -> Help:
     """Return which files beside the one that is named hold what is needed: definitions that begin with a word."""
     found = a.files_with(use.path.parent, word)
-    names = [f'`"{Path(use.written).with_name(name).as_posix()}"`' for name in found]
-    return f"name a file with `{word} ...`{', such as ' + ' or '.join(names) if names else ''}"
+    help = Help(f"name a file with `{word} ...`")
+    for k, name in enumerate(found):
+        help += (" or " if k else ", such as ") + write(f'"{Path(use.written).with_name(name).as_posix()}"')
+    return help
 
 
-def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: str) -> NoReturn:
+def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: HelpText) -> NoReturn:
     """Blame the child that names the case; where the address named it, the file."""
     if use is not None:
         use.fail(code, message, help, field="case")

@@ -15,6 +15,7 @@ from itertools import accumulate, combinations
 from types import MappingProxyType
 
 from foresee_dsl.errors import InputError, Span
+from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, plain, references
@@ -130,7 +131,11 @@ def with_drawn_cases(document: Document) -> Document:
         try:
             drawn = draw(scenario, item)
         except TooFewError as error:
-            help = "make a range wider, or ask for less: a `require` that nearly nothing satisfies draws nearly nothing"
+            help = (
+                "make a range wider, or ask for less: a "
+                + write("require")
+                + " that nearly nothing satisfies draws nearly nothing"
+            )
             raise InputError((document.diagnostic(item, "", c.TOO_FEW_DRAWS, str(error), help),)) from None
         place = document.span(item)
         if place is not None:

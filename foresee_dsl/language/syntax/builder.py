@@ -9,8 +9,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from foresee_dsl.errors import Span
+from foresee_dsl.helps import HelpText, one_of, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.suggest import did_you_mean, unit_hint
+from foresee_dsl.language.messages.suggest import closest, did_you_mean, unit_hint
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.node import Node, TextError
@@ -87,7 +88,7 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextErr
     text, limits = str(detail["input"]), detail.get("ctx", {})
     match detail["type"]:
         case "missing":
-            found = TextError("FS014", f"{_what(node)} needs `{field}`", f"add a `{field}`", _head(node))
+            found = TextError("FS014", f"{_what(node)} needs `{field}`", "add a " + write(field), _head(node))
         case "literal_error":
             found = _not_one_of(node, field, text, place)
         case "value_error":
@@ -98,15 +99,15 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextErr
             least = limits.get("min_length", 1)
             what = {"points": "places", "edges": "edges"}.get(field, field)
             message = f"`{_what(node)}` needs at least {least} {what}"
-            found = TextError("FS014", message, f"write {least} or more, with `,` between them", place)
+            found = TextError("FS014", message, f"write {least} or more, with " + write(",") + " between them", place)
         case "string_too_long" | "string_too_short":
             most = limits.get("max_length")
-            help = f"use at most {most} characters" if most else "write something between the quotes"
+            help: HelpText = f"use at most {most} characters" if most else "write something between the quotes"
             found = TextError("FS017", "this text is empty or too long", help, place)
         case "greater_than_equal" | "less_than_equal" | "finite_number":
             found = TextError("FS016", f"`{shown}` is out of range", "use a number between -1e9 and 1e9", place)
         case _:
-            help = f"`{field}` is something else" if field else ""
+            help = write(field) + " is something else" if field else ""
             if node.kind is m.Change:
                 help = "write a value with its unit, or the name of a model"
             found = TextError("FS010", f"`{shown}` cannot stand here", help, place)
@@ -120,30 +121,31 @@ _NOUNS = {
 
 def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
     known = form_of(node.kind, field).words
-    help = did_you_mean(word, known) or f"known are {', '.join(known)}"
+    near = closest(word, known)
+    help: HelpText = did_you_mean(word, known) or "known are " + one_of(known)
     if node.kind is m.Expected and field == "failure":
         help = (
             "F1 is off the road or into an object, F2 into a pedestrian, F3 frontal, F4 lateral, F5 rear; "
             "others are stuck and timeout"
         )
-    elif field == "what" and node.kind in (m.Ignores, m.IgnoresRule) and not help.startswith("did"):
-        help = f"write `ignores priority at {word}` or `ignores signals at {word}`"
+    elif field == "what" and node.kind in (m.Ignores, m.IgnoresRule) and near is None:
+        help = "write " + write(f"ignores priority at {word}") + " or " + write(f"ignores signals at {word}")
     noun = _NOUNS.get(field, field)
     return TextError("FS012", f"unknown {noun} '{_short(word)}'", help, place)
 
 
 def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> TextError:
     if "whole number" in detail["msg"]:
-        return TextError("FS010", f"`{shown}` is no whole number", "write one such as `2`", place)
+        return TextError("FS010", f"`{shown}` is no whole number", "write one such as " + write("2"), place)
     found = _NEEDS.search(detail["msg"])
     if found is None:
         return TextError("FS010", detail["msg"].removeprefix("Value error, "), "", place)
     needed: Dimension = next((d for d in NOUNS if d == found[1]), "count")
     value = detail["input"]
-    help = f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}`"
+    help = f"write {NOUNS[needed]} such as " + write(EXAMPLES[needed])
     unit = EXAMPLES[needed].partition(" ")[2]
     if isinstance(value, m.Quantity) and not value.unit:
-        help = f"write {NOUNS[needed]} such as `{shown} {unit}`" if unit else help
+        help = f"write {NOUNS[needed]} such as " + write(f"{shown} {unit}") if unit else help
         return TextError("FS010", f"`{shown}` has no unit, but {NOUNS[needed]} is needed here", help, place)
     is_a = NOUNS[value.dimension] if isinstance(value, m.Quantity) else "something else"
     return TextError("FS010", f"`{shown}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
@@ -154,11 +156,14 @@ def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
         return TextError(
             "FS019",
             f"`{_short(text)}` is no pin",
-            "a pin is `sha256:` and twelve digits or letters a-f, such as `sha256:5ef2c6120a41`",
+            "a pin is "
+            + write("sha256:")
+            + " and twelve digits or letters a-f, such as "
+            + write("sha256:5ef2c6120a41"),
             place,
         )
     if field in ("model", "models", "was", "now") or node.kind is m.VehicleModel:
-        help = "models are called class.variant, such as `car.compact`"
+        help: HelpText = "models are called class.variant, such as " + write("car.compact")
         return TextError("FS011", f"`{_short(text)}` is no name of a model", help, place)
     if not text:
         return TextError("FS017", f"this {field} is empty", "write something between the quotes", place)
@@ -168,7 +173,7 @@ def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
     plain = re.sub(r"[^a-z0-9_]+", "_", letters).strip("_").lstrip("0123456789_")
     help = "names are snake_case: small letters a-z, digits and underscores, a letter first"
     if plain and plain != text:
-        help += f", such as `{_short(plain)}`"
+        help += ", such as " + write(_short(plain))
     return TextError("FS011", f"`{_short(text)}` is no name", help, place)
 
 

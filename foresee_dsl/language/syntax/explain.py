@@ -9,6 +9,7 @@ from typing import Any
 
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
 
+from foresee_dsl.helps import HelpText, Write, go_on, meant_code, meant_word, move_inside, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS, USAGE
 from foresee_dsl.language.messages.suggest import closest
@@ -55,12 +56,12 @@ _OFTEN = (
             r"expect\s+(?:[^\W\d]\w*\s*:\s*)?(?P<place>(?!never|always|eventually)[a-z][\w.]*)\s*(?P<rest>[(.<>].*)$"
         ),
         "an expectation begins with `never`, `always` or `eventually`",
-        r"write `expect never \g<place>\g<rest>`, or how it is to hold",
+        "write " + write(r"expect never \g<place>\g<rest>") + ", or how it is to hold",
     ),
     (
         re.compile(r"expect\s+.*?(?P<place>within)\s+(?P<rest>[a-z]\w*\(.*)$"),
         "`within` needs a time",
-        r"write `within 60 s \g<rest>`, for example",
+        "write " + write(r"within 60 s \g<rest>") + ", for example",
     ),
 )
 """Errors that are often made and that the grammar notices only later: a pattern, the message and the help."""
@@ -91,38 +92,41 @@ class Refusal:
         self.end = self.start + max(1, len(self.word))
         self.code, self.message, self.help = self._explain(error)
 
-    def _explain(self, error: UnexpectedInput) -> tuple[str, str, str]:
+    def _explain(self, error: UnexpectedInput) -> tuple[str, str, HelpText]:
         short = len(self._text) <= REACH
         other = phrase(self._text, self._rule, self._reads) if short else None
         other = other or (foreign(self._text, self._rule, self.start) if short else None)
         then = _THEN.match(self._text) if self._rule == "action" and len(self._text) <= REACH else None
         if other is None and then is not None and self._reads(then["rest"]):
             self.start, self.end = 0, len(self._text)
-            help = f"did you mean `then {{ {then['rest'].strip()} }}`?"
+            help = meant_code(f"then {{ {then['rest'].strip()} }}")
             return "FS003", "what comes then stands in a block", help
         if other is None:
             return self._explain_ours(error)
         self.start, self.end = other.start, other.end
         return CODE, other.message, other.help
 
-    def _explain_ours(self, error: UnexpectedInput) -> tuple[str, str, str]:
+    def _explain_ours(self, error: UnexpectedInput) -> tuple[str, str, HelpText]:
         words = words_of_terminals(self._accepted)
         short = self._rule in ("scenario_item", "action") and len(self._text) <= REACH  # the patterns are quadratic
         for pattern, message, help_ in _OFTEN if short else ():
             found = pattern.match(self._text)
             if found is not None:
                 self.start, self.end = found.span("place")
-                help = found.expand(help_)
-                if help.startswith("write `expect") and not self._reads(help.split("`")[1]):
-                    help = "write it like `expect never collision(ego)`"
+                help = help_.expanded(found.expand)
+                written = [
+                    edit.text for edit in help.edits if isinstance(edit, Write) and edit.text.startswith("expect")
+                ]
+                if not all(map(self._reads, written)):
+                    help = "write it like " + write("expect never collision(ego)")
                 return "FS003", message, help
         arrow = self._text.find("->", max(0, self.start - 1), self.start + 2)  # its `-` may have been read as a sign
         if arrow >= 0:
             self.start, self.end = arrow, arrow + 2
-            return "FS015", "unexpected `->`", "did you mean `=>`?"
+            return "FS015", "unexpected `->`", meant_code("=>")
         shown = self.word if len(self.word) <= _SHOWN else self.word[: _SHOWN - 3] + "..."
         if self.word.startswith('"') and (len(self.word) == 1 or not self.word.endswith('"')):
-            return "FS015", "this text is not closed", 'end it with `"` on the same line'
+            return "FS015", "this text is not closed", "end it with " + write('"') + " on the same line"
         unit = self._behind(_UNIT_BEFORE)
         if unit is not None and unit[1] not in UNITS and unit[1] not in keywords():
             return self._unknown_unit(unit, words)
@@ -130,30 +134,35 @@ class Refusal:
             return self._unknown_statement(words, shown)
         return self._unexpected(error, words, shown)
 
-    def _unexpected(self, error: UnexpectedInput, words: Collection[str], shown: str) -> tuple[str, str, str]:
+    def _unexpected(self, error: UnexpectedInput, words: Collection[str], shown: str) -> tuple[str, str, HelpText]:
         usage = self._usage()
         if self._is_word() and (found := closest(self.word, words)) is not None and found != self.word:
             goes_on = self._goes_on(self._text[: self.start] + found, self._text[self.end :])
-            help = f"did you mean '{found}'?" if goes_on else f"the word is `{found}`{f': {usage}' if usage else ''}"
+            help = "the word is " + write(found) + (": " + usage if usage else "")
+            help = meant_word(found, self.word) if goes_on else help
             return "FS004", f"unknown word '{shown}'", help
         if (isinstance(error, UnexpectedCharacters) and not self._is_word()) or self.word in _SIGNS:
             return self._stray(shown, usage)
         if self._misspelt_before(error):
-            return "FS004", f"unknown word '{self.word}'", f"did you mean '{self._meant}'?"
+            return "FS004", f"unknown word '{self.word}'", meant_word(self._meant, self.word)
         return self._out_of_place(words, shown, usage)
 
-    def _out_of_place(self, words: Collection[str], shown: str, usage: str) -> tuple[str, str, str]:
+    def _out_of_place(self, words: Collection[str], shown: str, usage: HelpText) -> tuple[str, str, HelpText]:
         if not self.word:
             return "FS003", f"the statement stops too early: expected {self._expected}", self._going_on() or usage
         if self._rule == "action" and self._is_word() and "starts" in words:
-            return "FS004", f"unknown action '{shown}'", f"an actor can do one of: {', '.join(sorted(words))}"
+            return "FS004", f"unknown action '{shown}'", "an actor can do one of: " + one_of(sorted(words))
         if self._expected == END and (not usage or self.word == ","):
-            return "FS003", f"unexpected `{shown}`: expected {END}", "begin a new line, or write `;` between them"
+            return (
+                "FS003",
+                f"unexpected `{shown}`: expected {END}",
+                "begin a new line, or write " + write(";") + " between them",
+            )
         meant = self._meant_here(words)
         if meant:
-            usage = f"did you mean `{meant}`?"
+            usage = meant_code(meant)
         if "PIN" in self._accepted:
-            usage = "write a pin such as `sha256:5ef2c6120a41`"
+            usage = "write a pin such as " + write("sha256:5ef2c6120a41")
         return "FS003", f"unexpected `{shown}`: expected {self._expected}", usage
 
     def _meant_here(self, words: Collection[str]) -> str:
@@ -185,16 +194,16 @@ class Refusal:
         if "COMPARE" in self._accepted and measured is not None and measured[1] in m.MEASURED:
             yield f" < {EXAMPLES[m.MEASURED[measured[1]]]} "
 
-    def _going_on(self) -> str:
+    def _going_on(self) -> HelpText:
         """Return how a statement that stops too early could go on: by a bracket, or as its example does; or nothing."""
         closing = next((sign for sign in ")]" if self._reads(f"{self._text.rstrip()}{sign}")), "")
         if closing:
-            return f"close it by `{closing}`"
+            return "close it by " + write(closing)
         example = re.sub(r"\s*\{.*", "", self._example())
         for found in re.finditer(r"(?<=\s)\S", example):
             tail = example[found.start() :]
             if tail.split()[0] in words_of_terminals(self._accepted) and self._reads(f"{self._text.rstrip()} {tail}"):
-                return f"go on like `{tail}`: {self._usage()}"
+                return go_on(tail) + ": " + self._usage()
         return ""
 
     def _missing(self, words: Collection[str]) -> str:
@@ -253,49 +262,49 @@ class Refusal:
         self.start, self.end = before.span(1)
         return True
 
-    def _unknown_unit(self, unit: re.Match[str], words: Collection[str]) -> tuple[str, str, str]:
+    def _unknown_unit(self, unit: re.Match[str], words: Collection[str]) -> tuple[str, str, HelpText]:
         """`start at 20 alng west`: the word after a number was taken for a unit."""
         self.start, self.end = unit.span(1)
         found = closest(unit[1], [*UNITS, *words])
         if found is not None and found not in UNITS:
-            return "FS004", f"unknown word '{unit[1]}'", f"did you mean '{found}'?"
-        return "FS005", f"unknown unit '{unit[1]}'", f"did you mean '{found}'?" if found else self._usage()
+            return "FS004", f"unknown word '{unit[1]}'", meant_word(found, unit[1])
+        return "FS005", f"unknown unit '{unit[1]}'", meant_word(found, unit[1]) if found else self._usage()
 
-    def _unknown_statement(self, words: Collection[str], shown: str) -> tuple[str, str, str]:
+    def _unknown_statement(self, words: Collection[str], shown: str) -> tuple[str, str, HelpText]:
         place = PLACES.get(self._rule, "a file")
         if self._rule in _OF_NETWORKS and (why := next((w for words, w in UNSUPPORTED if self.word in words), "")):
             return "FS271", f"'{shown}' is not supported", why
         ours = OF_ROADS.get(self.word) if self._rule in _OF_NETWORKS else None
         places = homes().get(self.word, ()) if ours is None else ()
         if places and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in places:
-            help = f"put `add` or `change` in front of it: `add {self.word} ...`"
+            help = "put " + write("add") + " or " + write("change") + f" in front of it: `add {self.word} ...`"
             return "FS008", f"'{shown}' cannot stand alone in {place}", help
         meant = ours or (closest(self.word, words) if self._is_word() else None)
         if places and self.word not in words and (meant is None or meant.rstrip("s") != self.word):
-            return "FS008", f"'{shown}' cannot stand in {place}", f"it belongs in {_either(places)}"
+            return "FS008", f"'{shown}' cannot stand in {place}", move_inside(f"it belongs in {_either(places)}")
         if meant is not None:
-            return "FS004", f"unknown statement '{shown}'", f"did you mean '{meant}'?"
+            return "FS004", f"unknown statement '{shown}'", meant_word(meant, self.word)
         if self._is_word() and words:
-            return "FS004", f"unknown statement '{shown}'", f"in {place} you can write: {', '.join(sorted(words))}"
+            return "FS004", f"unknown statement '{shown}'", f"in {place} you can write: " + one_of(sorted(words))
         return "FS003", f"unexpected `{shown}` in {place}", self._usage()
 
-    def _stray(self, shown: str, usage: str) -> tuple[str, str, str]:
+    def _stray(self, shown: str, usage: HelpText) -> tuple[str, str, HelpText]:
         if self.word == "'" and (closed := self._text.find("'", self.start + 1)) > 0:
             written = self._text[self.start : closed + 1]
             self.end = closed + 1
-            return "FS015", "texts stand in double quotes", f'did you mean `"{written[1:-1]}"`?'
+            return "FS015", "texts stand in double quotes", meant_code(f'"{written[1:-1]}"')
         if self.word == "'":
-            return "FS015", "unexpected `'`", 'texts stand in double quotes: `"like this"`'
+            return "FS015", "unexpected `'`", "texts stand in double quotes: " + write('"like this"')
         parts = _HYPHENED.search(self._text[: self.start + _SHOWN], max(0, self.start - _SHOWN))
         if self.word == "-" and parts is not None and parts.start() < self.start < parts.end():
             self.start, self.end = parts.span()
             written = parts[0]
-            return "FS015", f"unexpected `-` in `{written}`", f"did you mean `{written.replace('-', '_')}`?"
+            return "FS015", f"unexpected `-` in `{written}`", meant_code(written.replace("-", "_"))
         if self.word == "-":
-            return "FS015", "unexpected `-`", "names are written with underscores: `red_light`"
+            return "FS015", "unexpected `-`", "names are written with underscores: " + write("red_light")
         if self.word.isprintable():
             return "FS015", f"unexpected character `{shown}`: expected {self._expected}", usage
-        return "FS015", f"unexpected character U+{ord(self.word[0]):04X}", "remove it"
+        return "FS015", f"unexpected character U+{ord(self.word[0]):04X}", remove("remove it")
 
     @property
     def _expected(self) -> str:
@@ -304,9 +313,9 @@ class Refusal:
     def _is_word(self) -> bool:
         return bool(self.word) and (self.word[0].isalpha() or self.word[0] == "_")
 
-    def _usage(self) -> str:
+    def _usage(self) -> HelpText:
         example = self._example()
-        return f"write it like `{example}`" if example else ""
+        return "write it like " + write(example) if example else ""
 
     def _example(self) -> str:
         """How what is at fault is written."""

@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from foresee_dsl.helps import HelpText, as_comment, as_trigger, meant_code, write
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.syntax.foreign_signs import inside, sign
 from foresee_dsl.language.syntax.foreign_words import ACTORS, FIRST, OPENSCENARIO, SCENIC_CLASSES, TOP, Foreign
@@ -73,7 +74,7 @@ def _road(text: str) -> Foreign | None:
     found = _ROAD_ENDS.match(text)
     if found is None or re.match(r"road\s+\w+\s+from\s+\w+\s+to\b", text):
         return None
-    help = f"did you mean `road {found['name']} from {found['one']} to {found['other']}`?"
+    help = meant_code(f"road {found['name']} from {found['one']} to {found['other']}")
     return Foreign(0, found.end(), f"`{found[0]}`: a road has its ends behind `from` and `to`", help)
 
 
@@ -81,7 +82,7 @@ def _variable(text: str) -> Foreign | None:
     untyped = _UNTYPED.match(text)
     if untyped is not None:
         known = UNITS.get(untyped["unit"] or "")
-        help = f"did you mean `{untyped[0]}: {known.dimension if known is not None else 'ratio'}`?"
+        help = meant_code(f"{untyped[0]}: {known.dimension if known is not None else 'ratio'}")
         return Foreign(0, untyped.end(), f"`{untyped[0]}`: a parameter has a type", help)
     found = _PARAM.match(text)
     if found is None:
@@ -89,7 +90,7 @@ def _variable(text: str) -> Foreign | None:
     unit = UNITS.get(found["unit"] or "")
     param = f"param {found['name']}: {unit.dimension if unit is not None else 'ratio'} = {found['value'].strip()}"
     message = f"`{found['all']}`: a value with a name is a parameter"
-    return Foreign(0, len(found["all"]), message, f"did you mean `{param}`?")
+    return Foreign(0, len(found["all"]), message, meant_code(param))
 
 
 def _expectation(text: str) -> Foreign | None:
@@ -97,7 +98,7 @@ def _expectation(text: str) -> Foreign | None:
     if found is None:
         return None
     message = f"`{found[0]}`: what is to hold while it runs is an expectation"
-    return Foreign(0, found.end(), message, f"did you mean `expect {found['how']}`?")
+    return Foreign(0, found.end(), message, meant_code(f"expect {found['how']}"))
 
 
 def _spawned(text: str) -> Foreign | None:
@@ -105,7 +106,7 @@ def _spawned(text: str) -> Foreign | None:
     if found is None:
         return None
     message = f"`{found[0]}`: an actor is there from the beginning"
-    return Foreign(0, found.end(), message, f"did you mean `{found['kind']}`?")
+    return Foreign(0, found.end(), message, meant_code(found["kind"]))
 
 
 def _scenic(text: str) -> Foreign | None:
@@ -116,11 +117,11 @@ def _scenic(text: str) -> Foreign | None:
     name = "ego" if found["name"] == "ego" else f"{kind} {found['name'] or 'other'}"
     named = re.match(r"\s+([a-z]\w*)\s*(?:\{\})?$", text[found.end("kind") :])
     if named is not None and not found["name"]:
-        help = f"did you mean `{kind} {named[1]}: {model}`?"
+        help = meant_code(f"{kind} {named[1]}: {model}")
         end = found.end("kind") + named.end(1)
         written = text[found.start("kind") : end]
         return Foreign(found.start("kind"), end, f"`{written}`: this is a class of Scenic", help)
-    help = f"an actor is a block: `{name}: {model} {{ start at 20 m along ego.route }}`"
+    help = "an actor is a block: " + write(f"{name}: {model} {{ start at 20 m along ego.route }}")
     return Foreign(found.start("kind"), found.end("kind"), f"`{found['kind']}` is a class of Scenic", help)
 
 
@@ -129,7 +130,7 @@ def _kind(word: str) -> Foreign | None:
     if kind is None:
         return None
     message = f"`{word}` is no kind of actor"
-    return Foreign(0, len(word), message, f"did you mean `{kind}`?")
+    return Foreign(0, len(word), message, meant_code(kind))
 
 
 def _of_weather(text: str) -> Foreign | None:
@@ -137,7 +138,7 @@ def _of_weather(text: str) -> Foreign | None:
     found = re.match(r"(?P<word>rain|fog|wetness|sun)\b\s*=?\s*(?P<number>[0-9][0-9.]*)?", text)
     if found is None:
         return None
-    help = f"did you mean `weather {found['word']} {found['number'] or '0.5'}`?"
+    help = meant_code(f"weather {found['word']} {found['number'] or '0.5'}")
     return Foreign(0, len(text), f"`{found['word']}` is said of the weather, by a number from 0 to 1", help)
 
 
@@ -149,7 +150,7 @@ def _at_once(text: str) -> Foreign | None:
     if _TOLD.match(text) is None:
         return None
     said = text.strip()
-    return Foreign(0, len(text), "an action stands in a trigger", f"did you mean `when time >= 0 s {{ {said} }}`?")
+    return Foreign(0, len(text), "an action stands in a trigger", meant_code(f"when time >= 0 s {{ {said} }}"))
 
 
 def _assigned(text: str) -> Foreign | None:
@@ -157,21 +158,24 @@ def _assigned(text: str) -> Foreign | None:
     if found is None:
         return None
     what = {"end": "end after", "start": "start speed"}.get(found["what"], found["what"])
-    return Foreign(
-        0, len(found[0]), f"`{found[0]}`: nothing is assigned here", f"did you mean `{what} {found['rest']}`?"
-    )
+    return Foreign(0, len(found[0]), f"`{found[0]}`: nothing is assigned here", meant_code(f"{what} {found['rest']}"))
 
 
 def _first(text: str, rule: str, word: str) -> Foreign | None:
+    help: HelpText
     ours, help = FIRST.get(word, ("", ""))
     message = f"`{word}` is a word of other languages"
     if word in OPENSCENARIO:
         message, help, ours = f"`{word}` is a word of OpenSCENARIO's files", OPENSCENARIO[word], ""
     elif rule == "actor_item" and _ACTION.match(text) is not None:
-        help = "what it does stands in a trigger of the scenario: `when time >= 0 s { lead stops }`"
+        help = (
+            as_trigger("what it does stands in a trigger")
+            + " of the scenario: "
+            + write("when time >= 0 s { lead stops }")
+        )
         message = f"`{word}` is an action, and this block says how the actor begins"
     elif ours and rule in TOP:
-        help = f"did you mean `{ours}`?"
+        help = meant_code(ours)
     elif ours or rule not in (*TOP, "actor_item", "junction_item"):
         help = ""
     return Foreign(0, len(word), message, help) if help else None
@@ -184,18 +188,23 @@ def _action(text: str, word: str) -> Foreign | None:
             0,
             found.end(),
             message,
-            "write `then when CONDITION { ... }`, such as `then when ego.speed < 3 m/s { lead stops }`",
+            "write `then when CONDITION { ... }`, such as " + write("then when ego.speed < 3 m/s { lead stops }"),
         )
     if (found := _TURNS.match(text)) is not None:
         turns = f"{found['name']} turns to ns_go"
-        help = f"name the stage, and behind it one of its lights if need be: `{turns}` or `{turns} amber`"
+        which = (
+            "name the stage, and behind it one of its lights if need be: "
+            + write(turns)
+            + " or "
+            + write(f"{turns} amber")
+        )
         message = "a signal shows each way another light, so it turns to one of its stages"
-        return Foreign(found.start("colour"), found.end("colour"), message, help)
+        return Foreign(found.start("colour"), found.end("colour"), message, which)
     ours, help = ("when", "") if word == "when" else FIRST.get(word, ("", ""))
     if ours == "when":
         said = f"`{word}` is a word of other languages"
         said = "`when` begins a trigger, and this is one already" if word == "when" else said
-        return Foreign(0, len(word), said, "did you mean `then when`?")
+        return Foreign(0, len(word), said, meant_code("then when"))
     if help and not re.match(r"\w+\s+(?:starts|stops|changes|meets|ignores)\b", text):
         return Foreign(0, len(word), f"`{word}` is a word of other languages", help)
     return _told(text) or _other_verb(text)
@@ -206,7 +215,7 @@ def _other_verb(text: str) -> Foreign | None:
     if second is None or second["verb"] not in _OTHER_ACTIONS:
         return None
     verb = second["verb"]
-    help = f"did you mean `{_OTHER_ACTIONS[verb]}`?"
+    help = meant_code(_OTHER_ACTIONS[verb])
     return Foreign(second.start("verb"), second.end("verb"), f"`{verb}` is no action", help)
 
 
@@ -219,14 +228,14 @@ def _told(text: str) -> Foreign | None:
     """An action whose words are in another order: `child.start()`, `start child`, `van opens door`."""
     door = _DOOR.match(text)
     if door is not None:
-        help = f"did you mean `door of {door['who']} {door['verb']}`?"
+        help = meant_code(f"door of {door['who']} {door['verb']}")
         return Foreign(0, door.end(), f"`{door[0]}`: a door opens by itself", help)
     found = _CALLED.match(text) or _VERB_FIRST.match(text)
     verb = closest(found["verb"], _VERBS) if found is not None else None
     if found is None or verb is None:
         return None
     message = f"`{found[0]}`: first the actor, then what it does"
-    return Foreign(0, found.end(), message, f"did you mean `{found['who']} {verb}`?")
+    return Foreign(0, found.end(), message, meant_code(f"{found['who']} {verb}"))
 
 
 _COMMENT = re.compile(r'"[^"\n]*"?|#[^\n]*|(?P<line>//[^\n]*)|(?P<block>/\*(?:.|\n)*?(?:\*/|\Z))')
@@ -258,10 +267,10 @@ def without_comments(text: str) -> tuple[str, list[Foreign]]:
 def _comment(match: re.Match[str]) -> Foreign:
     start, first = match.start(), match[0].split("\n")[0]
     if match["line"] is not None:
-        return Foreign(start, start + 2, "`//` begins no comment here", "did you mean `#`?")
+        return Foreign(start, start + 2, "`//` begins no comment here", meant_code("#"))
     behind = match.string[match.end() :].split("\n")[0].strip()
     if behind or "\n" in match[0]:
-        help = "begin each line of it with `#`; a comment goes to the end of its line"
+        help = as_comment("begin each line of it with `#`") + "; a comment goes to the end of its line"
         return Foreign(start, start + len(first), "`/*` begins no comment here", help)
     said = first.removeprefix("/*").removesuffix("*/").strip()
-    return Foreign(start, start + len(first), f"`{first}` is no comment here", f"did you mean `{f'# {said}'.strip()}`?")
+    return Foreign(start, start + len(first), f"`{first}` is no comment here", meant_code(f"# {said}".strip()))

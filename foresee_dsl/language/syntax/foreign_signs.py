@@ -5,17 +5,30 @@ from __future__ import annotations
 import re
 from decimal import Decimal
 
+from foresee_dsl.helps import meant_code, write
 from foresee_dsl.language.syntax.foreign_words import TOP, WEATHER, Foreign
 
 _FAR = 80
 _SIGNS = (
-    ("==", re.compile(r"==(?=\s*-?[0-9])"), "", "numbers are compared by `<`, `<=`, `>` and `>=`"),
+    (
+        "==",
+        re.compile(r"==(?=\s*-?[0-9])"),
+        "",
+        "numbers are compared by " + write("<") + ", " + write("<=") + ", " + write(">") + " and " + write(">="),
+    ),
     ("==", re.compile(r"=="), "is", ""),
     (
         "!=",
         re.compile(r"!=|<>"),
         "",
-        "write `not` in front: `not ego.signal(j4) is red`; numbers are compared by `<` and `>`",
+        "write "
+        + write("not")
+        + " in front: "
+        + write("not ego.signal(j4) is red")
+        + "; numbers are compared by "
+        + write("<")
+        + " and "
+        + write(">"),
     ),
     ("&&", re.compile(r"&&?"), "and", ""),
     ("||", re.compile(r"\|\|?"), "or", ""),
@@ -84,7 +97,7 @@ def sign(text: str, at: int) -> Foreign | None:
     for written, pattern, ours, help in _SIGNS:
         for found in pattern.finditer(text[:at] + text[at : at + _FAR]):
             if found.start() <= at <= found.start() + len(written):
-                said = help or f"did you mean `{found.expand(ours)}`?"
+                said = help or meant_code(found.expand(ours))
                 return Foreign(found.start(), found.end(), f"`{found[0]}`: signs of conditions are words here", said)
     return None
 
@@ -94,7 +107,7 @@ def _weather(text: str) -> Foreign | None:
     if found is None:
         return None
     said = f"`{found['word']}` is said by a number from 0 to 1"
-    return Foreign(found.start("word"), found.end("word"), said, f"did you mean `{WEATHER[found['word']]}`?")
+    return Foreign(found.start("word"), found.end("word"), said, meant_code(WEATHER[found["word"]]))
 
 
 def _share(text: str, at: int) -> Foreign | None:
@@ -109,7 +122,7 @@ def _share(text: str, at: int) -> Foreign | None:
         found.start(),
         found.start() + len(written),
         f"`{written}`: a share is a plain number",
-        f"did you mean `{share}{times}`?",
+        meant_code(f"{share}{times}"),
     )
 
 
@@ -132,21 +145,21 @@ def _behind_of(text: str) -> Foreign | None:
     found = re.search(r"\bbehind\s+of\b", text)
     if found is None:
         return None
-    return Foreign(found.start(), found.end(), f"`{found[0]}` is one word too many", "did you mean `behind`?")
+    return Foreign(found.start(), found.end(), f"`{found[0]}` is one word too many", meant_code("behind"))
 
 
 def _plus(text: str, at: int) -> Foreign | None:
     plus = _PLUS.match(text, at)
     if plus is None or not re.search(r"\w\s*$", text[:at]):
         return None
-    return Foreign(at, plus.end(), f"`{plus[0]}`: a value has no `+` in front", f"did you mean `{plus['value']}`?")
+    return Foreign(at, plus.end(), f"`{plus[0]}`: a value has no `+` in front", meant_code(plus["value"]))
 
 
 def _one_value(text: str, at: int) -> Foreign | None:
     alone = _ONE_VALUE.search(text, max(0, at - _FAR), at + 1)
     if alone is None or text[at : at + 1] != ")":
         return None
-    help = f"write `{alone['name']}({alone['value'].strip()}, 2 s)`, for example"
+    help = "write " + write(f"{alone['name']}({alone['value'].strip()}, 2 s)") + ", for example"
     return Foreign(alone.start(), at + 1, f"`{alone['name']}` takes two values or more", help)
 
 
@@ -157,9 +170,9 @@ def _power(text: str, at: int) -> Foreign | None:
     whole = _RAISED.search(text)
     if whole is not None and whole.start() <= found.start() < whole.end():
         base, times = whole["base"].strip(), int(whole["times"])
-        help = f"did you mean `{' * '.join([base] * times)}`?"
+        help = meant_code(" * ".join([base] * times))
         return Foreign(whole.start(), whole.end(), f"`{whole[0]}`: there is no `{found[0]}`", help)
-    help = "multiply: `speed * speed` is a speed squared"
+    help = "multiply: " + write("speed * speed") + " is a speed squared"
     return Foreign(found.start(), found.end(), f"there is no `{found[0]}`", help)
 
 
@@ -172,12 +185,17 @@ def _function(text: str, at: int) -> Foreign | None:
     given = [part.strip() for part in text[at + 1 : closed].split(",")] if closed > at else []
     ours = _OF_OURS.get((called["name"], len(given)))
     if ours is not None and "(" not in text[at + 1 : closed]:
-        help = f"did you mean `{ours.format(*given)}`?"
+        help = meant_code(ours.format(*given))
         return Foreign(called.start(), closed + 1, f"{message}: `{text[called.start() : closed + 1]}`", help)
     if called["name"] in _DRAWN:
-        help = "a parameter is drawn: `param gap: time = 1.5 s in 0 s..4 s as uniform`, with `cases 20 from seed 7`"
+        help = (
+            "a parameter is drawn: "
+            + write("param gap: time = 1.5 s in 0 s..4 s as uniform")
+            + ", with "
+            + write("cases 20 from seed 7")
+        )
         return Foreign(called.start(), called.end(), message, help)
-    help = "`min(a, b)` and `max(a, b)` are the only functions"
+    help = write("min(a, b)") + " and " + write("max(a, b)") + " are the only functions"
     return Foreign(called.start(), called.end(), message, help)
 
 
@@ -185,7 +203,7 @@ def _measured_left(text: str, rule: str, at: int) -> Foreign | None:
     measured = _MEASURED_BEFORE.search(text, max(0, at - 200), at)
     if measured is None or text[at : at + 1] not in ("+", "-", "*", "/") or rule not in (*TOP, "action"):
         return None
-    help = "calculate on the other side, with parameters and values: `ego.eta(j4) < gap + 1 s`"
+    help = "calculate on the other side, with parameters and values: " + write("ego.eta(j4) < gap + 1 s")
     message = f"`{measured['what']}` is measured while it runs: nothing is calculated with it"
     return Foreign(measured.start("what"), measured.end("what"), message, help)
 
@@ -199,6 +217,6 @@ def _measured_right(text: str, rule: str, at: int) -> Foreign | None:
     what = found[0].rpartition(".")[2]
     example = {"speed": "50 km/h", "acceleration": "3 m/s^2", "eta": "2.5 s"}.get(what, "12 m")
     measures = "relative_speed(a, b), headway(a, b), distance(a, b)"
-    help = f"write a value such as `{example}`; of two actors there are {measures}"
+    help = "write a value such as " + write(example) + f"; of two actors there are {measures}"
     message = f"`{found[0]}` is measured while it runs, and a value belongs here"
     return Foreign(found.start(), found.end(), message, help)

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from foresee_dsl.helps import Help, HelpText, as_opposite, remove, write
+
 CODE = "FS065"
 
 
@@ -16,11 +18,11 @@ class Foreign:
     start: int
     end: int
     message: str
-    help: str
+    help: HelpText
 
 
 TOP = ("scenario_item", "extension_item", "clip_item")
-FIRST: Mapping[str, tuple[str, str]] = MappingProxyType(
+FIRST: Mapping[str, tuple[str, HelpText]] = MappingProxyType(
     {
         # first word: what takes its place ("" for nothing of one word), and a help where nothing does
         "assert": ("expect always", ""),
@@ -34,60 +36,90 @@ FIRST: Mapping[str, tuple[str, str]] = MappingProxyType(
         "until": ("when", ""),
         "keep": (
             "",
-            "`require gap < 2 s` says which values belong together, `expect always ...` what is to hold in the run",
+            write("require gap < 2 s")
+            + " says which values belong together, `expect always ...` what is to hold in the run",
         ),
         "constraint": (
             "",
-            "`require gap < 2 s` says which values belong together, `expect always ...` what is to hold",
+            write("require gap < 2 s") + " says which values belong together, `expect always ...` what is to hold",
         ),
         "import": ("use network", ""),
         "include": ("use network", ""),
         "else": (
             "",
-            "there is no `else`: write a second trigger with a condition of its own (a `not` holds from the beginning)",
+            as_opposite("there is no `else`")
+            + ": write a second trigger with a condition of its own (a "
+            + write("not")
+            + " holds from the beginning)",
         ),
-        "elif": ("", "there is no `elif`: write a second trigger, `when ... { ... }`"),
+        "elif": ("", as_opposite("there is no `elif`") + ": write a second trigger, `when ... { ... }`"),
         "for": (
             "",
-            "nothing is repeated by a loop: `when every ... { ... }` fires again, `cases 20 from seed 7` draws cases",
+            "nothing is repeated by a loop: `when every ... { ... }` fires again, "
+            + write("cases 20 from seed 7")
+            + " draws cases",
         ),
-        "foreach": ("", "nothing is repeated by a loop: `cases 20 from seed 7` draws test cases"),
+        "foreach": ("", "nothing is repeated by a loop: " + write("cases 20 from seed 7") + " draws test cases"),
         "repeat": ("", "nothing is repeated by a loop: a trigger `when every ... { ... }` fires again"),
         "loop": ("", "nothing is repeated by a loop: a trigger `when every ... { ... }` fires again"),
-        "var": ("", "a parameter is written with its type: `param gap: time = 1.5 s`"),
-        "let": ("", "a parameter is written with its type: `param gap: time = 1.5 s`"),
-        "const": ("", "a parameter is written with its type: `param gap: time = 1.5 s`"),
-        "def": ("", "nothing is defined by a function: a value is a `param`, what happens is a `when`"),
-        "function": ("", "nothing is defined by a function: a value is a `param`, what happens is a `when`"),
-        "print": ("", "what a run shows is in its report; leave this out"),
-        "return": ("", "a scenario returns nothing: leave this out"),
+        "var": ("", "a parameter is written with its type: " + write("param gap: time = 1.5 s")),
+        "let": ("", "a parameter is written with its type: " + write("param gap: time = 1.5 s")),
+        "const": ("", "a parameter is written with its type: " + write("param gap: time = 1.5 s")),
+        "def": (
+            "",
+            "nothing is defined by a function: a value is a " + write("param") + ", what happens is a " + write("when"),
+        ),
+        "function": (
+            "",
+            "nothing is defined by a function: a value is a " + write("param") + ", what happens is a " + write("when"),
+        ),
+        "print": ("", "what a run shows is in its report; " + remove("leave this out")),
+        "return": ("", "a scenario returns nothing: " + remove("leave this out")),
         "do": ("", "actions begin together; for one after the other write `then { ... }`"),
         "serial": ("", "actions begin together; for one after the other write `then { ... }`"),
-        "parallel": ("", "actions of one block begin together: leave this out"),
-        "one_of": ("", "a parameter with options and `as choice(3, 1)` draws one of several"),
-        "behavior": ("", "what an actor does is written in triggers: `when time >= 0 s { lead stops }`"),
-        "with": ("", "in an actor's block each property is a line: `start speed 40 km/h`, `delay 0.5 s`"),
-        "take": ("", "an action begins with its actor: `lead stops`"),
-        "terminate": ("", "a run ends by `end after 20 s`, and when the ego arrives or fails"),
-        "record": ("", "everything is recorded: leave this out"),
-        "simulator": ("", "the simulator is SUMO: leave this out"),
-        "cover": ("", "`foresee sample` shows what the cases reach: leave this out"),
+        "parallel": ("", "actions of one block begin together: " + remove("leave this out")),
+        "one_of": ("", "a parameter with options and " + write("as choice(3, 1)") + " draws one of several"),
+        "behavior": ("", "what an actor does is written in triggers: " + write("when time >= 0 s { lead stops }")),
+        "with": (
+            "",
+            "in an actor's block each property is a line: "
+            + write("start speed 40 km/h")
+            + ", "
+            + write("delay 0.5 s"),
+        ),
+        "take": ("", "an action begins with its actor: " + write("lead stops")),
+        "terminate": ("", "a run ends by " + write("end after 20 s") + ", and when the ego arrives or fails"),
+        "record": ("", "everything is recorded: " + remove("leave this out")),
+        "simulator": ("", "the simulator is SUMO: " + remove("leave this out")),
+        "cover": ("", "`foresee sample` shows what the cases reach: " + remove("leave this out")),
         "emit": (
             "",
-            "triggers are not told of events: leave this out, and write what they wait for, "
-            "`when distance(ego, lead) < 20 m { ... }`",
+            "triggers are not told of events: "
+            + remove("leave this out")
+            + ", and write what they wait for, `when distance(ego, lead) < 20 m { ... }`",
         ),
-        "try": ("", "a trigger says what happens when: `when ego within 10 m of lead { lead stops }`"),
-        "interrupt": ("", "a trigger says what happens when: `when ego within 10 m of lead { lead stops }`"),
-        "zebra": ("", "people cross where the junction has `crossings`"),
+        "try": ("", "a trigger says what happens when: " + write("when ego within 10 m of lead { lead stops }")),
+        "interrupt": ("", "a trigger says what happens when: " + write("when ego within 10 m of lead { lead stops }")),
+        "zebra": ("", "people cross where the junction has " + write("crossings")),
         "class": ("", "models have sizes and abilities in a file `models NAME { ... }`"),
-        "yield": ("", "who gives way is the network's: `ignores priority` and `meets` are what actors do"),
+        "yield": (
+            "",
+            "who gives way is the network's: "
+            + write("ignores priority")
+            + " and "
+            + write("meets")
+            + " are what actors do",
+        ),
     }
 )
-_A_TRIGGER = "what happens is a trigger: `when time > 5 s { lead stops }`; `foresee import` reads whole .xosc files"
-_AN_ACTOR = "an actor is a block: `vehicle lead: car.compact { start at 20 m along ego.route }`"
-_A_PARAMETER = "a parameter is written with its type: `param gap: time = 1.5 s`"
-OPENSCENARIO: Mapping[str, str] = MappingProxyType(
+_A_TRIGGER = (
+    "what happens is a trigger: "
+    + write("when time > 5 s { lead stops }")
+    + "; `foresee import` reads whole .xosc files"
+)
+_AN_ACTOR = "an actor is a block: " + write("vehicle lead: car.compact { start at 20 m along ego.route }")
+_A_PARAMETER = "a parameter is written with its type: " + write("param gap: time = 1.5 s")
+OPENSCENARIO: Mapping[str, Help] = MappingProxyType(
     {
         **dict.fromkeys(
             ("Storyboard", "Story", "Act", "ManeuverGroup", "Maneuver", "Event", "Action", "StartTrigger"), _A_TRIGGER
@@ -131,11 +163,14 @@ WEATHER: Mapping[str, str] = MappingProxyType(
 UNSUPPORTED = (
     (
         ("elevation", "slope", "height", "incline", "gradient", "z", "bridge", "tunnel"),
-        "roads are flat: leave it out; a bridge is a road that shares no junction with the one below",
+        "roads are flat: " + remove("leave it out") + "; a bridge is a road that shares no junction with the one below",
     ),
     (
         ("tram", "tram_track", "tram_tracks", "tram_lane", "rail", "rails", "track"),
-        "SUMO would drive trams as one rigid body: leave it out; a reserved lane for a bus is `bus_lane 3.5 m`",
+        "SUMO would drive trams as one rigid body: "
+        + remove("leave it out")
+        + "; a reserved lane for a bus is "
+        + write("bus_lane 3.5 m"),
     ),
 )
 """Words of networks that the language does not know on purpose, and why."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from foresee_dsl.errors import Span
+from foresee_dsl.helps import HelpText
 from foresee_dsl.language import model as m
 
 Key = tuple[str | int, ...]
@@ -37,5 +38,5 @@ class TextError:
 
     code: str
     message: str
-    help: str
+    help: HelpText
     span: Span

@@ -12,6 +12,7 @@ from typing import cast
 from lark import Token, Tree
 
 from foresee_dsl.errors import Span
+from foresee_dsl.helps import HelpText, meant_code, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
@@ -184,13 +185,13 @@ class NodeMaker:
         word, value, *rest = setting.children
         name, place = str(word), span_of(setting)
         if name in node.fields:
-            self._error("FS013", f"'{name}' is given twice", "keep one of the two", place)
+            self._error("FS013", f"'{name}' is given twice", remove("keep one of the two"), place)
         if value is None:  # `crossings` without a list
             node.fields[name], node.places[name] = (), place
         else:
             self._put(node, name, value)
         if rest and str(rest[0]) != "ego.route":
-            help = "write it like `within 120 m of ego.route`"
+            help = "write it like " + write("within 120 m of ego.route")
             self._error("FS006", f"traffic cannot be around '{rest[0]}'", help, span_of(_token(rest[0])))
 
     def _value(self, form: FieldForm, child: _Tree | Token) -> Node | str:
@@ -202,7 +203,7 @@ class NodeMaker:
             return Node(m.Ref, span_of(child), {"name": str(child)})
         return _text(child)
 
-    def _error(self, code: str, message: str, help: str, span: Span) -> None:
+    def _error(self, code: str, message: str, help: HelpText, span: Span) -> None:
         self.errors.append(TextError(code, message, help, span))
 
     # ---- values ---------------------------------------------------------------------------------------------------
@@ -214,11 +215,11 @@ class NodeMaker:
             return node
         if str(unit) == "%":
             written, share = f"{number} %", f"{Decimal(str(number)) / 100:f}"
-            self._error("FS005", f"`{written}`: a share is a plain number", f"did you mean `{share}`?", node.span)
+            self._error("FS005", f"`{written}`: a share is a plain number", meant_code(share), node.span)
             return Node(m.Quantity, node.span)
         if str(unit) not in UNITS and self._parameters is not ANY_NAME and str(unit) in self._parameters:
             message = f"between `{number}` and '{unit}' the sign is missing"
-            self._error("FS060", message, f"did you mean `{number} * {unit}`?", node.span)
+            self._error("FS060", message, meant_code(f"{number} * {unit}"), node.span)
             return Node(m.Quantity, node.span)
         node.fields["unit"] = str(unit)
         node.places["unit"] = span_of(_token(unit))
@@ -244,14 +245,14 @@ class NodeMaker:
         left, op, right = tree.children
         measured = isinstance(right, Tree) and right.data == "measure"
         if measured and isinstance(left, Tree) and left.data == "measure":
-            help = "compare it with a value, such as `ego.speed < 3 m/s`"
+            help = "compare it with a value, such as " + write("ego.speed < 3 m/s")
             speeds = [_BEHIND_SPEED.fullmatch(_as_text(side)) for side in _trees(tree.children)]
             if speeds[0] is not None and speeds[1] is not None:
-                help = f"did you mean `relative_speed({speeds[0][1]}, {speeds[1][1]}) {op} 0 m/s`?"
+                help = meant_code(f"relative_speed({speeds[0][1]}, {speeds[1][1]}) {op} 0 m/s")
             self._error("FS061", "both sides of this are measured while it runs", help, span_of(tree))
         elif measured and isinstance(left, Tree) and isinstance(right, Tree):
             turned = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}[str(op)]
-            help = f"did you mean `{_as_text(right)} {turned} {_as_text(left)}`?"
+            help = meant_code(f"{_as_text(right)} {turned} {_as_text(left)}")
             self._error("FS061", "what is measured while it runs stands on the left", help, span_of(tree))
         else:
             return self._made(tree, tree.children)
@@ -279,13 +280,13 @@ class NodeMaker:
         if found in (*m.BETWEEN_ACTORS, "distance") and "speed" in properties:
             other = argument or next((name for name in self._actors() if name != actor), "lead")
             whole = Span(place.line, place.column - len(actor) - 1, place.line, place.end_column)
-            help = f"did you mean `{found}({actor}, {other})`?"
+            help: HelpText = meant_code(f"{found}({actor}, {other})")
             self._error("FS006", f"`{actor}.{found}`: this is between two", help, whole)
             return
-        help = did_you_mean(_MEANT_PROPERTIES.get(found, found), properties) or f"known are {', '.join(properties)}"
+        help = did_you_mean(_MEANT_PROPERTIES.get(found, found), properties) or "known are " + one_of(properties)
         if found in _PLACES_OF_ACTORS and "eta" in properties:
             places = (f"{actor} within 5 m of (20 m, 0 m)", f"{actor} in junction j4", f"{actor} in lane 1")
-            help = f"ask for a place, such as `{'` or `'.join(places)}`"
+            help = "ask for a place, such as " + write("` or `".join(places))
         self._error("FS006", f"unknown property '{found}' of '{actor}'", help, place)
 
     def _actors(self) -> Iterator[str]:
@@ -304,9 +305,9 @@ class NodeMaker:
             named = str(argument) if isinstance(argument, Token) else ""
             what = self._dotted(first, node, "actor", (*_READ_OFF, "eta"), named)
             if argument is None and what == "eta":
-                self._error("FS003", "'eta' needs a junction", "write it like `ego.eta(j4)`", node.span)
+                self._error("FS003", "'eta' needs a junction", "write it like " + write("ego.eta(j4)"), node.span)
             elif argument is not None and what in _READ_OFF:
-                self._error("FS003", f"'{what}' takes no argument", f"write it like `ego.{what}`", node.span)
+                self._error("FS003", f"'{what}' takes no argument", "write it like " + write(f"ego.{what}"), node.span)
             if argument is not None:
                 self._put(node, "other", argument)
             node.fields["what"] = what if what in (*_READ_OFF, "eta") else "speed"
@@ -323,7 +324,7 @@ class NodeMaker:
     def _fidelity(self, tree: _Tree) -> Node:
         deviation, whose, ego = tree.children
         if whose is not None and str(whose) != "ego":
-            help = "write it like `fidelity 0.00 m ego 0.12 m`"
+            help = "write it like " + write("fidelity 0.00 m ego 0.12 m")
             message = f"a clip's fidelity tells of the ego, not of '{whose}'"
             self._error("FS003", message, help, span_of(_token(whose)))
         return self._made(tree, (deviation, ego))
@@ -342,7 +343,7 @@ class NodeMaker:
         self._put(node, "turn", turn)
         if str(turn) not in _TURNS and (turn.type != "NAME" or str(turn) not in self._parameters):
             help = did_you_mean(str(turn), (*_TURNS, *sorted(self._parameters)))
-            self._error("FS004", f"unknown turn '{turn}'", help or f"turns are {', '.join(_TURNS)}", span_of(turn))
+            self._error("FS004", f"unknown turn '{turn}'", help or "turns are " + one_of(_TURNS), span_of(turn))
         return node
 
     def _change(self, tree: _Tree) -> Node:
@@ -398,7 +399,7 @@ class NodeMaker:
             ):
                 # The lexer divides `rainy` into a keyword and a name.
                 written = f"{word}{value.children[0]}"
-                help = f"did you mean `{word} 0.5`?"
+                help = meant_code(f"{word} 0.5")
                 self._error(
                     "FS004", f"'{written}' is said of the weather by a number from 0 to 1", help, span_of(setting)
                 )

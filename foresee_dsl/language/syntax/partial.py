@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.helps import Meant, meant_word
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.keywords import KEYWORDS
@@ -91,8 +92,12 @@ def _certain(found: Diagnostic, unread: frozenset[str]) -> Diagnostic | None:
     name = _QUOTED.search(found.message) or _CALLED.search(found.message)
     if found.code not in _OF_NAMES or name is None or {name[1], name[1].rpartition("_")[0]} & unread:
         return None
-    meant = closest(name[1], sorted(unread - KEYWORDS.keys())) if "did you mean" not in found.help else None
-    return replace(found, help=f"did you mean '{meant}'?") if meant is not None else found
+    guessed = any(isinstance(edit, Meant) for edit in found.fixes)
+    meant = closest(name[1], sorted(unread - KEYWORDS.keys())) if not guessed else None
+    if meant is None:
+        return found
+    helped = meant_word(meant, name[1])
+    return replace(found, help=helped.text, fixes=helped.edits)
 
 
 def _whole(node: Node) -> Node | None:

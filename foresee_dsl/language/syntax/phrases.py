@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from foresee_dsl.helps import HelpText, expanded, leave_out, meant_code, remove, write
 from foresee_dsl.language.syntax.foreign_words import TOP, Foreign
 
 _VALUE = r"(?P<v>-?[0-9][^{}]*?)"
@@ -26,7 +27,7 @@ class Phrase:
     rules: tuple[str, ...]
     pattern: re.Pattern[str]
     message: str
-    help: str
+    help: HelpText
 
     def find(self, text: str, rule: str) -> Foreign | None:
         """Return what is said of a statement, if it holds the phrase."""
@@ -37,10 +38,10 @@ class Phrase:
             return None
         group = "place" if "place" in self.pattern.groupindex else 0
         start, end = found.span(group)
-        return Foreign(start, end, found.expand(self.message), found.expand(self.help))
+        return Foreign(start, end, found.expand(self.message), expanded(self.help, found.expand))
 
 
-def _phrase(rules: tuple[str, ...], pattern: str, message: str, help: str) -> Phrase:
+def _phrase(rules: tuple[str, ...], pattern: str, message: str, help: HelpText) -> Phrase:
     return Phrase(rules, re.compile(pattern), message, help)
 
 
@@ -53,225 +54,241 @@ PHRASES = (
         (*TOP, "action"),
         r"(?P<place>\bdistance\s+(?:between|from|of)\s+(?P<a>[a-z]\w*)\s+(?:and|to)\s+(?P<b>[a-z]\w*))",
         r"`\g<place>`: what is measured has its actors in brackets",
-        r"did you mean `distance(\g<a>, \g<b>)`?",
+        meant_code(r"distance(\g<a>, \g<b>)"),
     ),
     _phrase(
         TOP,
         r"^(?:when|expect|if)\b.*?(?P<place>\b(?P<a>[a-z]\w*)\s+(?P<verb>reaches|enters|arrives\s+(?:at|in)|is\s+at)"
         r"\s+(?P<j>[a-z]\w*))",
         "an actor reaches a junction when it is in it",
-        r"did you mean `\g<a> in junction \g<j>`?",
+        meant_code(r"\g<a> in junction \g<j>"),
     ),
     _phrase(
         TOP,
         r"^(?:when|expect|if)\b.*?\btime\s*(?P<place>==?|is)\s*-?[0-9a-z]",
         r"`\g<place>`: a moment is compared with `>=`",
-        "did you mean `>=`?",
+        meant_code(">="),
     ),
     _phrase(
         TOP,
         r"^(?:when|if)\b.*?[\w)]\s*(?P<place>(?<![<>=!:])=(?![=>]))\s*-?[0-9]",
         "`=` compares nothing",
-        "numbers are compared by `<`, `<=`, `>` and `>=`",
+        "numbers are compared by " + write("<") + ", " + write("<=") + ", " + write(">") + " and " + write(">="),
     ),
     _phrase(
         TOP,
         r"^(?:when|expect|if)\b.*?(?P<place>\b(?P<a>[a-z]\w*)\s+(?:is\s+)?(?:near|close\s+to)\s+(?P<b>[a-z]\w*))",
         "how near is a length",
-        r"did you mean `\g<a> within 10 m of \g<b>`?",
+        meant_code(r"\g<a> within 10 m of \g<b>"),
     ),
     _phrase(
         TOP,
         r"^(?:when|if)\b.*?(?P<place>\bthen|\bdo)\s*\{\}$",
         "what happens stands right behind the condition",
-        r"leave `\g<place>` out: `when ego.eta(j4) < 4 s { runner stops }`",
+        leave_out(r"\g<place>") + ": " + write("when ego.eta(j4) < 4 s { runner stops }"),
     ),
     # actions
     _phrase(
         _ACTION,
         rf"^(?P<a>[a-z]\w*)\s+starts\s+(?P<place>(?:after|in|at)\s+{_VALUE}){_END}",
         "an actor starts at once, or after its delay",
-        r"write `delay \g<v>` in the block of \g<a>; or here `wait \g<v>`, and `then { \g<a> starts }` below it",
+        "write "
+        + write(r"delay \g<v>")
+        + r" in the block of \g<a>; or here "
+        + write(r"wait \g<v>")
+        + ", and "
+        + write(r"then { \g<a> starts }")
+        + " below it",
     ),
     _phrase(
         _ACTION,
         r"^[a-z]\w*\s+(?P<place>brakes\s+(?:with|by|at))\s+[0-9]",
         "the deceleration stands right behind the verb",
-        "did you mean `brakes`?",
+        meant_code("brakes"),
     ),
     _phrase(
         _ACTION,
         rf"^(?:set\s+)?(?P<a>[a-z]\w*)\.speed\s*(?:=|to\b|:=)\s*{_VALUE}{_END}",
         "a trigger changes a speed by an action",
-        r"did you mean `\g<a> changes speed to \g<v>`?",
+        meant_code(r"\g<a> changes speed to \g<v>"),
     ),
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?P<verb>accelerates|decelerates|slows(?:\s+down)?|speeds\s+up|drives|goes|moves|runs)"
         rf"\s+(?:to|at|with)\s+{_VALUE}{_END}",
         "an action changes the speed",
-        r"did you mean `\g<a> changes speed to \g<v>`?",
+        meant_code(r"\g<a> changes speed to \g<v>"),
     ),
     _phrase(
         _ACTION,
         rf"^(?P<a>[a-z]\w*)\s+brakes?(?:\s+(?:hard|fully|suddenly))?{_END}",
         "braking needs a deceleration",
-        r"did you mean `\g<a> brakes 6 m/s^2`?",
+        meant_code(r"\g<a> brakes 6 m/s^2"),
     ),
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?P<place>overtakes?|passes)\b",
         r"`\g<place>` is not an action: overtaking is a change of lane and of speed",
-        r"write `\g<a> changes lane left` and `\g<a> changes speed to 60 km/h`, and what comes later in `then { ... }`",
+        "write "
+        + write(r"\g<a> changes lane left")
+        + " and "
+        + write(r"\g<a> changes speed to 60 km/h")
+        + ", and what comes later in `then { ... }`",
     ),
     _phrase(
         _ACTION,
         rf"^(?P<a>[a-z]\w*)\s+(?:changes|moves|merges|cuts\s+in)\s+(?:to\s+)?(?:the\s+)?(?P<s>left|right)(?:\s+lane)?{_END}",
         "a change of lane names its side",
-        r"did you mean `\g<a> changes lane \g<s>`?",
+        meant_code(r"\g<a> changes lane \g<s>"),
     ),
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?:runs|ignores|jumps|crosses)\s+(?:the\s+|a\s+)?(?:red|lights?|signal|traffic).*$",
         "an actor that runs a red light ignores signals",
-        r"did you mean `\g<a> ignores signals`?",
+        meant_code(r"\g<a> ignores signals"),
     ),
     _phrase(
         _ACTION,
         rf"^(?P<a>[a-z]\w*)\s+(?P<place>waits)(?:\s+(?:for\s+)?{_VALUE})?{_END}",
         "`waits` is not an action",
-        "did you mean `stops`?",
+        meant_code("stops"),
     ),
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?P<place>crosses|turns\s+(?:left|right))\b",
         r"`\g<place>` is not an action: the way of an actor is in its block",
-        r"write its `route` or `path` there; `\g<a> starts` lets it begin",
+        "write its " + write("route") + " or " + write("path") + " there; " + write(r"\g<a> starts") + " lets it begin",
     ),
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?P<place>yields|gives\s+way)\b",
         r"`\g<place>` is not an action: the rules of the network say who gives way",
-        r"leave it out, or write `\g<a> stops for 3 s`",
+        remove("leave it out") + ", or write " + write(r"\g<a> stops for 3 s"),
     ),
     # the block of an actor
     _phrase(
         _ACTOR,
         rf"^(?:speed\s+start|initial_?speed|initialSpeed|start_?speed|initial\s+speed|velocity)\s*[:=]?\s*{_VALUE}{_END}",
         "the speed at the beginning has two words",
-        r"did you mean `start speed \g<v>`?",
+        meant_code(r"start speed \g<v>"),
     ),
     _phrase(
         _ACTOR,
         r"^(?P<place>(?:position|pos|location|spawn(?:\s+at)?|starts\s+at)\s*[:=]?)\s*\S",
         r"where an actor is at the beginning has two words",
-        "did you mean `start at`?",
+        meant_code("start at"),
     ),
     _phrase(
         _ACTOR,
         r"^(?P<place>destination|target|finish|end)\s*[:=]?\s*\S",
         "where the ego's way ends is its `goal`",
-        "did you mean `goal`?",
+        meant_code("goal"),
     ),
     _phrase(
         _ACTOR,
         r"^(?P<place>trajectory|waypoints|line)\s*[:=]?\s*\[",
         r"a line that an actor follows is its `path`",
-        "did you mean `path`?",
+        meant_code("path"),
     ),
     _phrase(
         _ACTOR,
         rf"^start\s+(?:at\s+|on\s+|in\s+|from\s+)?(?P<r>(?!at\b|speed\b|beside\b|the\b|on\b)[a-z]\w*){_END}",
         "a place on a road is a length along it",
-        r"did you mean `start at 10 m along \g<r>`?",
+        meant_code(r"start at 10 m along \g<r>"),
     ),
     _phrase(
         _ACTOR,
         r"^(?:start\s+at|goal)\s+-?[0-9.]+\s*[a-z]+\s+(?P<place>on|of|in|from|into|down)\s+[a-z][\w.]*",
         r"`\g<place>`: a length counts along a road or a route",
-        "did you mean `along`?",
+        meant_code("along"),
     ),
     _phrase(
         _ACTOR,
         r"^route\s+from\s+(?P<a>[a-z]\w*)\s+(?P<place>(?:to|->)\s+(?P<b>[a-z]\w*))",
         "a route says where it turns, not where it ends",
-        r"write a turn at each junction, such as `route from \g<a> straight over JUNCTION`",
+        "write a turn at each junction, such as " + write(r"route from \g<a> straight over JUNCTION"),
     ),
     _phrase(
         _ACTOR,
         r"^route\s+(?P<place>(?!from\b)(?P<a>[a-z]\w*)(?:\s+[a-z]\w*)*)" + _END,
         "a route is a road and its turns, or edges in brackets",
-        r"write a turn at each junction: `route from \g<a> straight over j4`; or its edges: `route [\g<a>, ...]`",
+        "write a turn at each junction: "
+        + write(r"route from \g<a> straight over j4")
+        + "; or its edges: "
+        + write(r"route [\g<a>, ...]"),
     ),
     _phrase(
         _ACTOR,
         r"^route\b.*?(?P<place>\b(?:turns?\s+)?(?P<t>left|right|straight|back)\s+(?:at|on|in)\s+(?P<j>[a-z]\w*))",
         r"`\g<place>`: a turn is `over` its junction",
-        r"did you mean `\g<t> over \g<j>`?",
+        meant_code(r"\g<t> over \g<j>"),
     ),
     _phrase(
         _ACTOR,
         rf"^path\s+(?P<place>[(0-9-][^\[\]{{}}]*,[^\[\]{{}}]*?){_END}",
         "a path is a list of places in brackets",
-        r"did you mean `[\g<place>]`?",
+        meant_code(r"[\g<place>]"),
     ),
     _phrase(
         _ACTOR,
         r"^path\s+along\s+(?P<place>(?P<a>[a-z]\w*))\s+from\b",
         r"a path along a route names the actor's route",
-        r"did you mean `\g<a>.route`?",
+        meant_code(r"\g<a>.route"),
     ),
     _phrase(
         _ACTOR,
         r"^(?P<place>crosses|walks|moves|goes)\b",
         r"`\g<place>`: this block says how the actor begins, and where it goes is its path",
-        "write it like `path [30 m along ego.route offset -5 m, 30 m along ego.route offset 5 m]`, across the ego's "
-        "way; `NAME starts` in a trigger lets it begin",
+        "write it like "
+        + write("path [30 m along ego.route offset -5 m, 30 m along ego.route offset 5 m]")
+        + ", across the ego's way; "
+        + write("NAME starts")
+        + " in a trigger lets it begin",
     ),
     # the scenario
     _phrase(
         TOP,
         rf"^(?:duration|timeout|time_limit|max_time|stop\s+after|run\s+for|end\s+at)\s*[:=]?\s*{_VALUE}{_END}",
         "how long a run takes at most has two words",
-        r"did you mean `end after \g<v>`?",
+        meant_code(r"end after \g<v>"),
     ),
     _phrase(
         TOP,
         r"^(?:vehicle|bicycle|pedestrian|obstacle)\s+[a-z]\w*\s*(?P<place>=)\s*[a-z]\w*\.[a-z]\w*",
         "an actor has its model behind `:`",
-        "did you mean `:`?",
+        meant_code(":"),
     ),
     _phrase(
         TOP,
         r"\bin\s+(?P<place>\[(?P<r>[^\[\],]+\.\.[^\[\],]+)\])",
         "a range stands without brackets",
-        r"did you mean `\g<r>`?",
+        meant_code(r"\g<r>"),
     ),
     _phrase(
         TOP,
         r"^(?P<place>case\s+(?P<n>[a-z]\w*)\s*[:=]\s*(?P<v>[a-z]\w*\s*=\s*[^,{}]+?))" + _END,
         "the values of a case stand in braces",
-        r"did you mean `case \g<n> { \g<v> }`?",
+        meant_code(r"case \g<n> { \g<v> }"),
     ),
     # values
     _phrase(
         (),
         r"(?P<place>\b(?:kilomet(?:er|re)s?|km)\s+(?:per|an)\s+(?:hour|h)\b)",
         r"unknown unit '\g<place>'",
-        "did you mean `km/h`?",
+        meant_code("km/h"),
     ),
     _phrase(
         (),
         r"(?P<place>\b(?:met(?:er|re)s?|m)\s+(?:per|a)\s+(?:second|sec|s)\b)",
         r"unknown unit '\g<place>'",
-        "did you mean `m/s`?",
+        meant_code("m/s"),
     ),
-    _phrase((), r"(?P<place>\bmiles?\s+(?:per|an)\s+hour\b)", r"unknown unit '\g<place>'", "did you mean `mph`?"),
+    _phrase((), r"(?P<place>\bmiles?\s+(?:per|an)\s+hour\b)", r"unknown unit '\g<place>'", meant_code("mph")),
     _phrase(
         (),
         r"^[^(\[]*?(?P<place>(?<![\w.])(?P<whole>[0-9]+),(?P<part>[0-9]+))\s*[a-z]",
         r"`\g<place>`: the sign in a number is a dot",
-        r"did you mean `\g<whole>.\g<part>`?",
+        meant_code(r"\g<whole>.\g<part>"),
     ),
 )
 """In the order in which they are tried."""
@@ -303,10 +320,17 @@ def _expectation(text: str, reads: Callable[[str], bool]) -> Foreign | None:
     message = "an expectation begins with `never`, `always` or `eventually`"
     start, end = found.span("c")
     if found["not"] or inner.startswith("collision"):
-        return Foreign(start, end, message, f"did you mean `never {inner}`?")
+        return Foreign(start, end, message, meant_code(f"never {inner}"))
     if re.match(r"arrived\b|\w+\s+sees\b", inner):
-        return Foreign(start, end, message, f"did you mean `eventually {inner}`?")
+        return Foreign(start, end, message, meant_code(f"eventually {inner}"))
     if _HOLDS_ALWAYS.search(inner):
-        return Foreign(start, end, message, f"did you mean `always {inner}`?")
-    help = f"`always {inner}` wants it in every moment, `never {inner}` in none, `eventually {inner}` in one"
+        return Foreign(start, end, message, meant_code(f"always {inner}"))
+    help = (
+        write(f"always {inner}")
+        + " wants it in every moment, "
+        + write(f"never {inner}")
+        + " in none, "
+        + write(f"eventually {inner}")
+        + " in one"
+    )
     return Foreign(start, end, message, help)

@@ -13,6 +13,7 @@ from typing import get_args
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
+from foresee_dsl.helps import Help, HelpText, meant_word, move_inside, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import USAGE
 from foresee_dsl.language.messages.suggest import closest
@@ -28,7 +29,7 @@ from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
 _Tree = Tree[Token]
 _EXTENDS = re.compile(r"\bextends\b")
 _LABEL = re.compile(r"(?:add\s+|change\s+)?(?:when|expect)\s+(?:(?:once|every|next)\s+)?([a-z]+)\s*:")
-_NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or remove the braces"
+_NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or " + remove("remove the braces")
 
 _DEFINITIONS = {kind.pattern.split()[0]: m.rule_of(kind) for kind in get_args(m.Definition) if kind is not m.Extension}
 """The rule of each definition, by its first word."""
@@ -77,7 +78,7 @@ class _Recovery:
             trees.append(self._parse(statements[0], "header"))
             definitions = statements[1:]
         elif statements:
-            help = "write `foresee 1`, the version of the language, on the first line"
+            help = "write " + write("foresee 1") + ", the version of the language, on the first line"
             self._error_of(statements[0], "FS009", "the first line must be `foresee 1`", help)
             near = closest(self._word(statements[0]), ("foresee", *_DEFINITIONS))
             definitions = statements[1:] if near == "foresee" else statements
@@ -101,12 +102,12 @@ class _Recovery:
             message = f"a second definition, `{word[:40]}`, in one file"
             self._error_of(raw, "FS008", message, "give it a file of its own")
         elif not is_first:
-            self._error_of(raw, "FS008", f"`{word[:40]}` stands outside the braces", "move it inside")
+            self._error_of(raw, "FS008", f"`{word[:40]}` stands outside the braces", move_inside("move it inside"))
         elif meant is None:
             self._error_of(raw, "FS004", f"`{word[:40]}` cannot be what a file defines", _one_of_the_definitions())
         elif word != meant:
             end = raw.start + len(word)
-            self._error("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", raw.start, end)
+            self._error("FS004", f"unknown word '{word[:40]}'", meant_word(meant, word), raw.start, end)
             self._block(raw, _blocks()[meant])
         elif meant == "scenario" and _EXTENDS.search(self._text, raw.start, raw.end):
             return self._statement(raw, "extension", "extension_item")
@@ -172,7 +173,12 @@ class _Recovery:
         label = _LABEL.match(head)
         if label is not None and label[1] in m.TAKEN:
             place = self._lines.span(raw.start + label.start(1), raw.start + label.end(1))
-            return TextError("FS049", f"'{label[1]}' is a word of the language", "give it another label", place)
+            return TextError(
+                "FS049",
+                f"'{label[1]}' is a word of the language",
+                rename("give it another label", everywhere=True),
+                place,
+            )
         refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
         if refusal.start >= len(head) and raw.block is not None:
             return self._at_brace(refusal, raw, rule)
@@ -185,23 +191,23 @@ class _Recovery:
         if raw.start == raw.end:
             return TextError("FS003", "a block without a statement in front of it", _NO_HEAD, place)
         if rule in PLACES and word in USAGE and "{" not in USAGE[word]:
-            return TextError("FS003", f"`{word}` has no block", f"write it like `{USAGE[word]}`", place)
+            return TextError("FS003", f"`{word}` has no block", "write it like " + write(USAGE[word]), place)
         return TextError(refusal.code, refusal.message, refusal.help, place)
 
     def _word(self, raw: Raw, index: int = 0) -> str:
         words = self._text[raw.start : raw.end].split(maxsplit=index + 1)
         return words[index].rstrip(":") if index < len(words) else ""
 
-    def _error(self, code: str, message: str, help: str, start: int, end: int) -> None:
+    def _error(self, code: str, message: str, help: HelpText, start: int, end: int) -> None:
         self._errors.append(TextError(code, message, help, self._lines.span(start, end)))
 
-    def _error_of(self, raw: Raw, code: str, message: str, help: str) -> None:
+    def _error_of(self, raw: Raw, code: str, message: str, help: HelpText) -> None:
         """An error of a whole statement."""
         self._error(code, message, help, raw.start, max(raw.end, raw.start + 1))
 
 
-def _one_of_the_definitions() -> str:
-    return f"a file holds one of: {', '.join(_DEFINITIONS)}"
+def _one_of_the_definitions() -> Help:
+    return "a file holds one of: " + one_of(_DEFINITIONS)
 
 
 def _shift(tree: _Tree, lines: int, columns: int) -> None:

@@ -7,6 +7,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 
 from foresee_dsl.errors import Span
+from foresee_dsl.helps import HelpText, close_block, meant_code, remove, write
 from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
@@ -149,7 +150,7 @@ class _Scanner:
             while self._trusting and indent is not None and len(self._stack) > 1 and indent <= self._stack[-1].indent:
                 self._unclosed(start)
             if self._after_brace and len(self.errors) < MOST:
-                help = "begin a new line, or write `;` between them"
+                help = "begin a new line, or write " + write(";") + " between them"
                 self.errors.append(TextError("FS003", "two statements on one line", help, self._lines.span(start, end)))
                 self._after_brace = False
             self._current = Raw(start, end)
@@ -175,12 +176,12 @@ class _Scanner:
         colon = self._text[raw.end - 1] == ":"
         place = self._lines.span(raw.end - colon, raw.end + (not colon))
         message = "a block stands in braces" if colon else "the `{` of this block is missing"
-        help = "write `{` instead" if colon else "write `{` at the end of this line"
+        help: HelpText = "write `{` instead" if colon else "write `{` at the end of this line"
         closing = re.compile(rf"(?:\n[ \t]*(?:#[^\n]*)?)*(?:\n {{{indent + 1},}}[^\n]*|\n[ \t]*)*\n {{{indent}}}\}}")
         if closing.match(self._text, at) is None:
             help += ", and a `}` below the block"
         elif colon:
-            help = "did you mean `{`?"
+            help = meant_code("{")
         self.errors.append(TextError("FS003", message, help, place))
         raw.end -= colon
         while raw.end > raw.start and self._text[raw.end - 1] == " ":
@@ -199,7 +200,9 @@ class _Scanner:
             self.balanced = False
             if not any(error.code == "FS007" for error in self.errors):
                 place = self._lines.span(at, at + 1)
-                self.errors.append(TextError("FS007", "this `}` closes nothing", "remove it, or add the `{`", place))
+                self.errors.append(
+                    TextError("FS007", "this `}` closes nothing", remove("remove it") + ", or add the `{`", place)
+                )
             return
         self._stack.pop().raw.close = at + 1
         self._after_brace = True
@@ -212,7 +215,7 @@ class _Scanner:
         name = self._text[raw.start : raw.end].split(" ", maxsplit=1)[0].rstrip(":")[:40]
         place = self._lines.span(raw.start, raw.open + 1)
         message = f"the block of `{name}` is not closed"
-        self._open_blocks.append(TextError("FS007", message, "add a `}` where it ends", place))
+        self._open_blocks.append(TextError("FS007", message, close_block("add a `}` where it ends"), place))
 
     def _few_of_the_unclosed(self) -> None:
         """Report the outermost unclosed blocks one by one, and the number of the others."""
@@ -221,7 +224,7 @@ class _Scanner:
         more = len(unclosed) - _SHOWN
         if more > 0:
             what = "1 more block is" if more == 1 else f"{more} more blocks are"
-            help = "close the outermost ones first"
+            help = close_block("close the outermost ones first")
             self.errors.append(TextError("FS007", f"{what} not closed", help, unclosed[_SHOWN].span))
 
     def _indent(self, at: int) -> int | None:

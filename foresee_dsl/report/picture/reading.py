@@ -15,6 +15,7 @@ from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import distance
 from foresee_dsl.errors import InputError
+from foresee_dsl.helps import Help
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project import addresses as a
@@ -244,7 +245,7 @@ def _mistakes(sketch: Sketch, bodies: tuple[Body, ...]) -> Iterator[Mistake]:
         place = at.get(problem.actor)
         if place is None and (junction := sketch.network.junctions.get(problem.about)) is not None:
             place = junction.x, junction.y
-        help_ = f": {problem.help}" if problem.help else ""
+        help_ = (": " + Help.of(problem.help)).text if problem.help else ""
         yield Mistake(f"{problem.message}{help_}", text, place)
 
 
