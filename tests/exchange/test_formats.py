@@ -19,6 +19,51 @@ from foresee_dsl.language.parser import load
 
 PAGE = (Path(__file__).parents[2] / "docs" / "import.md").read_text(encoding="utf-8")
 
+MORE = """
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.exchange.outcome import Imported
+from foresee_dsl.exchange.protocol import Option, Tell
+
+
+class Colour(StrEnum):
+    red = "red"
+    green = "green"
+
+
+@dataclass(frozen=True)
+class Everything:
+    file: Annotated[Path, Option("What.", metavar="FILE", positional=True)]
+    speed: float
+    colour: Colour = Colour.red
+    names: Annotated[list[str], Option("Names.", ("--name", "-n"))] = field(default_factory=list)
+    count: Annotated[int, Option(least=1, most=9)] = 3
+    fast: Annotated[bool, Option("Fast or not.", ("--fast/--slow",))] = False
+    driver: str = "idm"
+
+    def __post_init__(self) -> None:
+        if self.speed < 0:
+            raise ValueError(f"the speed {self.speed} is negative: write 0 or more")
+
+
+def every(options: Everything, tell: Tell) -> Imported:
+    'Write nothing.'
+    load_driver(options.driver if options.file.name != "sent" else "external:true")
+    return Imported((options.file,), 2, {repr(options): 1}, notes=("said",))
+
+
+def old(file: Path, out: Path) -> Imported:
+    return Imported()
+
+
+def undated(options: dict, tell: Tell) -> Imported:
+    return Imported()
+"""
+
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
@@ -30,12 +75,15 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-formats\nVersion: 1.0\n")
     entries = entries.replace('[project.entry-points."foresee_dsl.importers"]', "[foresee_dsl.importers]")
+    (tmp_path / "acme_more.py").write_text(MORE)
     broken = "[foresee_dsl.exporters]\nreplay = acme_formats_missing:replay\n"
+    broken += "".join(f"{name} = acme_more:{name}\n" for name in ("old", "every", "undated"))
     (info / "entry_points.txt").write_text(entries.replace('"', "") + broken)
     monkeypatch.syspath_prepend(str(tmp_path))
     importlib.invalidate_caches()
     yield
-    sys.modules.pop("acme_formats", None)
+    for module in ("acme_formats", "acme_more"):
+        sys.modules.pop(module, None)
     importlib.invalidate_caches()
 
 
@@ -84,3 +132,48 @@ def test_the_help_of_a_format_imports_nothing_heavy(group: str) -> None:
 def test_the_bundled_formats_are_registered() -> None:
     names = [line.split()[1] for line in foresee("import", "--help").splitlines() if re.match(r"│ \w+ {2,}", line)]
     assert names == ["carla", "opendrive", "openscenario", "osm", "sumo"]
+
+
+@pytest.mark.usefixtures("package")
+def test_options_are_derived_from_the_fields_of_a_dataclass() -> None:
+    shown = re.sub(r"[│\s]+", " ", foresee("export", "every", "--help"))
+    for words in (
+        "foresee export every [OPTIONS] {FILE}",
+        "What. [required]",
+        "--speed <float>",
+        "--fast --slow",
+        "-n",
+    ):
+        assert words in shown
+    printed = foresee("export", "every", "x", "--speed", 2, "-n", "a", "--name", "b", "--colour", "green", "--fast")
+    assert printed.splitlines() == [
+        "wrote x",
+        "2 test cases",
+        "taken over:",
+        "  1 Everything(file=PosixPath('x'), speed=2.0, colour=<Colour.green: 'green'>, names=['a', 'b'], count=3, "
+        "fast=True, driver='idm')",
+        "note: said",
+    ]
+    assert "names=[]" in foresee("export", "every", "x", "--speed", 2)
+
+
+@pytest.mark.usefixtures("package")
+def test_wrong_options_are_wrong_usage() -> None:
+    assert "the speed -1.0 is negative: write 0 or more" in foresee("export", "every", "x", "--speed=-1", code=2)
+    assert "less than or equal to 9" in foresee("export", "every", "x", "--speed", 1, "--count", 10, code=2)
+    assert "Missing option '--speed'" in foresee("export", "every", "x", code=2)
+
+
+@pytest.mark.usefixtures("package")
+def test_a_program_starts_where_an_option_names_it_and_not_where_a_file_does() -> None:
+    foresee("export", "every", "x", "--speed", 1, "--driver", "external:true")
+    refused = CliRunner().invoke(app, ["export", "every", "sent", "--speed", "1"])
+    assert "starts only with your consent" in str(refused.exception)
+
+
+@pytest.mark.usefixtures("package")
+@pytest.mark.parametrize(("name", "takes"), [("old", "(file, out)"), ("undated", "(options, tell)")])
+def test_what_is_not_a_format_is_named_with_what_it_needs(name: str, takes: str) -> None:
+    needs = f"{name} is not a format: it takes {takes}, and needs a function of (options: A_DATACLASS, tell)"
+    assert needs in re.sub(r"[│\s]+", " ", foresee("export", "--help"))
+    assert needs in str(CliRunner().invoke(app, ["export", name]).exception)
