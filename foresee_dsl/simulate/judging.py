@@ -1,28 +1,61 @@
-"""The judge's step of a run: whether the run ends at a frame, and how."""
+"""The judge's step of a run: whether the run ends at a frame, and how; and what an ego waits for, in words.
+
+All of it depends on where all actors are, not on what the driver sees.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.drivers.protocol import Control, Driver, Observation
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
+from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.frame import Frame
+from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.results.drivable_area import squares_of
 from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.waiting import may_wait, waits_for
 
 NEAR_GOAL_M = 2.0
 """A clip whose goal is nearer than this runs to the end of its window. Ours: the spacing of the trace's waypoints."""
 _LONGEST_WORDS = 200
 """Characters of what a driver says itself that go into the reason."""
+AHEAD_M = 30.0
+"""A signal or an actor that is farther along the ego's route is nothing to wait for. Ours: a stopped queue of four cars
+and the gap before it; those behind have another in front."""
+CLOSE_AHEAD_M = 15.0
+"""An actor in front that is this near is something to wait for, also beside the route. Ours: two car lengths and a
+crossing's width."""
+BESIDE_M = 0.8
+"""A footprint this far beside the ego's is in its way all the same. Ours: what drivers leave to a pedestrian."""
+JUNCTION_M = 10.0
+"""A junction this near is what an ego that stands before it waits at. Ours: two cars' lengths."""
+
+
+@dataclass(slots=True)
+class Frame:
+    """One frame of a run. The loop makes it and hands it from part to part; each part writes what the next ones read.
+
+    Attributes:
+        time_s: since the run began; orders of the director are given before anything else is written.
+        states: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent: by the recorder.
+        observation: what the driver may look at: by the sensors.
+        decision: how the run ends at this frame, None where it goes on: by the judge, the driver's fault, or SUMO's.
+        control: the driver's answer: by the driver.
+    """
+
+    time_s: float
+    states: FloatArray = field(init=False)
+    observation: Observation = field(init=False)
+    decision: Decision | None = None
+    control: Control = field(init=False)
 
 
 class Judging:
@@ -93,3 +126,105 @@ class Judging:
         own = getattr(self._driver, "waits_for", "")
         own = " ".join(own.split()).replace('"', "'")[:_LONGEST_WORDS] if isinstance(own, str) else ""
         return f"{scene} (the driver: {own})" if own else scene
+
+
+class _Ahead(NamedTuple):
+    gap_m: float
+    actor: Actor
+
+
+def may_wait(simulation: Simulation) -> bool:
+    """Return whether there is something to wait for: a signal that is not green, or an actor (no static object) in
+    front."""
+    ego = simulation.ego
+    if ego.speed >= STANDS_MPS:
+        return True  # it does not wait, so the question does not arise
+    if _signal(simulation) is not None:
+        return True
+    cos, sin = np.cos(ego.heading), np.sin(ego.heading)
+    return any(
+        other.placed.control != "static"
+        and np.hypot(other.x - ego.x, other.y - ego.y) <= CLOSE_AHEAD_M
+        and (other.x - ego.x) * cos + (other.y - ego.y) * sin > 0
+        for other in simulation.others(ego)
+    )
+
+
+def waits_for(simulation: Simulation, recorder: Recorder) -> str:
+    """Return a clause such as `it stands since 9.10 s, 41 m before its goal, 3.1 m behind walker (pedestrian), ...`."""
+    ego = simulation.ego
+    goal_m = simulation.scene.goal_s - simulation.progress.of(ego, simulation.frame)[0]
+    before = f", {goal_m:.0f} m before its goal" if goal_m > 0 else ""
+    if ego.speed >= STANDS_MPS:
+        moves = f"the ego still drives at {ego.speed * 3.6:.0f} km/h{before}"
+        ahead = _ahead(simulation)
+        return moves + (f", {_behind(simulation, recorder, ahead)}" if ahead is not None else "")
+    since_s = recorder.stands_since(0, STANDS_MPS)
+    stands = f"the ego stands since {since_s:.2f} s{before}"
+    ahead = _ahead(simulation)
+    signal = _signal(simulation)
+    if signal is not None and (ahead is None or signal[0] <= ahead.gap_m):
+        return f"{stands}, before the {signal[1]} signal of {signal[2]}"
+    if ahead is not None:
+        return f"{stands}, {_behind(simulation, recorder, ahead)}"
+    for passage, room in simulation.progress.ahead(ego, simulation.frame, JUNCTION_M):
+        where = "inside junction" if room < 0 else f"{room:.1f} m before junction"
+        near = _nearest(simulation)
+        return f"{stands}, {where} {passage.junction}{f'; nearest to it is {near}' if near else ''}"
+    return f"{stands}, and nobody is ahead of it on its route"
+
+
+def _behind(simulation: Simulation, recorder: Recorder, ahead: _Ahead) -> str:
+    """Say who is ahead, and why that one does not go on."""
+    actor = ahead.actor
+    name = f"{max(ahead.gap_m, 0.0):.1f} m behind {actor.id} ({actor.placed.model.kind})"
+    if actor.placed.control == "static":
+        return f"{name}, which the scenario parks there"
+    if actor.speed >= STANDS_MPS:
+        return f"{name}, which moves at {actor.speed * 3.6:.0f} km/h"
+    since_s = recorder.stands_since(simulation.actors.index(actor), STANDS_MPS)
+    if isinstance(actor, PathActor) and actor.follower.arrived:
+        return (
+            f"{name}, which came to the end of its path in the ego's way after {since_s:.2f} s and stays there: "
+            "let the scenario's path go on beyond the lane"
+        )
+    return f"{name}, which stands since {since_s:.2f} s"
+
+
+def _ahead(simulation: Simulation) -> _Ahead | None:
+    """Return the nearest actor in the way along the ego's route."""
+    ego, line = simulation.ego, simulation.ego.placed.line
+    if line is None:
+        return None
+    here_m, aside_m = simulation.progress.of(ego, simulation.frame)
+    found = []
+    for other in simulation.others(ego):
+        s, lateral = line.project(other.x, other.y)
+        gap_m = s - here_m - (ego.length + other.length) / 2
+        if s > here_m and gap_m <= AHEAD_M and abs(lateral - aside_m) <= (ego.width + other.width) / 2 + BESIDE_M:
+            found.append(_Ahead(gap_m, other))
+    return min(found, key=lambda one: (one.gap_m, one.actor.id), default=None)
+
+
+def _signal(simulation: Simulation) -> tuple[float, str, str] | None:
+    """Return the next signal on the route that is not green: how far it is, its colour, its junction."""
+    for passage, room in simulation.progress.ahead(simulation.ego, simulation.frame, AHEAD_M):
+        tls, link = passage.movement.tls, passage.movement.link
+        if room >= 0 and tls is not None and link >= 0:
+            colour = simulation.world.signals.colour(tls, link)
+            return (room, colour, passage.junction) if colour in ("red", "amber") else None
+    return None
+
+
+def _nearest(simulation: Simulation) -> str:
+    """Name the nearest actor that is no static object."""
+    ego = simulation.ego
+    apart = [
+        (((other.x - ego.x) ** 2 + (other.y - ego.y) ** 2) ** 0.5, other)
+        for other in simulation.others(ego)
+        if other.placed.control != "static"
+    ]
+    if not apart:
+        return ""
+    metres, other = min(apart, key=lambda one: (one[0], one[1].id))
+    return f"{other.id} ({other.placed.model.kind}), {metres:.0f} m away at {other.speed * 3.6:.0f} km/h"

@@ -19,8 +19,7 @@ from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.driver_faults import DriverHangs, Fault, fault_of, one_line, place_of
 from foresee_dsl.simulate.driver_watch import Watch
-from foresee_dsl.simulate.frame import Frame
-from foresee_dsl.simulate.judging import Judging
+from foresee_dsl.simulate.judging import Frame, Judging
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.sensing.in_hindsight import in_view, sight_of
+from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
 from tests.support.nets import VAN, build_grid
 from tests.support.scenes import Cruise, Town
 

@@ -24,7 +24,7 @@ from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.trace import SPEED
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.triggers.replay import Replay
+from foresee_dsl.simulate.triggers.unfired import Replay
 
 TEXT = """foresee 1
 

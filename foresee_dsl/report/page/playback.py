@@ -15,7 +15,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.report.page.numbers import CM, MRAD, deltas, line, toggles
-from foresee_dsl.simulate.sensing.in_hindsight import sight_of
+from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 NEAR_M = 90.0
