@@ -1,0 +1,141 @@
+"""Names and phrases that a reader reads twice, each with its better form, in code, messages, templates and docs."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+CODE = sorted(
+    path
+    for folder in ("foresee_dsl", "plugins", "benchmarks")
+    for path in (ROOT / folder).rglob("*.py")
+    if "tests" not in path.parts and "build" not in path.parts
+)
+PROSE = sorted([
+    *(ROOT / "docs").rglob("*.md"),
+    *(path for path in (ROOT / "templates").rglob("*") if path.is_file()),
+    *(ROOT / "plugins").glob("*/README.md"),
+    ROOT / "README.md",
+])  # fmt: skip
+
+NAMES = dict.fromkeys(
+    ("found", "one", "known", "told", "made", "given", "asked", "shown", "tried", "took", "said"),
+    "the noun of what it holds: an encounter, a path, a message",
+)
+"""Names of values, arguments, attributes and functions that say nothing."""
+
+PHRASES = {
+    "is no X": (r"(?<!here )\b(?:is|are|was|were) no (?!\w+er\b|more\b|less\b|\w+ (?:but|than)\b)`?\w+", "is not a X"),
+    "Who stands ...": (r"(?:^|[.:;] )Who (?![^.\n]*\?)|\b[Ww]hoever\b", "An actor that stands ..."),
+    "so many": (r"\b[Ss]o (?:many|near|often|late|early|high|low)\b(?! that)", "the number, with its unit"),
+    "somebody": (r"\b(?:[Ss]ome|[Nn]o|[Ee]very)body\b", "an actor, no actor, all actors (or: anyone, no one)"),
+    "mend": (r"\b[Mm]end(?:s|ed|ing)?\b|\b[Rr]eckon(?:s|ed|ing)?\b|\bhangs? on\b", "fix, compute, depend on"),
+}
+"""Phrases, as regular expressions, and what to write instead."""
+
+LEFT = {
+    "found": 936,
+    "one": 371,
+    "known": 178,
+    "told": 51,
+    "made": 103,
+    "given": 61,
+    "asked": 52,
+    "shown": 134,
+    "tried": 16,
+    "took": 24,
+    "said": 25,
+    "is no X": 152,
+    "Who stands ...": 48,
+    "so many": 115,
+    "somebody": 327,
+    "mend": 8,
+}
+"""How many there still are: these numbers may only fall."""
+
+
+def names(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield the line and the name of everything that gets a name."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name, ctx=ast.Store()) | ast.arg(arg=name) | ast.FunctionDef(name=name):
+                yield node.lineno, name
+            case ast.Attribute(attr=name, ctx=ast.Store()):
+                yield node.lineno, name
+            case ast.ClassDef(name=name):
+                yield node.lineno, name.lower()
+
+
+def texts(source: str, tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield the line and the text of every string and comment."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.lineno, node.value
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.start[0], token.string.removeprefix("#").strip()
+
+
+def offences() -> Iterator[tuple[str, str, str]]:
+    """Yield each place with the kind of offence and the word that offends."""
+    for path in CODE:
+        where = path.relative_to(ROOT).as_posix()
+        source = path.read_text(encoding="utf-8")
+        tree = ast.parse(source)
+        yield from ((f"{where}:{line}", name, name) for line, name in names(tree) if name in NAMES)
+        for line, text in texts(source, tree):
+            for kind, (pattern, _) in PHRASES.items():
+                yield from ((f"{where}:{line}", kind, hit.group()) for hit in re.finditer(pattern, text))
+    for path in PROSE:
+        where = path.relative_to(ROOT).as_posix()
+        for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+            for kind, (pattern, _) in PHRASES.items():
+                yield from ((f"{where}:{number}", kind, hit.group()) for hit in re.finditer(pattern, text))
+
+
+@pytest.fixture(scope="module")
+def places() -> list[tuple[str, str, str]]:
+    return list(offences())
+
+
+@pytest.mark.parametrize("kind", [*NAMES, *PHRASES])
+def test_a_reader_need_not_read_twice(places: list[tuple[str, str, str]], kind: str) -> None:
+    hits = [(place, word) for place, what, word in places if what == kind]
+    better = NAMES.get(kind) or PHRASES[kind][1]
+    listed = "\n".join(f"{place}: {word!r}" for place, word in hits[:40])
+    assert len(hits) <= LEFT[kind], f"{len(hits)} times {kind!r} (at most {LEFT[kind]}); write {better}:\n{listed}"
+
+
+def test_the_patterns_find_what_they_are_for() -> None:
+    hits = [kind for sentence in BAD for kind, (pattern, _) in PHRASES.items() if re.search(pattern, sentence)]
+    assert hits == list(PHRASES)
+    assert not [good for good in GOOD for pattern, _ in PHRASES.values() if re.search(pattern, good)]
+
+
+BAD = (
+    "`walker` is no kind of actor",
+    "Who stood before the ego waits.",
+    "So many metres of way",
+    "nobody was in the way",
+    "the mending of a file hangs on it",
+)
+GOOD = (
+    "there is no road called west",
+    "Who drives?",
+    "it is no longer than 3 m",
+    "so near that it touches",
+    "no actor is in the way; an actor that waits",
+)
+if __name__ == "__main__":  # python tests/test_words.py [PATH...]: lists all places below these paths
+    import sys
+
+    for place, _, word in offences():
+        if not sys.argv[1:] or any(place.startswith(start) for start in sys.argv[1:]):
+            print(f"{place}: {word!r}")  # noqa: T201
