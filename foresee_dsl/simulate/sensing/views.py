@@ -6,8 +6,8 @@ A view is a function from `StepViews` to an array of uint8, [channels, rows, col
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,17 @@ class RunViews:
     ego: ModelSpec
     others: Sequence[ModelSpec]
     range_m: float = CAMERA_RANGE_M
+    _loaded: dict[str, Callable[..., NDArray[np.uint8]]] = field(default_factory=dict, init=False, repr=False)
+
+    def view(self, name: str) -> Callable[..., NDArray[np.uint8]]:
+        """Return an installed view by its name, found once a run: finding one takes 0.1 ms, a picture 0.5 ms.
+
+        Raises:
+            DriverError: no installed package draws it; the message names the plug-in that does, if it is one of ours.
+        """
+        if name not in self._loaded:
+            self._loaded[name] = RASTER_VIEWS.load(name)
+        return self._loaded[name]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,19 +72,13 @@ class StepViews:
 
     @Part.PICTURES.measured
     def draw(self, view: str) -> NDArray[np.uint8]:
-        """Return the picture of an installed view by its name, [channels, rows, columns].
-
-        Raises:
-            DriverError: no installed package draws it; the message names the plug-in that does, if it is one of ours.
-        """
-        picture: NDArray[np.uint8] = RASTER_VIEWS.load(view)(self)
-        return picture
+        """Return the picture of an installed view by its name, [channels, rows, columns]; see `RunViews.view`."""
+        return self.run.view(view)(self)
 
     @Part.PICTURES.measured
     def birds_eye(self, window: Window | None = None) -> NDArray[np.uint8]:
         """Return the view from above, or only a part of it; see `draw`."""
-        picture: NDArray[np.uint8] = RASTER_VIEWS.load("birds_eye")(self, window)
-        return picture
+        return self.run.view("birds_eye")(self, window)
 
     def forward(self) -> NDArray[np.uint8]:
         """Return the view forward; see `draw`."""
