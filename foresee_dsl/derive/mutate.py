@@ -19,8 +19,9 @@ from foresee_dsl.derive.local_search import Plan, near_changes
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.model import Change, Clip, Mutant, Origin, Quantity, Weather
+from foresee_dsl.language.model import Change, Clip, Ego, Mutant, Origin, Quantity, Recorded, Weather
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.trace import Trace
 
 CHILDREN = 4
@@ -77,14 +78,14 @@ class Mutator:
         models: Collection[str] | None = None,
         plans: Sequence[PlanNames] = (),
     ) -> None:
-        """Find out which operators can act on which actors; that does not depend on the seed.
+        """Find out which operators can act on which actors (in `situation`); that does not depend on the seed.
 
         `plans`: what another mutator of the same clip found out (its `plans`), which saves the time.
         """
         self._clip, self._preset, self._pin = clip, presets.preset(preset), pin_of(case)
         self._pinned = int(self._pin.partition(":")[2], 16)
         self._searched: dict[int, tuple[int, list[Drawn]]] = {}
-        self._situation = Situation(
+        self.situation = Situation(
             clip=clip,
             trace=trace,
             frame=_risky_frame(clip, trace),
@@ -92,10 +93,12 @@ class Mutator:
             models={name: spec_of(model) for name, model in case.models.items()},
             swappable=tuple(sorted(models if models is not None else case.models)),
             weather=_weather(case),
+            onset_s=_handover_s(clip) if clip.risk and clip.risk.operator else None,
         )
+        self._proposed = (clip.risk.operator or "") if clip.risk else ""
         known = operators() if plans else {}
         given = [tuple((known[name], target) for name, target in plan) for plan in plans]
-        self._plans = given or _plans(self._situation, self._preset)
+        self._plans = given or _proposed_first(_plans(self.situation, self._preset, self._proposed), self._proposed)
 
     @property
     def plans(self) -> tuple[PlanNames, ...]:
@@ -142,6 +145,7 @@ class Mutator:
             operator=names,
             preset=self._preset.name,
             seed=Quantity(value=Decimal(seed)),
+            why=self._clip.risk.text if self._proposed and self._clip.risk else None,
             tool=__version__,
             driver=driver or None,
         )
@@ -152,15 +156,15 @@ class Mutator:
         if draw.plan == SEARCHED:
             best = self._best(seed, draw.turn + 1)
             return best[draw.turn] if draw.turn < len(best) and best[draw.turn][1] not in seen else None
-        return _child(self._situation, self._preset, self._plans[draw.plan], self._rng(draw, seed), seen)
+        return _child(self.situation, self._preset, self._plans[draw.plan], self._rng(draw, seed), seen)
 
     def _near(self, draw: Draw, near: Mutant, seed: int, seen: Collection[tuple[Change, ...]]) -> Drawn | None:
         by_property = {getattr(operator, "property", ""): operator for operator in operators().values()}
         made_by = tuple((by_property[c.property], c.actor) for c in near.changes if c.property in by_property)
         plan = made_by if draw.plan == SEARCHED else self._plans[draw.plan]
         rng = self._rng(draw, seed, *_entropy(near))
-        gap = partial(_gap_m, self._situation)
-        drawn = near_changes(self._situation, self._preset, plan, near.changes, rng, seen=seen, gap=gap)
+        gap = partial(_gap_m, self.situation)
+        drawn = near_changes(self.situation, self._preset, plan, near.changes, rng, seen=seen, gap=gap)
         if drawn is None or draw.plan != SEARCHED or near.origin is None:
             return drawn
         return near.origin.operator, drawn[1]
@@ -173,7 +177,7 @@ class Mutator:
         """Return the first children of the preset's search; those of fewer are the first of those of more."""
         asked, found = self._searched.get(seed, (0, []))
         if asked < most:
-            found = avoidable(self._situation, self._preset, most, np.random.default_rng([seed, self._pinned]))
+            found = avoidable(self.situation, self._preset, most, np.random.default_rng([seed, self._pinned]))
             self._searched[seed] = most, found
         return found[:most]
 
@@ -227,13 +231,30 @@ def _risky_frame(clip: Clip, trace: Trace) -> int:
     return trace.frame_at(at.si - clip.start_s)
 
 
-def _plans(situation: Situation, preset: Preset) -> list[Plan]:
-    """Return the recipes of a preset that can be done, with their targets; else the parts of them that can."""
+def _handover_s(clip: Clip) -> float:
+    """Return for how long the ego follows its recorded states at the clip's beginning."""
+    ego = next(item for item in clip.body if isinstance(item, Ego))
+    return max((si_of(item.time) for item in ego.body if isinstance(item, Recorded)), default=0.0)
+
+
+def _proposed_first(plans: list[Plan], operator: str) -> list[Plan]:
+    """Return the plans with those first that contain the proposed operator."""
+    return sorted(plans, key=lambda plan: all(one.name != operator for one, _ in plan))
+
+
+def _plans(situation: Situation, preset: Preset, proposed: str) -> list[Plan]:
+    """Return the recipes of a preset that can be done, with their targets; else the parts of them that can.
+
+    `proposed`: the operator with which the ranked actor is to be changed, "" for none.
+    """
     known = operators()
+    ranked = situation.ranked if situation.ranked in situation.columns else ""
     if preset.targets == "letter":
-        full = [tuple((known[n], known[n].letter_target(situation)) for n in recipe) for recipe in preset.recipes]
+        letter = {n: known[n].letter_target(situation) for recipe in preset.recipes for n in recipe}
+        targets = letter | ({proposed: ranked} if proposed in letter and ranked else {})
+        full = [tuple((known[n], targets[n]) for n in recipe) for recipe in preset.recipes]
     else:
-        target = _ranked_target(situation, preset, known)
+        target = ranked if proposed and ranked else _ranked_target(situation, preset, known)
         full = [tuple((known[n], target) for n in recipe) for recipe in preset.recipes]
     parts = [tuple((o, t) for o, t in plan if t and _acts(situation, preset, o, t)) for plan in full]
     whole = [part for part, plan in zip(parts, full, strict=True) if part == plan]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, Self, runtime_checkable
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
-    from foresee_dsl.compile.bundle import Signal, SumoBundle
+    from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
     from foresee_dsl.compile.roads.network import RoadNetwork
     from foresee_dsl.drivers.protocol import Mission
 
@@ -31,6 +31,9 @@ class RiskyPoint:
             without).
         score: the ranker's own figure, larger is riskier.
         why: one sentence for the report.
+        operator: the mutation operator with which the actor is to be changed, or "" where the ranker proposes none.
+        begins: the frame at which the change begins (and the clip, but for a hand-over); None where the ranker leaves
+            that to the length of clips.
     """
 
     rank: int
@@ -42,8 +45,10 @@ class RiskyPoint:
     trajectory_distance_m: float
     score: float
     why: str
+    operator: str = ""
+    begins: int | None = None
 
-    shown = "rank time_s:2 frame actor group distance_m?:3 why"
+    shown = "rank time_s:2 frame actor group distance_m?:3 why operator? begins?"
 
     @classmethod
     def without_actor(cls, trace: Trace, rank: int, frame: int, score: float, why: str) -> Self:
@@ -97,6 +102,27 @@ class NeedsSurroundings(Protocol):
 
     def within(self, surroundings: Surroundings) -> Ranker:
         """Return the ranker of the runs in these surroundings."""
+        ...
+
+
+@dataclass(frozen=True)
+class Mutations:
+    """How the clips around a ranker's points will be mutated.
+
+    Attributes:
+        preset: the name of the preset. models: all models of the test case, by name.
+    """
+
+    preset: str
+    models: Mapping[str, ModelSpec]
+
+
+@runtime_checkable
+class Proposes(Protocol):
+    """A ranker that also proposes what to change, and when; it needs to know what the mutation can do."""
+
+    def before(self, mutations: Mutations) -> Ranker:
+        """Return the ranker of runs whose clips are mutated in this way."""
         ...
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.forecast.protocol import NeedsSurroundings, Ranker, Surroundings
+from foresee_dsl.forecast.protocol import Mutations, NeedsSurroundings, Proposes, Ranker, Surroundings
 from foresee_dsl.plugins import PluginGroup
 
 if TYPE_CHECKING:
@@ -35,10 +35,13 @@ def load_ranker(name: str) -> Ranker:
     return ranker
 
 
-def ranker_within(name: str, compiled: Callable[[], SumoBundle]) -> Ranker:
+def ranker_within(name: str, compiled: Callable[[], SumoBundle], mutations: Mutations | None = None) -> Ranker:
     """Make the ranker of a name for the runs of one test case.
 
     `compiled`: returns that test case, compiled; it is called only for a ranker that needs the surroundings.
+    `mutations`: how clips will be mutated, for a ranker that proposes changes; None: it takes what is usual.
     """
     ranker = load_ranker(name)
+    if mutations is not None and isinstance(ranker, Proposes):
+        ranker = ranker.before(mutations)
     return ranker.within(Surroundings.of(compiled())) if isinstance(ranker, NeedsSurroundings) else ranker

@@ -166,6 +166,16 @@ def _side(left: float) -> str:
     return "left" if left > 0 else "right"
 
 
+def what_if(info: ActorInfo, actor: int, first: int, last: int, **changed: float) -> WhatIf:
+    """Return the roll-out of an actor (a column) in a window of frames, with the fields of `WhatIf` that change."""
+    neutral = {
+        "delay": 0.0, "ahead": 0.0, "pace": 1.0, "brakes_at": 0.0, "brakes_for": 0.0, "braking": 0.0,
+        "left": 0.0, "left_at": 0.0, "left_for": 0.0, "left_rate": 0.0, "turn": 0.0, "turn_at": 0.0,
+        "turn_for": 0.0, "goes_at": math.inf, "cruise": info.cruise_mps,
+    }  # fmt: skip
+    return WhatIf(actor=actor, first=first, last=last, length=info.length_m, width=info.width_m, **neutral | changed)
+
+
 class Behaviours:
     """Makes the candidates of a window of a run.
 
@@ -287,14 +297,8 @@ class Behaviours:
         **changed: float,
     ) -> Candidate:  # fmt: skip
         info = self._run.trace.actors[actor]
-        braking = {} if "braking" not in changed else {"brakes_at": at, "brakes_for": long}
-        neutral = {
-            "delay": 0.0, "ahead": 0.0, "pace": 1.0, "brakes_at": 0.0, "brakes_for": 0.0, "braking": 0.0,
-            "left": 0.0, "left_at": 0.0, "left_for": 0.0, "left_rate": 0.0, "turn": 0.0, "turn_at": 0.0,
-            "turn_for": 0.0, "goes_at": math.inf, "cruise": info.cruise_mps,
-        }  # fmt: skip
-        what = WhatIf(actor=actor, first=self._first, last=self._last, length=info.length_m, width=info.width_m,
-                      **neutral | changed | braking)  # type: ignore[arg-type]  # fmt: skip
+        timed = {} if "braking" not in changed or at is None or long is None else {"brakes_at": at, "brakes_for": long}
+        what = what_if(info, actor, self._first, self._last, **changed | timed)
         return Candidate(kind, info.id, strength, what, at, long)
 
     def _drawn(self, bounds: tuple[float, float], count: int | None = None) -> FloatArray:

@@ -57,6 +57,7 @@ PROMISING = 0.1
 clips whose best was below 0.12, 1 of 268 children failed, in the other 161 clips 62 of 373."""
 
 _STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))
+_CAREFULLY = np.array([BLIND, *CAREFUL], dtype=dtype_of(Style))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +105,27 @@ def endings(run: Recorded, candidates: Sequence[Candidate]) -> Records:
     return found
 
 
+def avoidable_shares(run: Recorded, what: WhatIf, rows: FloatArray) -> FloatArray:
+    """Return how likely a careful driver avoids the contact with a changed actor, [C], 0 to 1.
+
+    `what`: the actor and the window, nothing changed. `rows`: the tracks ([C, T, 4], as `Recorded.tracks`) that the
+    actor has in place of its recorded one.
+    """
+    found = np.zeros((len(rows), len(_CAREFULLY)), dtype=dtype_of(Ending))
+    whats, tracks = np.array([what], dtype=dtype_of(WhatIf)), run.tracks.copy()
+    for k, row in enumerate(rows):
+        tracks[what.actor] = row
+        roll_out(whats, _CAREFULLY, tracks, run.sizes, found[k : k + 1])
+    return _avoidable(found[:, 1:])
+
+
+def _avoidable(careful: Records) -> FloatArray:
+    """Return half of whether any careful driver avoids the contact, and half of how many do."""
+    avoided = ~np.isfinite(careful["contact"])
+    shares: FloatArray = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
+    return shares
+
+
 def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     """Score candidates; those that hit an ego that stands, or that nobody avoids, have 0."""
     rolled = endings(run, candidates)
@@ -125,7 +147,7 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     hits[in_line, 0] = 0.0
     avoided = ~np.isfinite(careful["contact"])
     hit = hits @ np.array(SHARES)
-    avoidable = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
+    avoidable = _avoidable(careful)
     score = hit * (LEAST_SHARE + (1 - LEAST_SHARE) * avoidable)
     return [
         _one(candidates[k], float(score[k]), float(hit[k]), float(avoidable[k]), drives[k], bool(avoided[k, 0]),

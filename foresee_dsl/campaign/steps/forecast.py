@@ -14,9 +14,11 @@ from foresee_dsl.campaign.records import Draft, Forecast, SeedOutcome
 from foresee_dsl.campaign.steps.clip_text import risk_hash
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip as make_clip
 from foresee_dsl.derive.presets import preset
-from foresee_dsl.forecast.registry import ranker_within
+from foresee_dsl.forecast.protocol import Mutations, Proposes
+from foresee_dsl.forecast.registry import load_ranker, ranker_within
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
@@ -52,9 +54,10 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         """Yield the one forecast of a run."""
         s = campaign.settings
         searched = s.preset if preset(s.preset).search is not None else None
+        proposing = {"mutations": s.preset} if isinstance(load_ranker(s.ranker), Proposes) else {}
         key = campaign.key(cls, seed=above.key, ranker=campaign.ranker, before_s=s.before_s, after_s=s.after_s,
                            handover_s=s.handover_s, count=s.risky_points, random_seed=above.seed,
-                           searched=searched)  # fmt: skip
+                           searched=searched, **proposing)  # fmt: skip
         yield cls(key, above.name, above.seed, above.key)
 
     @staticmethod
@@ -68,7 +71,9 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         if trace is None:
             raise ValueError(f"the forecast of {self.name} has no trace")
         s = work.settings
-        ranker = ranker_within(s.ranker, lambda: compile_test_case(case))
+        models = {name: spec_of(model) for name, model in case.models.items()}
+        mutations = Mutations(s.preset, models)
+        ranker = ranker_within(s.ranker, lambda: compile_test_case(case), mutations)
         points = ranker.rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
         search = preset(s.preset).search
         promise = Promise(Recorded.of(trace), search, self.seed) if search is not None else None

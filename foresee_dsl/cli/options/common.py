@@ -42,7 +42,7 @@ HandoverOption = Annotated[
 ]
 RankerOption = Annotated[
     str,
-    typer.Option("--ranker", help="What picks the risky points: foresee, careful, proximity, random, ..."),
+    typer.Option("--ranker", help="What picks the risky points: foresee, careful, reach, proximity, random, ..."),
 ]
 AllowOutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Files may use files outside the project folder.")

@@ -53,6 +53,8 @@ def clip(
 ) -> m.Clip:
     """Make the clip of the window [point - before_s, point + after_s], bounded by the run.
 
+    The clip of a point that says where the proposed change begins begins there, or a hand-over before it.
+
     Args:
         case: what was run.
         trace: its run.
@@ -72,21 +74,30 @@ def clip(
     """
     if not 0 <= point.frame < trace.frames:
         raise ValueError(f"the run has {trace.frames} frames, none is {point.frame}")
-    if handover_s > max(before_s - DRIVES_S, 0.0):
+    if point.begins is None and handover_s > max(before_s - DRIVES_S, 0.0):
         raise ValueError(
             f"a hand-over of {handover_s:g} s is too long: it has to end {DRIVES_S:g} s before the risky point, which "
             f"is {before_s:g} s after the clip's beginning"
         )
-    first = max(0, point.frame - round(before_s / STEP_S))
-    if handover_s > 0:
+    handover = round(handover_s / STEP_S)
+    first = point.begins - handover if point.begins is not None else point.frame - round(before_s / STEP_S)
+    first = max(0, first)
+    if handover > 0:
         first -= first % round(PLANS_EVERY_S / STEP_S)
-    last = min(trace.frames - 1, point.frame + round(after_s / STEP_S))
+    if point.begins is not None:
+        handover = point.begins - first  # up to the moment at which the proposed change begins
+    elif first == 0:
+        handover = 0
+    last = point.frame + round(after_s / STEP_S)
+    if point.begins is not None:  # no longer than the clip of another point would be
+        last = min(last, max(point.begins + round((before_s + after_s) / STEP_S), point.frame + 1))
+    last = min(trace.frames - 1, last)
     return m.Clip(
         name=name,
         parent=parent,
         case=case.id.partition("::")[2] or None,
         pin=pin_of(case),
-        body=_body(case, trace, point, (first, last), round(handover_s / STEP_S) if first else 0),
+        body=_body(case, trace, point, (first, last), handover),
     )
 
 
@@ -116,12 +127,14 @@ def _body(
 ) -> tuple[m.ClipItem, ...]:
     first, last = window
     begins = _Beginning(case, trace, first)
+    actor = point.actor if point.actor and point.actor not in begins.gone else None
     return (
         m.Window(start=_seconds(float(trace.time_s[first])), end=_seconds(float(trace.time_s[last]))),
         m.Risk(
             text=point.why.replace('"', "'"),
             at=_seconds(float(trace.time_s[point.frame])),
-            actor=point.actor if point.actor and point.actor not in begins.gone else None,
+            actor=actor,
+            operator=point.operator or None if actor else None,
         ),
         begins.ego(min(first + handover, last)),
         m.Goal(at=_at(goal(trace, first, last))),

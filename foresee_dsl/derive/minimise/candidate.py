@@ -169,7 +169,7 @@ def _left(body: Iterable[m.ClipItem], candidate: Candidate) -> Iterable[m.ClipIt
                 if left is not None and number not in candidate.triggers:
                     yield left
             case m.Risk():
-                yield item.model_copy(update={"actor": None}) if item.actor in gone else item
+                yield item.model_copy(update={"actor": None, "operator": None}) if item.actor in gone else item
             case m.Fidelity():
                 pass  # measured anew
             case _:

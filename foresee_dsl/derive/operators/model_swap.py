@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.derive.operators.ours import retimed
 from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Situation, boxes_at, others_at
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.forecast.settings import ForeseeSettings
@@ -39,6 +41,19 @@ class ModelSwap(BuiltIn):
             return ()
         now = others[int(rng.integers(len(others)))]
         return (Change(actor=target, property=self.property, was=situation.info(target).model, now=now),)
+
+    def fitting(self, situation: Situation, target: str) -> tuple[str, ...]:
+        """Return the names of the models that fit in the place of a target's, sorted: each is as likely."""
+        return _fitting(situation, target)
+
+    def tracks(self, boxes: FloatArray, specs: Sequence[ModelSpec], now: ModelSpec) -> FloatArray:
+        """Return the track of an actor with each of some models in place of its own: [N, T, 5] footprints.
+
+        Whatever its cruise speed, a swap keeps its ratio to the model's own; so it drives faster or slower.
+        """
+        paces = np.array([s.cruise_mps / now.cruise_mps if s.cruise_mps and now.cruise_mps else 1.0 for s in specs])
+        paced = retimed(boxes, factor=paces)
+        return np.array([_with_model(track, spec) for track, spec in zip(paced, specs, strict=True)])
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Give the footprints the new model's size."""

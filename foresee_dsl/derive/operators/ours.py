@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -10,7 +11,15 @@ from numpy.random import Generator
 
 from foresee_dsl.compile.placement.paths import LINE_OVER_M
 from foresee_dsl.compile.roads.polyline import Polyline
-from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Situation, added_si, drawn, touches_nobody
+from foresee_dsl.derive.operators.situation import (
+    ActorsRun,
+    BuiltIn,
+    Numeric,
+    Situation,
+    added_si,
+    multiples,
+    touches_nobody,
+)
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS, SIDEWAYS_SHARE
@@ -19,28 +28,52 @@ from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 
-class TimingShift(BuiltIn):
+class Shift(Numeric):
+    """An operator that moves an actor along its recorded track at other times, or beside it."""
+
+    @abstractmethod
+    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
+        """Return a recorded track ([T, 5] footprints) with each of some values (SI) in place of the property's default:
+        [N, T, 5], without a simulation."""
+
+
+class _Added(Shift):
+    """An operator whose roll-out depends on what is added to the property, 0 by default."""
+
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
+        """Return the track with so much added."""
+        rolled: FloatArray = self.tracks(boxes, np.array([added_si(change)]), run)[0]
+        return rolled
+
+
+class TimingShift(Shift):
     """The speed along one's own path, scaled; the actor still stops where it must."""
 
     name = property = "timing"
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw a factor, within what the model can drive."""
+    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+        """Return factors, within what the model can drive."""
         settings = preset.timing
         if situation.driven_m(target) < settings.least_way_m:
             return ()
         fastest = float(np.nanmax(situation.trace.states[:, situation.columns[target], SPEED]))
         high = min(settings.high, situation.spec(target).max_speed_mps / max(fastest, STANDS_MPS))
-        value = drawn(rng, settings.low, high, settings.step, centre=1.0, dead=settings.least_change)
-        return self.changed(situation, target, value)
+        return multiples(settings.low, high, settings.step, centre=1.0, dead=settings.least_change)
+
+    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
+        """Follow the recorded track faster or slower."""
+        del run
+        return retimed(boxes, factor=values)
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Follow the recorded track faster or slower."""
-        del run
-        return _retimed(boxes, factor=change.now.si) if isinstance(change.now, Quantity) else boxes
+        if not isinstance(change.now, Quantity):
+            return boxes
+        rolled: FloatArray = self.tracks(boxes, np.array([change.now.si]), run)[0]
+        return rolled
 
 
-class DelayShift(BuiltIn):
+class DelayShift(_Added):
     """A path-follower stands longer before it moves, or less long where it was to stand.
 
     Only for those that can stop on the spot: pedestrians, and cyclists that stand at the clip's beginning.
@@ -48,22 +81,22 @@ class DelayShift(BuiltIn):
 
     name = property = "delay"
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw a change of the delay that it has."""
+    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+        """Return delays around the one that it has."""
         settings, was = preset.delay, situation.present_value(target, self.property)
         stops = situation.speed_mps(target, 0) <= STANDS_MPS or situation.kind(target) == "pedestrian"
         if was is None or not stops or not _moves_on_path(situation, target, preset):
             return ()
-        value = drawn(rng, -was.si, settings.high_s, settings.step_s, centre=0.0, dead=settings.low_s)
-        return self.changed(situation, target, None if value is None else was.si + value)
+        shifts = multiples(-was.si, settings.high_s, settings.step_s, centre=0.0, dead=settings.low_s)
+        return [was.si + shift for shift in shifts]
 
-    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
+    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
         """Follow the recorded track later."""
         del run
-        return _retimed(boxes, delay_s=added_si(change))
+        return retimed(boxes, delay_s=values)
 
 
-class HeadStart(BuiltIn):
+class HeadStart(_Added):
     """A path-follower that moves is further along its path at the beginning, as if it had set out earlier.
 
     It begins where it was a little later in the unmutated run, so never beyond where it waits.
@@ -71,8 +104,8 @@ class HeadStart(BuiltIn):
 
     name, property = "head_start", "moving"
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw a place on its path at which it touches no other at the beginning."""
+    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+        """Return the places on its path at which it touches no other at the beginning."""
         was = situation.present_value(target, self.property)
         moves = situation.speed_mps(target, 0) > STANDS_MPS
         if was is None or not moves or not _moves_on_path(situation, target, preset):
@@ -80,13 +113,12 @@ class HeadStart(BuiltIn):
         known, settings = situation.head_starts, preset.head_start
         if (target, settings) not in known:  # no draw changes them
             known[target, settings] = tuple(self._places(situation, target, was.si, settings))
-        places = known[target, settings]
-        return self.changed(situation, target, places[int(rng.integers(len(places)))] if places else None)
+        return known[target, settings]
 
-    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
+    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
         """Begin further along the recorded track."""
         del run
-        return _retimed(boxes, ahead_m=added_si(change))
+        return retimed(boxes, ahead_m=values)
 
     @staticmethod
     def _places(situation: Situation, target: str, along_m: float, settings: HeadStartSettings) -> list[float]:
@@ -106,7 +138,7 @@ class HeadStart(BuiltIn):
         return found
 
 
-class LineShift(BuiltIn):
+class LineShift(_Added):
     """An actor on a path or a bicycle goes over to a line beside its own.
 
     Not for cars and the like: in their lanes they have a hand's breadth, and what leaves the lane is `steer`.
@@ -114,28 +146,29 @@ class LineShift(BuiltIn):
 
     name = property = "line"
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw how far it goes to the left of its own line (negative: to the right)."""
+    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+        """Return how far it may go to the left of its own line (negative: to the right)."""
         settings, was = preset.line, situation.present_value(target, self.property)
         rides = situation.kind(target) == "bicycle" and situation.on_lanes(target)
         if was is None or not (situation.follows_path(target) or rides):
             return ()
         if situation.driven_m(target) < preset.timing.least_way_m:
             return ()
-        value = drawn(rng, -settings.high_m, settings.high_m, settings.step_m, centre=0.0, dead=settings.least_m)
-        return self.changed(situation, target, None if value is None else was.si + value)
+        shifts = multiples(-settings.high_m, settings.high_m, settings.step_m, centre=0.0, dead=settings.least_m)
+        return [was.si + shift for shift in shifts]
 
-    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
+    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
         """Move the track sideways as the simulation does: on a path over some metres, on a lane at a rate."""
-        left_m, speed = added_si(change), np.nan_to_num(run.trace.states[:, run.actor, SPEED])
+        left_m, speed = values[:, None], np.nan_to_num(run.trace.states[:, run.actor, SPEED])
         if run.trace.actors[run.actor].path:
             share = np.cumsum(speed) * STEP_S / LINE_OVER_M
         else:
-            share = np.cumsum(np.minimum(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed)) * STEP_S / abs(left_m or 1.0)
+            sideways = np.cumsum(np.minimum(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed)) * STEP_S
+            share = sideways / np.abs(np.where(left_m == 0, 1.0, left_m))
         left = left_m * np.minimum(share, 1.0)
-        changed = boxes.copy()
-        changed[:, 0] -= left * np.sin(boxes[:, 2])
-        changed[:, 1] += left * np.cos(boxes[:, 2])
+        changed = np.repeat(boxes[None], len(values), axis=0)
+        changed[:, :, 0] -= left * np.sin(boxes[:, 2])
+        changed[:, :, 1] += left * np.cos(boxes[:, 2])
         return changed
 
 
@@ -143,21 +176,31 @@ def _moves_on_path(situation: Situation, target: str, preset: Preset) -> bool:
     return situation.follows_path(target) and situation.driven_m(target) >= preset.timing.least_way_m
 
 
-def _retimed(boxes: FloatArray, *, factor: float = 1.0, delay_s: float = 0.0, ahead_m: float = 0.0) -> FloatArray:
-    """Move along the recorded track `factor` times as fast, so much later and so far ahead; straight on at its end."""
+_NO, _ONCE = np.zeros(1), np.ones(1)
+
+
+def retimed(
+    boxes: FloatArray, *, factor: FloatArray = _ONCE, delay_s: FloatArray = _NO, ahead_m: FloatArray = _NO
+) -> FloatArray:
+    """Move along the recorded track `factor` times as fast, so much later and so far ahead; straight on at its end.
+
+    One of the arguments has a value for each of N changes: [N, T, 5] is returned.
+    """
     track = boxes[~np.isnan(boxes[:, 0])]
+    count = max(len(factor), len(delay_s), len(ahead_m))
     if len(track) < 2:
-        return boxes
+        return np.repeat(boxes[None], count, axis=0)
     track[:, 2] = np.unwrap(track[:, 2])
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))]
     time_s = np.arange(len(boxes)) * STEP_S
-    wanted = ahead_m + factor * np.interp(np.maximum(time_s - delay_s, 0.0), time_s[: len(along)], along)
+    later_s = np.maximum(time_s - delay_s[:, None], 0.0)
+    wanted = ahead_m[:, None] + factor[:, None] * np.interp(later_s, time_s[: len(along)], along)
     # A little is added to each step, for places at which the actor stood to have an order.
     marks = along + np.arange(len(along)) * 1e-9
     beyond = np.maximum(wanted - along[-1], 0.0)
-    changed = np.column_stack([np.interp(wanted, marks, column) for column in track.T])
-    changed[:, 0] += beyond * np.cos(changed[:, 2])
-    changed[:, 1] += beyond * np.sin(changed[:, 2])
+    changed = np.stack([np.interp(wanted, marks, column) for column in track.T], axis=2)
+    changed[:, :, 0] += beyond * np.cos(changed[:, :, 2])
+    changed[:, :, 1] += beyond * np.sin(changed[:, :, 2])
     return changed
 
 

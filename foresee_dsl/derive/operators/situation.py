@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -32,6 +32,7 @@ class Situation:
         ranked: the id of the actor that the point is about, or "".
         models: every model that the case knows, by name. swappable: those that may be swapped in.
         weather: the clip's rain, fog and wetness, ratios.
+        onset_s: when a proposed change begins, from the clip's beginning; None where no change is proposed.
     """
 
     clip: Clip
@@ -41,6 +42,7 @@ class Situation:
     models: Mapping[str, ModelSpec]
     swappable: tuple[str, ...]
     weather: Mapping[str, Quantity] = field(default_factory=dict)
+    onset_s: float | None = None
 
     @cached_property
     def actors(self) -> dict[str, Actor]:
@@ -173,6 +175,24 @@ class BuiltIn(ABC):
         return (Change(actor=target, property=self.property, was=was, now=now),)
 
 
+class Numeric(BuiltIn):
+    """One of our operators that draws a number, each of those that are allowed as likely as the others."""
+
+    @abstractmethod
+    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+        """Return every value (SI) that the property of a target may be changed to; none where it cannot be done."""
+
+    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+        """Draw one of the allowed values."""
+        values = self.values(situation, target, preset)
+        return self.to(situation, target, preset, values[int(rng.integers(len(values)))]) if values else ()
+
+    def to(self, situation: Situation, target: str, preset: Preset, value: float) -> tuple[Change, ...]:
+        """Return the change of a target's property to an allowed value."""
+        del preset
+        return self.changed(situation, target, value)
+
+
 def added_si(change: Change) -> float:
     """Return by how much a change raises its property, in SI."""
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
@@ -180,11 +200,11 @@ def added_si(change: Change) -> float:
     return change.now.si - change.was.si
 
 
-def drawn(rng: Generator, low: float, high: float, step: float, *, centre: float, dead: float) -> float | None:
-    """Draw one of the multiples of a step between two bounds, all alike, that are not within `dead` of the centre."""
+@lru_cache(maxsize=256)
+def multiples(low: float, high: float, step: float, *, centre: float, dead: float) -> tuple[float, ...]:
+    """Return the multiples of a step between two bounds that are not within `dead` of the centre."""
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    allowed = [k for k in range(first, last + 1) if abs(k * step - centre) >= dead - 1e-9]
-    return round(allowed[int(rng.integers(len(allowed)))] * step, 9) if allowed else None
+    return tuple(round(k * step, 9) for k in range(first, last + 1) if abs(k * step - centre) >= dead - 1e-9)
 
 
 def boxes_at(trace: Trace, frame: int) -> FloatArray:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.scene import DRY_FRICTION
-from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Situation, drawn
+from foresee_dsl.derive.operators.situation import ActorsRun, Numeric, Situation, multiples
 from foresee_dsl.derive.presets import Preset, SteerSettings
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language.model import Change, Quantity
@@ -21,27 +21,30 @@ RECOVERS_S = 1.0
 looks ahead."""
 
 
-class Steer(BuiltIn):
+class Steer(Numeric):
     """A steering offset; afterwards the actor recovers its lane. Only actors on lanes can be steered."""
 
     name = property = "steer"
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw an offset that friction, comfort and the steering rate allow."""
+    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+        """Return the offsets that friction, comfort and the steering rate allow."""
         settings = preset.steer
         if not situation.on_lanes(target):
             return ()
-        before_s = settings.before_point_s
-        onset_s = 0.0 if before_s is None else max(0.0, situation.frame * STEP_S - before_s)
-        speed = situation.speed_mps(target, situation.trace.frame_at(onset_s))
+        speed = situation.speed_mps(target, situation.trace.frame_at(_onset_s(situation, settings)))
         # A target that stands at the onset is steered only where the preset asks for no speed (the paper's letter).
         if speed < settings.least_speed_mps:
             return ()
         bound = largest_share(situation.spec(target), speed, settings)
         low, high = max(settings.low, -bound), min(settings.high, bound)
-        value = drawn(rng, low, high, settings.step, centre=0.0, dead=max(settings.least_share * bound, settings.step))
+        return multiples(low, high, settings.step, centre=0.0, dead=max(settings.least_share * bound, settings.step))
+
+    def to(self, situation: Situation, target: str, preset: Preset, value: float) -> tuple[Change, ...]:
+        """Return the change to an allowed offset: from the onset, for as long as the preset holds it."""
+        settings, onset_s = preset.steer, _onset_s(situation, preset.steer)
+        begins = onset_s > 0 or settings.before_point_s is not None
         when = {
-            "start": None if before_s is None else Quantity.of(onset_s, "time", 2),
+            "start": Quantity.of(onset_s, "time", 2) if begins else None,
             "duration": None if settings.hold_s is None else Quantity.of(settings.hold_s, "time", 2),
         }
         return tuple(change.model_copy(update=when) for change in self.changed(situation, target, value))
@@ -69,6 +72,14 @@ class Steer(BuiltIn):
         """The vehicle that is closest to the ego at the clip's beginning."""
         steerable = [actor for actor in situation.columns if situation.on_lanes(actor)]
         return next(iter(situation.closest(0, steerable)), "")
+
+
+def _onset_s(situation: Situation, settings: SteerSettings) -> float:
+    """Return when the steering begins: as proposed, or else as the preset says, by default with the clip."""
+    if situation.onset_s is not None:
+        return situation.onset_s
+    before_s = settings.before_point_s
+    return 0.0 if before_s is None else max(0.0, situation.frame * STEP_S - before_s)
 
 
 def largest_share(spec: ModelSpec, speed_mps: float, settings: SteerSettings) -> float:

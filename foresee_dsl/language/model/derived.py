@@ -249,10 +249,11 @@ class Window(Item):
 class Risk(Item):
     """`risk "critical crossing: ..."`: the forecaster's sentence."""
 
-    pattern = "risk {text} [at {at}] [with {actor}]"
+    pattern = "risk {text} [at {at}] [with {actor}] [by {operator}]"
     words = """
         risk (statement): the forecaster's sentence | risk "what the forecaster saw" at 17.40 s with runner
         with (link): which actor the risk is about | risk "..." at 17.40 s with runner
+        by (link): with which operator it is to be changed first | risk "..." at 17.40 s with runner by steer
     """
 
     text: Text
@@ -260,6 +261,8 @@ class Risk(Item):
     """The risky point in the parent's time: `risk "..." at 17.40 s`."""
     actor: ActorName | None = None
     """`risk "..." at 17.40 s with runner`."""
+    operator: Name | None = None
+    """The mutation operator that is proposed for this actor: `risk "..." at 17.40 s with runner by steer`."""
 
 
 class Goal(Item, kind="clip_goal"):
@@ -327,13 +330,16 @@ class Clip(Item):
 class Origin(Item):
     """Where a mutant comes from; nothing in it changes what the mutant means."""
 
-    pattern = "origin { operator; preset; seed; tool; driver; found; minimised; preventable; anticipating; avoided }"
+    pattern = (
+        "origin { operator; preset; seed; why; tool; driver; found; minimised; preventable; anticipating; avoided }"
+    )
     words = """
         origin (statement): where a mutant comes from; means nothing to the run | origin { operator [steer]; seed 91 }
         operator (statement): what made the changes | operator [model_swap, steer]
         preventable (setting): whether a careful driver who brakes would have prevented it | preventable yes
         anticipating (setting): by what a driver who anticipates would have prevented it | anticipating braking
         avoided (setting): which other drivers avoid the failure, and how | avoided "idm brakes 0.8 s earlier"
+        why (setting): what was proposed when it was made | why "steer of van from 2.0 s: 9 of 41 changes reach the ego"
         tool (setting): the version that wrote the mutant | tool "0.1.0"
         driver (setting): the driver that was under test | driver "pdm 2"
         found (setting): the failure that the mutant showed | found "F4 lateral collision with runner at 3.15 s"
@@ -348,6 +354,7 @@ class Origin(Item):
     operator: tuple[Name, ...] = ()
     preset: Name | None = None
     seed: Quantity | None = None
+    why: Text | None = None
     tool: Text | None = None
     driver: Text | None = None
     found: Text | None = None

@@ -1,0 +1,149 @@
+"""What a change promises: which stories its values may tell, and how likely a careful driver would avoid them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from foresee_dsl.avoidance.candidates.behaviours import what_if
+from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.scoring import avoidable_shares
+from foresee_dsl.derive.reach.rolling import Rolled
+from foresee_dsl.derive.reach.settings import ReachSettings
+from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
+
+_QUARTERS = 4
+_MET = "met"
+"""The role in the tale of an actor that comes to the ego anyhow."""
+
+
+class Tale(NamedTuple):
+    """What a contact would be told as: equal ones are likely one finding.
+
+    Attributes:
+        role: of the actor. course: its direction against the ego's, in quarters of a turn (0: the same). side: of the
+            ego that is nearest to it, in quarters (0: the front, 1: the left). place: the ego's lane. stands: whether
+            the ego stands.
+    """
+
+    role: str
+    course: int
+    side: int
+    place: int
+    stands: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """A change, and what its values promise.
+
+    Attributes:
+        reaching: the places of the values that reach the ego as it drove.
+        tales: the share of the values that tell each tale.
+        contact_frame: of the run, when those that reach the ego do on average (when the nearest one is nearest, if none
+            does).
+    """
+
+    rolled: Rolled
+    reaching: IntArray
+    tales: dict[Tale, float]
+    contact_frame: int
+
+    @property
+    def onset(self) -> int:
+        """The frame at which the change begins."""
+        return self.rolled.change.onset
+
+
+def promise(trace: Trace, rolled: Rolled, gaps: FloatArray, settings: ReachSettings) -> Promise:
+    """Say what a change promises. `gaps`: [A, T] m of the actors to the ego as recorded, inf of obstacles."""
+    least = rolled.gaps.min(axis=1)
+    reaching = np.flatnonzero(least <= 0.0)
+    first = np.where(least <= 0.0, (rolled.gaps <= 0.0).argmax(axis=1), rolled.gaps.argmin(axis=1))
+    tales: dict[Tale, float] = {}
+    for n in reaching.tolist():
+        told = _tale(trace, rolled, n, int(first[n]))
+        tales[told] = tales.get(told, 0.0) + 1.0 / len(least)
+    onset = rolled.change.onset
+    window = gaps[:, onset : onset + round(settings.met_s / STEP_S) + 1].min(axis=1)
+    nearest = int(window.argmin())
+    if np.isfinite(window[nearest]):
+        tales[Tale(_MET, nearest, 0, 0, stands=False)] = settings.met_weight / (1.0 + float(window[nearest]))
+    among = first[reaching] if len(reaching) else first[[int(least.argmin())]]
+    return Promise(rolled, reaching, tales, int(rolled.frames[round(float(among.mean()))]))
+
+
+def avoided_share(run: Recorded, promised: Promise, settings: ReachSettings) -> float:
+    """Return how likely a careful driver avoids the values that reach the ego: the mean of some, evenly over all."""
+    rolled, change = promised.rolled, promised.rolled.change
+    if not len(promised.reaching):
+        return 0.0
+    places = np.unique(np.round(np.linspace(0, len(promised.reaching) - 1, settings.decided)).astype(np.int64))
+    last = change.onset + rolled.every * rolled.steps
+    what = what_if(run.trace.actors[change.actor], change.actor, change.onset, last)
+    return float(avoidable_shares(run, what, _rows(run, rolled, promised.reaching[places])).mean())
+
+
+def _rows(run: Recorded, rolled: Rolled, chosen: IntArray) -> FloatArray:
+    """Return the actor's track with each of some values: [C, T, 4], as `Recorded.tracks` has the recorded one."""
+    change = rolled.change
+    rows = np.repeat(run.tracks[None, change.actor], len(chosen), axis=0)
+    every, steps = rolled.every, rolled.steps
+    poses = rolled.poses[chosen, : steps + 1]
+    moved = np.diff(poses, axis=1)
+    way = np.hypot(moved[..., 0], moved[..., 1]) / every
+    for k in range(every):
+        at = slice(change.onset + k, change.onset + every * steps, every)
+        rows[:, at, :3] = poses[:, :-1] + moved * k / every
+        rows[:, at, 3] = way
+    return rows
+
+
+def _tale(trace: Trace, rolled: Rolled, value: int, step: int) -> Tale:
+    frame = int(rolled.frames[step])
+    x, y, heading = rolled.poses[value, step]
+    ego, info = trace.states[frame, 0], trace.actors[0]
+    dx, dy = x - ego[X], y - ego[Y]
+    cos, sin = math.cos(ego[HEADING]), math.sin(ego[HEADING])
+    ahead, left = (dx * cos + dy * sin) / info.length_m, (dy * cos - dx * sin) / info.width_m
+    side = (0 if ahead > 0 else 2) if abs(ahead) >= abs(left) else (1 if left > 0 else 3)
+    course = round((heading - ego[HEADING]) / (math.tau / _QUARTERS)) % _QUARTERS
+    kind = trace.actors[rolled.change.actor].kind
+    role = kind if kind in PEDESTRIAN_KINDS or kind == "bicycle" else "vehicle"
+    return Tale(role, course, side, int(trace.lanes[frame, 0]), bool(ego[SPEED] < _STANDS_MPS))
+
+
+_STANDS_MPS = 0.5
+"""An ego slower than this stands (as `avoidance.candidates.scoring`)."""
+
+
+def in_order(promises: Sequence[Promise], settings: ReachSettings) -> list[Promise]:
+    """Return the promises, best first: each by what it may tell that those before it do not.
+
+    A tale is worth less for each promise before that tells it, by how much of that promise it was. Of equal ones the
+    later onset comes first, which has no more room than it needs.
+    """
+    known = list(dict.fromkeys(tale for one in promises for tale in one.tales))
+    column = {tale: k for k, tale in enumerate(known)}
+    shares = np.zeros((len(promises), len(known)))
+    for k, one in enumerate(promises):
+        for tale, share in one.tales.items():
+            shares[k, column[tale]] = share
+    worth: FloatArray = np.ones(len(known))
+    left = list(range(len(promises)))
+    order: list[Promise] = []
+    while left and len(order) < settings.proposals:
+        gains = np.round(shares[left] @ worth, 9)
+        best = max(range(len(left)), key=lambda k: (gains[k], promises[left[k]].onset, -left[k]))
+        if gains[best] <= 0:
+            break
+        told = shares[left[best]] / shares[left[best]].sum()
+        worth = worth * (1.0 - (1.0 - settings.again) * told)
+        order.append(promises[left.pop(best)])
+    return order

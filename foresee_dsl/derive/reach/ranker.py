@@ -1,0 +1,146 @@
+"""The ranker `reach`: proposals of what to change, when and of whom, by what that could still do to the ego."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import cast
+
+import numpy as np
+
+from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.compile.bundle import ActorKind, ModelSpec
+from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
+from foresee_dsl.derive.operators import operators
+from foresee_dsl.derive.operators.model_swap import ModelSwap
+from foresee_dsl.derive.operators.situation import Numeric
+from foresee_dsl.derive.presets import Preset, preset
+from foresee_dsl.derive.reach.promise import Promise, avoided_share, in_order, promise
+from foresee_dsl.derive.reach.rolling import Rolling
+from foresee_dsl.derive.reach.settings import ReachSettings
+from foresee_dsl.forecast.foresee import ForeseeRanker
+from foresee_dsl.forecast.geometry import all_distances_to_ego
+from foresee_dsl.forecast.protocol import Mutations, RiskyPoint
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.language.model import Clip
+from foresee_dsl.simulate.trace import STEP_S, Trace
+
+
+@dataclass(frozen=True)
+class ReachRanker:
+    """Ranks changes by what they could still do to the ego: a moment, an actor and an operator each.
+
+    Attributes:
+        mutations: how clips will be mutated; None: as by the preset `focused`, with vehicles as usual in their class.
+    """
+
+    settings: ReachSettings = field(default_factory=ReachSettings)
+    mutations: Mutations | None = None
+    name: str = "reach"
+
+    def before(self, mutations: Mutations) -> ReachRanker:
+        """Return the ranker for clips that are mutated in this way."""
+        return replace(self, mutations=mutations)
+
+    def rank(
+        self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
+    ) -> tuple[RiskyPoint, ...]:
+        """Rank the changes of a run; see `Ranker.rank`.
+
+        The clip of a change begins with it, so that its point may lie nearer to the run's beginning than `before_s`.
+        """
+        s, gaps = self.settings, _gaps(trace)
+        run = Recorded.of(trace, {name: spec.height_m for name, spec in self._models(trace).items()})
+        best = in_order(self.promises(trace), s)
+        points = [_point(trace, gaps, one, avoided_share(run, one, s)) for one in best]
+        for other in ForeseeRanker().rank(trace, seed=seed, before_s=before_s, after_s=after_s):
+            if all(other.actor != p.actor or abs(other.time_s - p.time_s) >= before_s for p in points):
+                points.append(replace(other, score=0.0))
+        return tuple(replace(p, rank=k) for k, p in enumerate(points, start=1))
+
+    def promises(self, trace: Trace) -> list[Promise]:
+        """Return what every change promises that the ranker looks at, in the order of their onsets."""
+        s, gaps = self.settings, _gaps(trace)
+        rolling = self.rolling(trace, gaps)
+        changes = [
+            change
+            for onset in range(0, trace.frames - round(1 / STEP_S), round(s.every_s / STEP_S))
+            for change in rolling.changes(onset, _nearest(gaps[:, onset], s))
+        ]
+        moving = gaps.copy()
+        moving[[info.kind == "obstacle" for info in trace.actors]] = np.inf
+        return [promise(trace, one, moving, s) for one in rolling.rolled(changes)]
+
+    def rolling(self, trace: Trace, gaps: FloatArray) -> Rolling:
+        """Return what rolls the changes of a run out. `gaps`: [A, T] m between each actor and the ego."""
+        chosen = preset(self.mutations.preset) if self.mutations is not None else preset("focused")
+        return Rolling(trace, self._models(trace), chosen, self.settings, _NO_CLIP, _operators(chosen), gaps)
+
+    def _models(self, trace: Trace) -> Mapping[str, ModelSpec]:
+        return self.mutations.models if self.mutations is not None else _usual(trace)
+
+
+_NO_CLIP = Clip(name="none", parent="none.foresee", pin="sha256:000000000000", body=())
+"""Stands for the clips that are not cut yet."""
+
+
+def _operators(chosen: Preset) -> list[Numeric | ModelSwap]:
+    """Return the operators of a preset that can be rolled out."""
+    known = operators()
+    names = dict.fromkeys(name for recipe in chosen.recipes for name in recipe)
+    return [operator for name in names if isinstance(operator := known[name], Numeric | ModelSwap)]
+
+
+def _gaps(trace: Trace) -> FloatArray:
+    """Return the distances of all actors to the ego, [A, T] m; infinite for itself and where they are absent."""
+    actors = list(range(1, len(trace.actors)))
+    own = np.full((1, trace.frames), np.inf)
+    return np.vstack([own, all_distances_to_ego(trace, actors, np.full(len(actors), np.inf))]) if actors else own
+
+
+def _nearest(gaps: FloatArray, s: ReachSettings) -> list[int]:
+    """Return the columns of the actors that are nearest to the ego at a moment, but of none that is too far away."""
+    order = np.argsort(gaps, kind="stable")
+    return [int(k) for k in order if gaps[k] <= s.within_m][: s.nearest]
+
+
+def _usual(trace: Trace) -> Mapping[str, ModelSpec]:
+    """Return the models of a trace as a vehicle of their size is by default."""
+    found = {}
+    for info in trace.actors:
+        base = CLASS_DEFAULTS[cast(ActorKind, info.kind)]
+        wheelbase = info.wheelbase_m or base.wheelbase_share * info.length_m
+        found[info.model] = ModelSpec(
+            info.model, cast(ActorKind, info.kind), info.length_m, info.width_m, wheelbase,
+            base.overhang_share * info.length_m, base.mass_kg, base.max_speed_mps, base.acceleration_mps2,
+            base.braking_mps2, base.emergency_braking_mps2, math.radians(base.max_steer_deg),
+            math.radians(base.steer_rate_deg_s), base.height_m,
+        )  # fmt: skip
+    return found
+
+
+def _point(trace: Trace, gaps: FloatArray, best: Promise, avoided: float) -> RiskyPoint:
+    change, frame, count = best.rolled.change, best.contact_frame, len(best.rolled.values)
+    actor = trace.actors[change.actor].id
+    onset_s, contact_s = trace.time_s[change.onset], trace.time_s[frame]
+    if len(best.reaching):
+        does = (
+            f"{len(best.reaching)} of {count} changes reach the ego, at about {contact_s:.1f} s; "
+            f"a careful driver avoids {avoided:.0%} of them"
+        )
+    else:
+        does = f"none of {count} changes reaches the ego, the nearest comes to it at {contact_s:.1f} s"
+    return RiskyPoint(
+        rank=0,
+        frame=frame,
+        time_s=float(contact_s),
+        actor=actor,
+        group="close",
+        distance_m=float(gaps[change.actor, frame]),
+        trajectory_distance_m=math.nan,
+        score=round(sum(best.tales.values()), 6),
+        why=f"{change.operator.name} of {actor} from {onset_s:.1f} s: {does}",
+        operator=change.operator.name,
+        begins=change.onset,
+    )

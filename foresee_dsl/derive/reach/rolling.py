@@ -1,0 +1,231 @@
+"""Where the allowed changes of an operator take an actor, and how near that is to the ego as it drove."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.derive.operators.model_swap import ModelSwap
+from foresee_dsl.derive.operators.ours import Shift
+from foresee_dsl.derive.operators.situation import ActorsRun, Numeric, Situation
+from foresee_dsl.derive.operators.steer import Steer
+from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.reach.settings import ReachSettings
+from foresee_dsl.derive.reach.steering import steered
+from foresee_dsl.forecast.geometry import footprints
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.language.model import Clip, Quantity
+from foresee_dsl.language.model.derived import PROPERTIES
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
+
+_CLOSE_M = 2.0
+"""Footprints are measured where the bodies' circles are nearer than this; farther away the circles say enough."""
+_AFTER_POINT_S = 1.0
+"""Operators look at what an actor does until a second after the risky point (`Situation.driven_m`)."""
+
+
+_STANDS_MPS = 0.1
+"""An actor slower than this stands: SUMO's threshold of halting."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One operator on one actor from one moment on. `onset`: the frame. `actor`: the column."""
+
+    onset: int
+    actor: int
+    operator: Numeric | ModelSwap
+
+
+@dataclass(frozen=True, eq=False)
+class Rolled:
+    """A change with some of its allowed values, rolled out.
+
+    Attributes:
+        values: [N], SI; of a model swap the places of the models among those that fit.
+        frames: [T] of the run, the last one again where the run ends before.
+        poses: [N, T, 3] of the actor, m, m, rad.
+        gaps: [N, T] m to the ego's footprint as it drove; exact below some metres, infinite beyond the run's end.
+    """
+
+    change: Change
+    values: FloatArray
+    frames: FloatArray
+    poses: FloatArray
+    gaps: FloatArray
+
+    @property
+    def every(self) -> int:
+        """How many frames a step has."""
+        return int(self.frames[1] - self.frames[0])
+
+    @property
+    def steps(self) -> int:
+        """How many whole steps there are before the run's end."""
+        return int(np.count_nonzero(np.diff(self.frames) == self.every))
+
+
+class _Moment(Situation):
+    """A moment of a run at which no clip was cut yet: statements of its actors have their defaults."""
+
+    @cached_property
+    def columns(self) -> dict[str, int]:
+        """The columns of the actors that are there."""
+        there = ~np.isnan(self.trace.states[0, :, X])
+        return {info.id: k for k, info in enumerate(self.trace.actors) if k and there[k]}
+
+    def present_value(self, actor: str, name: str) -> Quantity | None:
+        """Return where an actor is on its path, or the default of another property."""
+        known = PROPERTIES[name]
+        if known.dimension is None:
+            return None
+        if name == "moving":
+            along = float(self.trace.along[0, self.columns[actor]])
+            return None if math.isnan(along) else Quantity.of(along, known.dimension, 2)
+        return None if known.default is None else Quantity.of(known.default.si, known.dimension, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Rolling:
+    """Rolls changes out along a run that passed.
+
+    Attributes:
+        clip: stands for the clip that will be cut. operators: those that the preset uses. gaps: [A, T] m of the actors
+            to the ego. models_of: the models that fit, of swaps.
+    """
+
+    trace: Trace
+    models: Mapping[str, ModelSpec]
+    preset: Preset
+    settings: ReachSettings
+    clip: Clip
+    operators: Sequence[Numeric | ModelSwap]
+    gaps: FloatArray
+    models_of: dict[Change, tuple[str, ...]] = field(default_factory=dict)
+
+    def changes(self, onset: int, actors: Sequence[int]) -> Iterator[tuple[Change, FloatArray]]:
+        """Yield what may be changed of some actors (columns) from a frame on, with all allowed values."""
+        moment = self.moment(onset)
+        for actor in actors:
+            name = self.trace.actors[actor].id
+            if name not in moment.columns:
+                continue
+            for operator in self.operators:
+                if isinstance(operator, ModelSwap):
+                    yield from self._swaps(moment, onset, actor, operator)
+                    continue
+                values = operator.values(moment, name, self.preset)
+                if len(values):
+                    yield Change(onset, actor, operator), np.array(values, dtype=np.float64)
+
+    def moment(self, onset: int) -> Situation:
+        """Return a frame as the situation at the beginning of a clip that is not cut yet."""
+        frames = round((self.settings.paced_s + _AFTER_POINT_S) / STEP_S) + 1
+        return _Moment(
+            clip=self.clip, trace=self.trace.part(onset, onset + frames), frame=round(self.settings.looks_s / STEP_S),
+            ranked="", models=self.models, swappable=tuple(sorted(self.models)), onset_s=0.0,
+        )  # fmt: skip
+
+    def _swaps(
+        self, moment: Situation, onset: int, actor: int, operator: ModelSwap
+    ) -> Iterator[tuple[Change, FloatArray]]:
+        """Yield the swap of an actor that moves, and that another model of its class may bring near the ego.
+
+        Whether models fit takes long to find out, so only those are asked that would come near.
+        """
+        info, until = self.trace.actors[actor], onset + round(self.settings.paced_s / STEP_S)
+        moves = np.nanmax(self.trace.states[onset : until + 1, actor, SPEED]) > _STANDS_MPS
+        if not moves or self.gaps[actor, onset : until + 1].min() > self.settings.swap_within_m:
+            return
+        change = Change(onset, actor, operator)
+        self.models_of[change] = tuple(
+            n for n, spec in self.models.items() if spec.kind == info.kind and n != info.model
+        )
+        if not self.models_of[change]:
+            return
+        tried = self._shifted(change, np.arange(len(self.models_of[change]), dtype=np.float64))
+        if tried.gaps.min() > self.settings.swap_reach_m:
+            return
+        if models := operator.fitting(moment, info.id):
+            self.models_of[change] = models
+            yield change, np.arange(len(models), dtype=np.float64)
+
+    def rolled(self, changes: Sequence[tuple[Change, FloatArray]]) -> list[Rolled]:
+        """Roll changes out, each with some of its allowed values, evenly over all of them."""
+        chosen = [(change, _evenly(values, self.settings.shares)) for change, values in changes]
+        steers = [(change, values) for change, values in chosen if isinstance(change.operator, Steer)]
+        found = self._steered(steers)
+        found += [self._shifted(change, values) for change, values in chosen if not isinstance(change.operator, Steer)]
+        return sorted(found, key=lambda r: (r.change.onset, r.change.actor, r.change.operator.name))
+
+    def _frames(self, onset: int, looks_s: float) -> FloatArray:
+        every = round(self.settings.step_s / STEP_S)
+        steps = np.arange(round(looks_s / self.settings.step_s) + 1)
+        return np.minimum(onset + every * steps, self.trace.frames - 1)
+
+    def _steered(self, chosen: Sequence[tuple[Change, FloatArray]]) -> list[Rolled]:
+        if not chosen:
+            return []
+        most = max(len(values) for _, values in chosen)
+        shares = np.array([np.resize(values, most) for _, values in chosen])  # a shorter one again from its beginning
+        frames = np.array([self._frames(change.onset, self.settings.looks_s) for change, _ in chosen])
+        actors = np.array([change.actor for change, _ in chosen])
+        poses = steered(self.trace, self.models, (actors, frames), shares, self.preset.steer.hold_s,
+                        self.settings.step_s)  # fmt: skip
+        gaps = self._gaps(poses, actors, frames)
+        return [
+            Rolled(change, values, frames[k], poses[k, : len(values)], gaps[k, : len(values)])
+            for k, (change, values) in enumerate(chosen)
+        ]
+
+    def _shifted(self, change: Change, values: FloatArray) -> Rolled:
+        frames = self._frames(change.onset, self.settings.paced_s)
+        part = self.trace.part(change.onset, int(frames[-1]) + 1)
+        boxes = footprints(part, change.actor)
+        match change.operator:
+            case ModelSwap() as swap:
+                names = [self.models_of[change][round(k)] for k in values]
+                own = self.models[self.trace.actors[change.actor].model]
+                tracks = swap.tracks(boxes, [self.models[name] for name in names], own)
+            case Shift() as shift:
+                tracks = shift.tracks(boxes, values, ActorsRun(part, change.actor, self.models))
+            case _:
+                raise TypeError(f"{change.operator.name} has no track")
+        tracks = tracks[:, frames - change.onset]
+        gaps = self._gaps(tracks[None, :, :, :3], np.array([change.actor]), frames[None], tracks[None, :, 0, 3:])[0]
+        return Rolled(change, values, frames, tracks[:, :, :3], gaps)
+
+    def _gaps(
+        self, poses: FloatArray, actors: FloatArray, frames: FloatArray, sizes: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the distances of actors at poses [P, N, T, 3] to the ego as it drove: [P, N, T] m, inf where absent.
+
+        `sizes`: [P, N, 2] of the actors, m; None: their own.
+        """
+        trace = self.trace
+        ego, info = trace.states[frames, 0][..., [X, Y, HEADING]], trace.actors[0]
+        if sizes is None:
+            own = np.array([(trace.actors[k].length_m, trace.actors[k].width_m) for k in actors])
+            sizes = np.repeat(own[:, None], poses.shape[1], axis=1)
+        circles = (np.hypot(sizes[..., 0], sizes[..., 1]) + math.hypot(info.length_m, info.width_m))[..., None] / 2
+        apart = np.hypot(poses[..., 0] - ego[:, None, :, 0], poses[..., 1] - ego[:, None, :, 1])
+        gone = np.isnan(trace.states[frames, actors[:, None], X])
+        gone[:, 1:] |= frames[:, 1:] == frames[:, :-1]  # beyond the run's end
+        gaps = np.where(np.isnan(apart) | gone[:, None, :], np.inf, np.maximum(apart - circles, 0.0))
+        p, n, t = np.nonzero(gaps < _CLOSE_M)
+        egos = np.column_stack([ego[p, t], np.broadcast_to((info.length_m, info.width_m), (len(p), 2))])
+        gaps[p, n, t] = pairwise_box_distance(egos, np.column_stack([poses[p, n, t], sizes[p, n]]))
+        return gaps
+
+
+def _evenly(values: FloatArray, most: int) -> FloatArray:
+    """Return at most so many of some values, in their order, evenly over all."""
+    if len(values) <= most:
+        return values
+    return values[np.round(np.linspace(0, len(values) - 1, most)).astype(np.intp)]
