@@ -201,15 +201,6 @@ class PlacedActor:
 
 
 @dataclass(frozen=True, slots=True)
-class StopPlace:
-    """A bus stop: its lane, where along it the front of who stops there stands, m, and its length, m."""
-
-    lane: str
-    pos_m: float
-    length_m: float
-
-
-@dataclass(frozen=True, slots=True)
 class SlipperyPatch:
     """A round patch of ground, m, on which tyres hold at most this friction."""
 
@@ -253,8 +244,6 @@ class Scene:
     """Notes for the author that are no errors, such as background traffic that found no room."""
     places: Mapping[Place | AtStop, XY] = field(default_factory=dict)
     """Coordinates, m, of the places in conditions and actions that are written in another way."""
-    stops: Mapping[str, StopPlace] = field(default_factory=dict)
-    """The bus stops that triggers name."""
     slippery: tuple[SlipperyPatch, ...] = ()
 
     @property

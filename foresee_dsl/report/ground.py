@@ -97,6 +97,7 @@ def ground_of(network: RoadNetwork, near: Near) -> Ground:
         if lane.kinds == {"pedestrian"} and lane.id not in crossing_ids and lane.edge not in network.walking_areas
     ]
     streets = [lane for lane in lanes if "car" in lane.kinds and not lane.internal]
+    stops = [stop.outline for stop in network.stops.values() if near(stop.outline, 0.0)]
     divided, edge_lines = _edge_lines(network, streets)
     signalled = {m.from_lane for m in network.movements if m.tls is not None}
     return {
@@ -106,7 +107,7 @@ def ground_of(network: RoadNetwork, near: Near) -> Ground:
             [_band(ln) for ln in lanes if "bicycle" in ln.kinds and "car" not in ln.kinds]
         ),
         Layer.PARKING: shapely.union_all([_band(lane) for lane in lanes if lane.parking]),
-        Layer.BUS_STOP: shapely.union_all([_polygon(s) for s in network.stops.values() if near(s, 0.0)]),
+        Layer.BUS_STOP: shapely.union_all(list(map(_polygon, stops))),
         Layer.MARKING: shapely.union_all(
             [shapely.LineString(line) for line in _between(streets, divided)]
         ),  # each once

@@ -38,7 +38,8 @@ apart."""
 LANE_CHANGE_MODE = 1024 + 512 + 4 + 1
 """Changes lane for its route and to cooperate, gently. Ours: changes for speed or to keep right depend on
 accumulators inside SUMO that no clip can restore."""
-LANE_CHANGE_MODEL = {"lcStrategic": "10000", "lookAheadSpeed": "10"}
+_LOOKS = "lookAheadSpeed"
+LANE_CHANGE_MODEL = {"lcStrategic": "10000", _LOOKS: "10"}
 """Looks for the lane that its route needs from where it is to its end. Ours: SUMO's vehicles look as far as the speed
 of their last 10 s takes them, which no clip can state (measured with SUMO 1.28: a bus off by 32 m after 10 s)."""
 CLOSE_S, CLOSE_M = 0.1, 0.5
@@ -353,6 +354,14 @@ class World:
     def keep_to_lane(self, vehicle: str, index: int) -> None:
         """Ask for a change to a lane of the edge, or for staying on it, over the next two steps."""
         self._sumo.vehicle.changeLane(vehicle, index, 2 * STEP_S)
+
+    def look_ahead(self, vehicle: str) -> None:
+        """State how far a vehicle looks for the lane that its route needs.
+
+        SUMO 1.28 lets this decay while it drives slowly, and with it how early it brakes for a gap beside it: a bus
+        that had stood in its bay for 17 s came 3.3 m farther than in a clip that began 1 s after it had moved off.
+        """
+        self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{_LOOKS}", LANE_CHANGE_MODEL[_LOOKS])
 
     # --- inside ----------------------------------------------------------------------------------------------------
 

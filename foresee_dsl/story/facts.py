@@ -180,13 +180,17 @@ class Facts:
         return self.lane(actor, frame) or (found.lane.id if found is not None else "")
 
     def passages(self, actor: int) -> Iterator[tuple[int, int, Movement]]:
-        """Yield the junctions that an actor drives through: first and last frame on its lanes, and the movement."""
+        """Yield the junctions that an actor drives through: first and last frame on its lanes, and the movement.
+
+        A place at which an edge is only cut does not count.
+        """
         lanes = self.trace.lanes[:, actor]
         starts = [0, *(np.flatnonzero(np.diff(lanes)) + 1).tolist()]
         ends = [*(start - 1 for start in starts[1:]), self.last]
         begun: tuple[int, int, Movement] | None = None
         for start, end in zip(starts, ends, strict=True):
             movement = self._movement(actor, self.lane(actor, start))
+            movement = None if movement is not None and movement.junction in self.network.joints else movement
             if begun is not None and (movement is None or movement.junction != begun[2].junction):
                 yield begun
                 begun = None

@@ -55,6 +55,11 @@ def cut(name: str, at_s: float, after_s: float = 6.0) -> Clip:
         ("ring", 2.5),  # one brakes for a time; a cyclist on a line beside a route, in a roundabout
         ("ring", 3.75),  # two brake; one stands for the rest of its time
         ("ring", 5.0),  # one stands for good, as far as it was told
+        ("bay", 2.8),  # a bus on the way to its bay, one in another
+        ("bay", 4.5),  # half-way into it
+        ("bay", 9.5),  # standing there
+        ("bay", 13.0),  # pulling out
+        ("bay", 15.5),  # the other one, too
     ],
 )
 def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:

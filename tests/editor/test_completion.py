@@ -25,6 +25,10 @@ scenario a {
   vehicle runner: car.compact {
     """
 BELOW = HEAD + "}\n  "
+ROAD = "foresee 1\n\nnetwork n {\n  junction a at (0 m, 0 m)\n  junction b at (200 m, 0 m)\n  road r from a to b\n  "
+STOPS = ROAD.replace("network n", "scenario s {\n  network") + (
+    "stop market on r at 140 m bay 3 m\n  }\n  ego: car.sedan { route [r] }\n  vehicle liner: bus.city { "
+)
 ANYWHERE = {"ego", "vehicle", "bicycle", "when", "expect", "end", "case", "param", "signal", "traffic", "weather"}
 
 
@@ -50,6 +54,8 @@ def offered(scenarios: Path, text: str) -> list[str]:
         (HEAD + "route from mill_west ", ["straight", "left", "right", "back", "way"]),
         (HEAD + "start at 20 ", ["m", "cm", "km", "ahead", "along", "before", "behind", "past"]),
         (HEAD + 'doc "start ', []),
+        (ROAD + "stop market on r at 40 m ", ["bay", "length"]),
+        (ROAD + "stop market on r at 40 m bay 3 ", ["m", "cm", "km"]),
         (HEAD + "# start ", []),
         (BELOW + "when ego.eta(mill_oak) < 3 s { ego changes lane ", ["left", "right"]),
         (BELOW + "when time > 3 s { ", ["ego", "runner", *SIGNALS, "approach", "door", "limit", "then", "wait"]),
@@ -77,6 +83,7 @@ def test_exactly(scenarios: Path, text: str, expected: list[str]) -> None:
     [
         (HEAD, {"route", "speed", "start", "ignores"}, {"when", "lanes", "ego"}),
         (BELOW, ANYWHERE, {"lanes", "route", "stops"}),
+        (STOPS + "start at ", {"market", "beside", "the"}, {"liner", "r"}),
         (BELOW + "tr", {"traffic"}, {"route"}),
         (HEAD + "route from ", {"mill_west", "mill_west_back", "approach"}, {"mill_oak", "runner", "gap"}),
         (HEAD + "route from mill_west straight over ", {"mill_oak", "king_elm"}, {"mill_west", "runner", "gap"}),

@@ -234,6 +234,20 @@ def test_the_map_is_where_the_net_is(scenario: Path, exported: Path) -> None:
         assert abs(near.lateral_m) < 0.02
 
 
+def test_lanes_for_buses_and_bicycles_have_opendrives_types_and_bus_stops_are_counted(tmp_path: Path) -> None:
+    """netconvert 1.28 writes the types of the net, which OpenDRIVE does not know."""
+    road = "road west from west_end to middle { lanes 2; "
+    text = CROSSING.replace(road, road + "bus_lane 3 m; cycle_track 2 m; ")
+    text = text.replace("  }\n\n  weather", "    stop market on west at 90 m length 12 m bay 3 m\n  }\n\n  weather")
+    (file := tmp_path / "crossing.foresee").write_text(text)
+    done = openscenario_export.run(str(file), out=tmp_path, driver="idm")
+    assert done.left_out == {"bus stops (of a bay, its lane for buses is there)": 1, "expectations": 1}
+    lanes = list(ElementTree.parse(tmp_path / "crossing.xodr").getroot().iter("lane"))
+    assert {lane.get("type") for lane in lanes} == {"none", "driving", "bus", "biking", "sidewalk", "restricted"}
+    bays = [lane for lane in lanes if lane.get("type") == "bus" and lane.find("width").get("a") == "3.0000"]
+    assert len(bays) == 5, "a bus lane on three pieces and on the way back, and a bay"
+
+
 def test_behaviour_is_told_as_far_as_it_goes(scenario: Path, tmp_path: Path) -> None:
     done = openscenario_export.run(str(scenario), out=tmp_path, driver="idm", behaviour=True)
     file = tmp_path / "crossing.xosc"

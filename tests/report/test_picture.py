@@ -343,11 +343,29 @@ network n {
     drawing = draw(str(tmp_path / "n.foresee"))
     stops = drawing.subject.network.stops
     assert set(stops) == {"market", "home"}
-    long = {name: shapely.Polygon(outline).bounds for name, outline in stops.items()}
+    long = {name: shapely.Polygon(stop.outline).bounds for name, stop in stops.items()}
     assert long["market"][2] == pytest.approx(120, abs=1) and long["market"][2] - long["market"][0] == pytest.approx(15)
     assert long["home"][0] == pytest.approx(20, abs=1) and long["home"][2] - long["home"][0] == pytest.approx(24)
     svg = svg_of(drawing.sheet)
     assert "p-bus_stop" in svg and ">bus stop<" in svg and ">stop market<" in svg
+
+
+def test_a_bay_is_drawn_beside_the_lane_and_its_ends_have_no_names(tmp_path: Path) -> None:
+    text = """foresee 1
+
+network n {
+  junction a at (0 m, 0 m)
+  junction b at (200 m, 0 m)
+  road r from a to b { sidewalk 2 m }
+  stop market on r at 120 m length 20 m bay 3 m
+}
+"""
+    (tmp_path / "n.foresee").write_text(text)
+    drawing = draw(str(tmp_path / "n.foresee"))
+    stop = shapely.Polygon(drawing.subject.network.stops["market"].outline)
+    assert stop.bounds == pytest.approx((100, -6.3, 120, -3.3), abs=0.1)
+    svg = svg_of(drawing.sheet)
+    assert ">stop market<" in svg and "market_begin" not in svg and "market_end" not in svg
 
 
 def test_the_png_has_the_colours_and_the_letters_of_the_svg(small: Path) -> None:

@@ -30,8 +30,9 @@ _SUMO_CLASS: Mapping[LaneKind, str] = {
     "pedestrian": "pedestrian",
     "bus": "bus",
 }
-_BUS_LANE = "bus_lane"
-"""The type of bus lanes of written networks. In other networks buses go where cars go."""
+_BAY = "bay"
+_FOR_BUSES = ("bus_lane", _BAY)
+"""The types of lanes for buses in written networks. In other networks buses go where cars go."""
 FAULT = "foresee.fault"
 """The key of the `<param>` of a lane or connection that nobody can drive over; its value says why."""
 _DEFAULT_WIDTH_M = 3.2
@@ -56,7 +57,7 @@ def read_net(net_file: Path) -> Topology:
 def topology_of(root: Element) -> Topology:
     """Return what a net's tree says; a `KeyError` or `ValueError` where a part or an attribute is missing or no
     number."""
-    bus_lanes = any(lane.get("type") == _BUS_LANE for lane in root.iterfind("edge/lane"))
+    bus_lanes = any(lane.get("type") in _FOR_BUSES for lane in root.iterfind("edge/lane"))
     functions: dict[str, str] = {}
     over: dict[str, tuple[str, ...]] = {}
     lanes: dict[str, Lane] = {}
@@ -121,6 +122,7 @@ def _lane(element: Element, edge: str, function: str, bus_lanes: bool) -> Lane:
         parking=get.get("type") == "parking",
         fault=fault,
         strip=get.get("type") in STRIPS_ON_THE_ROAD,
+        bay=get.get("type") == _BAY,
     )
 
 

@@ -37,9 +37,12 @@ ZEBRA_M = 4.0
 ARC_M = 3.0
 """Points of a ring are no farther apart, m (ours: 10 degrees on a ring of 18 m)."""
 
-_STRIPS = ("cycle_track", "parking", "shoulder", "cycle_lane", "bus_lane")
-"""What lies between a sidewalk and the lanes for cars, from the right, by the names of the road's settings."""
-_ALLOWS: Mapping[str, str] = {"cycle_track": "bicycle", "cycle_lane": "bicycle", "bus_lane": "bus"}
+_STRIPS = ("cycle_track", "parking", "shoulder", "bay", "cycle_lane", "bus_lane")
+"""What lies between a sidewalk and the lanes for cars, from the right: by the names of the road's settings, and the bay
+of a bus stop."""
+_ROOM_FOR_BAY = ("parking", "shoulder")
+"""Beside a bay these are interrupted: it takes their place."""
+_ALLOWS: Mapping[str, str] = {"cycle_track": "bicycle", "bay": "bus", "cycle_lane": "bicycle", "bus_lane": "bus"}
 """SUMO's classes that may use a strip; nobody the others."""
 
 
@@ -154,7 +157,7 @@ def _pieces(edge: Directed) -> list[PlainEdge]:
         raise CompileError(f"road {road.name} needs at least one lane")
     count = back if edge.back else there
     lane_width = number(road.lane_width, LANE_WIDTH_M)
-    widths = {what: number(value) for what in _STRIPS if (value := getattr(road, what)) is not None}
+    widths = {what: number(value) for what in _STRIPS if (value := getattr(road, what, None)) is not None}
     speed = number(road.speed, SPEED_MPS)
     usual = PlainEdge(
         id=edge.id,
@@ -199,7 +202,7 @@ def _cut_pieces(edge: Directed, usual: PlainEdge, right_m: float) -> Iterator[Pl
     line = with_points_at(edge.line, [cut.at_m for cut in edge.cuts] + [s for s in bends if 0 < s < edge.length_m])
     along = marks(line)
     first, last = 1, sum(lane.startswith("lane ") for lane in usual.lanes)
-    moved, speed, nodes = right_m, usual.speed, edge.nodes
+    moved, speed, nodes, widths = right_m, usual.speed, edge.nodes, usual.widths
     for k, piece in enumerate(edge.pieces):
         begin = edge.cuts[k - 1].at_m if k else 0.0
         end = edge.cuts[k].at_m if k < len(edge.cuts) else edge.length_m
@@ -215,13 +218,20 @@ def _cut_pieces(edge: Directed, usual: PlainEdge, right_m: float) -> Iterator[Pl
                     first += 1
                 case m.Bump():
                     speed = usual.speed if cut.last else min(number(cut.item.speed, layout.BUMP_MPS), usual.speed)
+                case m.BusStop():
+                    widths = usual.widths if cut.last else _with_bay(usual.widths, cut.item)
                 case m.Zebra():
                     pass
         whole = shifted(line, [moved + _apart(apart, s) for s in along])
         shape = tuple(p for p, s in zip(whole, along, strict=True) if begin - 1e-6 <= s <= end + 1e-6)
-        lanes = _lanes(usual.widths, first, last)
-        yield replace(usual, id=piece, start=nodes[k], end=nodes[k + 1], lanes=lanes, speed=speed, shape=shape,
-                      spread="right")  # fmt: skip
+        lanes = _lanes(widths, first, last)
+        yield replace(usual, id=piece, start=nodes[k], end=nodes[k + 1], lanes=lanes, widths=widths, speed=speed,
+                      shape=shape, spread="right")  # fmt: skip
+
+
+def _with_bay(widths: Mapping[str, float], stop: m.BusStop) -> Mapping[str, float]:
+    """Return the widths of an edge's strips beside the bay of a bus stop, m."""
+    return {what: width for what, width in widths.items() if what not in _ROOM_FOR_BAY} | {"bay": number(stop.bay)}
 
 
 def _islands(edge: Directed, half_median: float) -> list[tuple[tuple[float, float, float, float], float]]:

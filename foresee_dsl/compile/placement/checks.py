@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from foresee_dsl.compile import codes
-from foresee_dsl.compile.bundle import PlacedActor, Signal, StopPlace
+from foresee_dsl.compile.bundle import PlacedActor, Signal
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.spots import Spot, UnsettledError
 from foresee_dsl.compile.placement.starts import OFF_ROUTE_M
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind, path_of
-from foresee_dsl.compile.roads.network import STOP_LENGTH_M, RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.helps import HelpText, one_of, write
@@ -191,8 +191,6 @@ class NameChecks:
         }
         self.places: dict[m.Place | m.AtStop, XY] = {}
         """Where the places of conditions and actions are, m; filled by `problems`."""
-        self.stops: dict[str, StopPlace] = {}
-        """The bus stops that actions name; filled by `problems`."""
 
     def problems(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
         """Yield what does not fit, given the actors that could be placed."""
@@ -244,12 +242,13 @@ class NameChecks:
             where = "no road of the network"
         else:
             road = word_of(part.road)
-            edge = self._network.edges.get(road)
-            if edge is None:
+            pieces = self._network.pieces(road)
+            if not pieces:
                 message = f"there is no edge called {road}"
                 yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(road, self._network.edges), road)
                 return
-            most, where = len(edge.drivable), f"{road} has no lane {number}: it"
+            most = max(len(self._network.edges[piece].drivable) for piece in pieces)
+            where = f"{road} has no lane {number}: it"
         if number > most:
             has = "1 lane" if most == 1 else f"{most} lanes"
             message = f"{where} has {has}" if part.road is not None else f"{where} has {number} lanes"
@@ -340,21 +339,32 @@ class NameChecks:
 
     def _stop(self, kind: str, action: m.StopsAt, actor: PlacedActor | None) -> Iterator[Problem]:
         """Look for the place where an actor is to stop, and whether it comes there."""
-        where, about = action.where, action.actor
-        found: m.BusStop | None = None
-        place: m.Place
-        if isinstance(where, m.AtStop):
-            found = self._stops().get(where.stop)
-            if found is None:
-                message = f"there is no bus stop called {where.stop}"
-                help: HelpText = did_you_mean(where.stop, self._stops())
-                help = help or "the network has none: add " + write("stop NAME on ROAD at 40 m") + ", or name a place"
-                yield Problem("", kind, codes.UNKNOWN, message, help, where.stop)
-                return
-            place, about = m.AlongEdge(edge=found.road, at=found.at), where.stop
-        else:
-            place = where
-        yield from self._on_the_way(kind, place, actor, about, stop=found)
+        where = action.where
+        if not isinstance(where, m.AtStop):
+            yield from self._on_the_way(kind, where, actor, action.actor)
+            return
+        stop = self._network.bus_stops.get(where.stop)
+        try:
+            found = self._network.stop(where.stop)
+        except RouteError as err:
+            code = codes.UNKNOWN if stop is None else codes.PLACE
+            yield Problem("", kind, code, str(err), err.help, where.stop)
+            return
+        if stop is None:
+            return
+        if found.bay and (why := self._not_for(action.actor, actor)):
+            message = f"{action.actor} cannot stop in the bay of {stop.name}: {why}"
+            help = "name the place beside it: " + write(f"{action.actor} stops at {_beside(stop)}")
+            yield Problem("", kind, codes.PLACE, message, help, stop.name)
+            return
+        yield from self._on_the_way(kind, m.AlongEdge(edge=stop.road, at=stop.at), actor, stop.name, stop=stop)
+
+    def _not_for(self, name: str, actor: PlacedActor | None) -> str:
+        """Return why an actor cannot stop in a bay, or "" where it can, or where it is not known."""
+        if actor is None:
+            own = any(actor.name == name for actor in self._case.scenario.actors)
+            return "" if own or name not in self._actors else "the background traffic does not leave its lanes"
+        return "" if lane_kind(actor.model) == "bus" else "it is for buses"
 
     def _on_the_way(
         self, kind: str, place: m.Place, actor: PlacedActor | None, about: str, *, stop: m.BusStop | None = None
@@ -371,15 +381,15 @@ class NameChecks:
             return
         if stop is not None:
             self.places[m.AtStop(stop=stop.name)] = spot.x, spot.y
-            lane, at_m = self._network.place_on(stop.road, si_of(stop.at))
-            length_m = STOP_LENGTH_M if stop.length is None else si_of(stop.length)
-            self.stops[stop.name] = StopPlace(lane.id, at_m, length_m)
         elif not isinstance(place, m.Point):
             self.places[place] = spot.x, spot.y
         if actor is None or self._case.snapshot:  # a clip's routes do not show what was passed before it begins
             return
         line = actor.line if actor.line is not None else line_of(actor.path) if len(actor.path) else None
-        off_m = 0.0 if line is None else abs(line.project(spot.x, spot.y)[1])
+        spots = [(spot.x, spot.y)]
+        if stop is not None and (found := self._network.stop(stop.name)).bay:  # the line may begin in the bay
+            spots.append(found.lane.line.at(found.pos_m)[:2])
+        off_m = 0.0 if line is None else min(abs(line.project(x, y)[1]) for x, y in spots)
         if off_m > GOAL_OFF_M:
             what = "that place" if stop is None else f"the stop {stop.name}"
             help = "name a place on its way" if stop is None else f"lead its route over {stop.road}"
@@ -404,12 +414,6 @@ class NameChecks:
                 joined_way(self._network, action.edges, end, lane_kind(actor.model))
             except RouteError as err:
                 yield Problem("", kind, codes.ROUTE, str(err), err.help, action.actor)
-
-    def _stops(self) -> Mapping[str, m.BusStop]:
-        network = self._case.network
-        if not isinstance(network, m.Network):
-            return {}
-        return {item.name: item for item in network.body if isinstance(item, m.BusStop)}
 
     def _stage(self, kind: str, junction: str, stage: str) -> Iterator[Problem]:
         signal = self._signals.get(junction)
@@ -453,6 +457,11 @@ def _meeting(
         if actor is not None and (over := _misses(actor, junction)):
             message = f"{name} cannot meet {item.other} at {junction}: {one} does not go over it"
             yield Problem(owner, at, codes.NO_MEETING, message, f"{one} goes over " + over, junction)
+
+
+def _beside(stop: m.BusStop) -> str:
+    """Return the place on the lane for cars beside a bus stop, as it is written."""
+    return f"{written(stop.at)} along {stop.road}"
 
 
 def _misses(actor: PlacedActor, junction: str) -> HelpText:

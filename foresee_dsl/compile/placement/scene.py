@@ -150,7 +150,6 @@ class SceneBuilder:
             must_arrive=any(e.mode == "eventually" and _arrives(e.condition) for e in scenario.all(m.Expect)),
             notes=tuple(notes),
             places=self._names.places,
-            stops=self._names.stops,
             slippery=tuple(self._patches),
         )
 

@@ -137,7 +137,7 @@ class Starts:
         except RouteError as err:
             raise UnsettledError(str(err)) from err
 
-    def spot(self, place: m.Place) -> Spot:
+    def spot(self, place: m.Place | m.AtStop) -> Spot:
         """Return where a place is.
 
         Raises:
@@ -149,6 +149,9 @@ class Starts:
                 return Spot(si(place.x), si(place.y))
             case m.AlongEdge():
                 return Spot(*self._network.locate(word_of(place.edge), si(place.at), si(place.offset)))
+            case m.AtStop():
+                stop = self._network.stop(place.stop)
+                return Spot(*stop.lane.line.at(stop.pos_m))
             case m.AlongRoute():
                 line, start = self._route_from(place.actor)
                 return _on(line, start + si(place.at), place)
@@ -272,10 +275,8 @@ class Starts:
         ego = isinstance(actor, m.Ego)
         near = edges[:2] if actor.state is not None and not ego else edges
         start = item(actor, m.StartAt)
-        if actor.state is None and start is not None and isinstance(start.place, m.AlongEdge):
-            edge = word_of(start.place.edge)
-            if not set(self._network.pieces(edge)) & set(edges):
-                raise RouteError(f"{name} starts on {edge}, off its route", "its route is " + one_of(edges))
+        if actor.state is None and start is not None:
+            self._check_on_route(name, start.place, edges, kind)
         match = self._match(near, kind, x, y, heading)
         if isinstance(match, float):
             help = (
@@ -305,6 +306,24 @@ class Starts:
         hint = line.origin_s + pos + (self._before(edges[k], lane, kind) if lane.internal else 0.0)
         s, _ = line.project(x, y, hint)
         return OnRoute(x, y, heading, lane.id, edges[k:], line, s)
+
+    def _check_on_route(self, name: str, place: m.Place | m.AtStop, edges: tuple[str, ...], kind: LaneKind) -> None:
+        """Raise a `RouteError` for a start on an edge that is not on the route, or in a bay that is for others."""
+        if isinstance(place, m.AtStop):
+            stop = self._network.stop(place.stop)
+            edge = self._network.bus_stops[place.stop].road
+            pieces: tuple[str, ...] = (stop.lane.edge,)
+            if stop.bay and kind != "bus":
+                parked = f"obstacle NAME: obstacle.parked_car {{ start at {place.stop} }}"
+                help = "for a parked one write " + write(parked)
+                raise RouteError(f"{name} cannot start in the bay of {place.stop}: it is for buses", help)
+        elif isinstance(place, m.AlongEdge):
+            edge = word_of(place.edge)
+            pieces = self._network.pieces(edge)
+        else:
+            return
+        if not set(pieces) & set(edges):
+            raise RouteError(f"{name} starts on {edge}, off its route", "its route is " + one_of(edges))
 
     def _before(self, edge: str, lane: Lane, kind: LaneKind) -> float:
         """Length from an edge's beginning to that of a lane inside the junction after it."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +16,7 @@ from foresee_dsl.compile.roads.polyline import XY, Points, crosses, distance, di
 from foresee_dsl.compile.roads.route_line import RouteLine, build_line
 from foresee_dsl.compile.roads.topology import Lane, LaneKind, Roundabout, Topology
 from foresee_dsl.helps import write
+from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import Building, BusStop, Network
 from foresee_dsl.language.streets import layout
 from foresee_dsl.language.streets.lines import shift_right
@@ -59,15 +61,30 @@ class NearLane:
     lateral_m: float
 
 
+@dataclass(frozen=True, eq=False)
+class StopPlace:
+    """A bus stop: its lane, how far along it the front of a vehicle that stops there stands, m, its length, m, and its
+    outline, of the lane's width. `bay`: the lane is a bay, for buses alone; `beside`: the lanes that lead to it, on the
+    pieces of its edge before it."""
+
+    lane: Lane
+    pos_m: float
+    length_m: float
+    outline: Points
+    bay: bool = False
+    beside: tuple[Lane, ...] = ()
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class RoadNetwork(Topology):
     """A road network; compared by identity, so that results can be cached per network.
 
-    `buildings`: outlines of what hides things; the net file has none. `stops`: of the bus stops, by name; likewise.
+    `buildings`: outlines of what hides things; the net file has none. `bus_stops`: the statements of the bus stops, by
+    name; likewise.
     """
 
     buildings: tuple[Points, ...] = ()
-    stops: Mapping[str, Points] = field(default_factory=dict)
+    bus_stops: Mapping[str, BusStop] = field(default_factory=dict)
 
     @classmethod
     def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
@@ -85,9 +102,10 @@ class RoadNetwork(Topology):
         """
         read = {f.name: getattr(topology, f.name) for f in fields(Topology)}
         if written is not None:
-            read |= {"parts": layout.parts_of(written), "rings": rings_of(written)}
-        network = cls(**read, buildings=buildings)
-        return network if written is None else replace(network, stops=stops_of(written, network))
+            joints = layout.joints_of(written)
+            read |= {"parts": layout.parts_of(written), "rings": rings_of(written), "joints": joints}
+            read["bus_stops"] = {item.name: item for item in written.body if isinstance(item, BusStop)}
+        return cls(**read, buildings=buildings)
 
     route_edges = routing.route_edges
     shortest_route = routing.shortest_route
@@ -182,6 +200,38 @@ class RoadNetwork(Topology):
                 break
             left_m -= lane.line.length_m + gap
         return lane, left_m
+
+    def stop(self, name: str) -> StopPlace:
+        """Return where a bus stop is; a `RouteError` where there is none, or it lies beyond the end of its road."""
+        stop = self.bus_stops.get(name)
+        if stop is None:
+            help = did_you_mean(name, self.bus_stops)
+            none = "the network has none: name a place, or add " + write("stop NAME on ROAD at 40 m")
+            raise routing.RouteError(f"there is no bus stop called {name}", help or none + " to a network of ours")
+        lane, front_m = self.place_on(stop.road, si_of(stop.at))
+        length_m = layout.STOP_LENGTH_M if stop.length is None else si_of(stop.length)
+        if stop.bay is None:
+            return StopPlace(lane, front_m, length_m, _stop_outline(lane, front_m, length_m))
+        bay = self.edges[lane.edge].for_kind("bus")[0]
+        pieces = self.pieces(stop.road)
+        before = (self.edges[piece] for piece in pieces[: pieces.index(bay.edge)])
+        beside = tuple(next(lane for lane in edge.for_kind("bus") if not lane.bay) for edge in before)
+        front_m = bay.line.project(*lane.line.at(front_m)[:2])[0]
+        return StopPlace(bay, front_m, length_m, _stop_outline(bay, front_m, length_m), bay=True, beside=beside)
+
+    @cached_property
+    def stops(self) -> Mapping[str, StopPlace]:
+        """The bus stops that lie on their roads, by name."""
+        found = {}
+        for name in self.bus_stops:
+            with suppress(routing.RouteError):  # an actor that stops there is told so
+                found[name] = self.stop(name)
+        return found
+
+    @cached_property
+    def bays(self) -> frozenset[str]:
+        """The lanes that are bays of bus stops, by their ids."""
+        return frozenset(lane.id for lane in self.lanes.values() if lane.bay)
 
     @cached_property
     def drivable(self) -> BaseGeometry:
@@ -280,31 +330,19 @@ def rings_of(network: Network | Path) -> Mapping[str, Roundabout]:
     }
 
 
-STOP_LENGTH_M = 15.0
-"""Length of a bus stop that states none. Ours: a city bus of 12 m and a door's width on either side."""
-
-
 _LEAST_STOP_M = 0.5
 """A shorter stop, cut off by the edge's beginning, has no outline (ours)."""
 
 
-def stops_of(written: Network, network: RoadNetwork) -> Mapping[str, Points]:
-    """Return the outlines of the bus stops of a network written in the language: of the lane's width, m, by name."""
-    found = {}
-    for item in written.body:
-        if isinstance(item, BusStop) and (item.road in network.edges or item.road in network.parts):
-            try:
-                lane, end_m = network.place_on(item.road, si_of(item.at))
-            except routing.RouteError:  # beyond the road's end: an actor that stops there is told so
-                continue
-            length_m = STOP_LENGTH_M if item.length is None else si_of(item.length)
-            begin_m = max(end_m - length_m, 0.0)
-            if end_m - begin_m > _LEAST_STOP_M:
-                marks = (begin_m + (end_m - begin_m) * k / 8 for k in range(9))  # a stop on a bend follows it
-                centre = [(x, y) for x, y, _ in map(lane.line.at, marks)]
-                left, right = (shift_right(centre, side * lane.width_m / 2) for side in (-1, 1))
-                found[item.name] = (*left, *reversed(right))
-    return found
+def _stop_outline(lane: Lane, front_m: float, length_m: float) -> Points:
+    """Return the outline of a bus stop on its lane; none where the edge's beginning cuts almost all of it off."""
+    begin_m = max(front_m - length_m, 0.0)
+    if front_m - begin_m <= _LEAST_STOP_M:
+        return ()
+    marks = (begin_m + (front_m - begin_m) * k / 8 for k in range(9))  # a stop on a bend follows it
+    centre = [(x, y) for x, y, _ in map(lane.line.at, marks)]
+    left, right = (shift_right(centre, side * lane.width_m / 2) for side in (-1, 1))
+    return (*left, *reversed(right))
 
 
 def buildings_of(network: Network | Path) -> tuple[Points, ...]:

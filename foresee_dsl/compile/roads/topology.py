@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 LaneKind = Literal["car", "bicycle", "pedestrian", "bus"]
 """What a lane is open to, as far as we tell it apart; `car` stands for everything with an engine. A bus may go where
 cars may, and on bus lanes."""
-STRIPS_ON_THE_ROAD = ("parking", "shoulder", "cycle_lane", "bus_lane")
+STRIPS_ON_THE_ROAD = ("parking", "shoulder", "bay", "cycle_lane", "bus_lane")
 """Types of lanes that are closed to cars and part of their carriageway: whoever gets there has not left the road."""
 
 
@@ -30,6 +30,7 @@ class Lane:
             measured along `line`, which can differ by the rounding.
         internal: inside a junction. parking: a strip for parked vehicles, closed to traffic. strip: on the carriageway
             and not for cars: a bus lane, a shoulder, parking, ...
+        bay: the bay of a bus stop, which begins and ends beside the other lanes.
         fault: why nobody can drive on it, where the map is broken, or "".
     """
 
@@ -45,6 +46,7 @@ class Lane:
     parking: bool = False
     fault: str = ""
     strip: bool = False
+    bay: bool = False
 
     @cached_property
     def line(self) -> Polyline:
@@ -177,7 +179,8 @@ class Topology:
 
     `left_hand`: traffic keeps to the left, and lanes are counted from there.
     `parts`: the pieces, in driving order, of edges that are cut, by the name of the whole. `rings`: roundabouts by
-    name. (A net file has neither.)
+    name.
+    `joints`: the junctions at which an edge is only cut (a net file has none of these three).
     `footways`: pairs of ids that people walk between: a sidewalk's lane, a crossing's lane or a walking area.
     """
 
@@ -191,6 +194,7 @@ class Topology:
     left_hand: bool = False
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rings: Mapping[str, Roundabout] = field(default_factory=dict)
+    joints: frozenset[str] = frozenset()
 
     def is_junction(self, name: str) -> bool:
         """Say whether a name is a junction's, or a roundabout's."""

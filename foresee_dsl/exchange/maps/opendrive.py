@@ -34,6 +34,9 @@ _ON_CROSSING_M = 0.5
 """Ours: crossings are moved to where the crosswalk is, but for roundings."""
 _LEVEL_M = 0.01
 _DATE = re.compile(rb'(<header\b[^>]*?) date="[^"]*"')
+_LANE_TYPES = {b"bus_lane": b"bus", b"bay": b"bus", b"cycle_lane": b"biking", b"cycle_track": b"biking"}
+"""OpenDRIVE's types (1.4, e_laneType) of the lanes that we write: netconvert 1.28 writes the types of the net."""
+_LANE_TYPE = re.compile(rb'(<lane id="[^"]*" type=")(' + b"|".join(_LANE_TYPES) + rb')(?=")')
 _OPTIONS = ("--precision", "4", "--no-warnings", "true")
 
 
@@ -193,4 +196,5 @@ def opendrive_of(network: Network | Path, net_file: Path) -> bytes:
             run_netconvert(["-s", str(net_file), "--opendrive-output", "map.xodr", *_OPTIONS], folder)
         except CompileError as err:
             raise ExchangeError(f"the network cannot be written as OpenDRIVE: {err}") from err
-        return _DATE.sub(rb"\1", without_header((folder / "map.xodr").read_bytes()), count=1)
+        written = _DATE.sub(rb"\1", without_header((folder / "map.xodr").read_bytes()), count=1)
+        return _LANE_TYPE.sub(lambda found: found[1] + _LANE_TYPES[found[2]], written)

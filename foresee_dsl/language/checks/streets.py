@@ -71,6 +71,8 @@ class Streets:
                     self._on_road(item)
                 case m.LaneEnd():
                     self._directed(item)
+                case m.BusStop() if item.bay is not None:
+                    self._bay(item)
                 case m.LaneTurns():
                     self._lane_turns(item)
                 case m.BannedTurn():
@@ -82,7 +84,8 @@ class Streets:
         self._twice()
         if self._placed:
             for edge in self._edges.values():
-                self._along(edge)
+                if not self._in_a_bay(edge):
+                    self._along(edge)
 
     def _add(self, item: m.Item, field: str, message: str, help: HelpText, code: str = "FS270") -> None:
         self._placed = False
@@ -170,6 +173,30 @@ class Streets:
             self._unknown_edge(item, "edge", item.edge, list(self._edges))
             return
         self._range(item, edge, FROM_END_M, edge.length_m - FROM_END_M, "lane's end")
+
+    def _bay(self, item: m.BusStop) -> None:
+        """Look for a bay's edge, for its place there, and for what it cannot lie beside."""
+        edge = self._edges.get(item.road)
+        if edge is None:
+            self._unknown_edge(item, "road", item.road, list(self._edges))
+            return
+        begin_m, end_m = layout.bay_of(item, edge.length_m)
+        low, high = FROM_END_M, edge.length_m - FROM_END_M
+        if isinstance(item.at, m.Quantity) and (begin_m < low or end_m > high):
+            long_m, at_m = end_m - begin_m, item.at.si % edge.length_m if item.at.si < 0 else item.at.si
+            first, last = math.ceil(low + at_m - begin_m), math.floor(high - (end_m - at_m))
+            message = (
+                f"no room for this bay at {written(item.at)}: with its tapers it is {long_m:.0f} m long, "
+                f"'{edge.id}' {edge.length_m:.0f} m"
+            )
+            fits = "use a length from " + write(f"{first} m") + " to " + write(f"{last} m")
+            short = "use a longer road, a shorter stop, or " + leave_out("bay")
+            fitting = first <= last
+            self._add(item, "at" if fitting else "bay", message, fits if fitting else short)
+        if edge.road.cycle_lane is not None:
+            message = f"'{edge.id}' has a cycle lane between this bay and its lanes, which a bus cannot cross"
+            track = f"make it a cycle track of road '{edge.road.name}', which lies behind the bay, or "
+            self._add(item, "bay", message, track + leave_out("bay"))
 
     def _ramp(self, item: m.OnRamp | m.OffRamp) -> None:
         if item.junction not in self._junctions:
@@ -291,6 +318,25 @@ class Streets:
                     self._findings.add(item, "lane", "FS270", message, some)
                     return
                 first, last = (first + 1, last) if lane == 1 else (first, last - 1)
+
+    def _in_a_bay(self, edge: Directed) -> bool:
+        """Report what lies in the bay of a bus stop, or right beside it; say whether anything does."""
+        spans: list[tuple[m.Item, float, float]] = []
+        for item in dict.fromkeys(cut.item for cut in edge.cuts):
+            at = [cut.at_m for cut in edge.cuts if cut.item == item]
+            spans.append((item, at[0] - _half(item), at[-1] + _half(item)))
+        for bay, begin_m, end_m in spans:
+            for other, first_m, last_m in spans:
+                near = other is not bay and first_m < end_m + APART_M and last_m > begin_m - APART_M
+                if isinstance(bay, m.BusStop) and near:
+                    late = max(bay, other, key=self._network.body.index)
+                    reach = f"which reaches from {begin_m:g} m to {end_m:g} m of '{edge.id}'"
+                    where = f"the bay of {_called(bay)}" if late is other else "this bay"
+                    message = f"{_called(other)} lies in {where}, {reach}, or right beside it"
+                    apart = f"leave {APART_M:g} m between the two, or "
+                    self._findings.add(late, "at", "FS270", message, apart + remove("remove one"))
+                    return True
+        return False
 
     def _gap(self, one: Cut, other: Cut) -> float:
         return other.at_m - one.at_m - APART_M - _half(one.item) - _half(other.item)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import values as v
-from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase
+from foresee_dsl.language.model.item import Bounds, Item
 
 
 class TurnsTo(Item):
@@ -41,14 +41,6 @@ class Limit(Item):
     speed: Annotated[v.Speed, Bounds(0.1)]
 
 
-class AtStop(Phrase):
-    """A bus stop of the network, by its name."""
-
-    pattern = "{stop}"
-
-    stop: Annotated[v.Id, Names("stop")]
-
-
 class StopsAt(Item):
     """`bus stops at market for 8 s`: brakes so that its front stands at the end of that stop (or at a place), stands
     there for the time or for good, then drives on.
@@ -60,10 +52,7 @@ class StopsAt(Item):
     pattern = "{actor} stops at {where} [for {duration}]"
 
     actor: v.ActorName
-    where: Annotated[
-        AtStop | v.Point | v.AlongEdge | v.AlongRoute | v.PastJunction | v.AheadOf | v.BehindOf | v.Beside | v.PlaceOf,
-        ONE_OF,
-    ]
+    where: v.StopOrPlace
     duration: v.Time | None = None
 
 

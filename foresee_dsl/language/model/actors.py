@@ -103,14 +103,15 @@ AnyPath = Path | PathAlong
 
 
 class StartAt(Item):
-    """`start at PLACE`: where the actor's front (a pedestrian's or obstacle's middle) is at the beginning."""
+    """`start at PLACE`: where the actor's front (a pedestrian's or obstacle's middle) is at the beginning; or `start at
+    market`, at the end of that bus stop and in its lane."""
 
     pattern = "start at {place}"
     words = """
         start (statement): where an actor's front is at the beginning, or how fast it is | start at 20 m along ego.route
     """
 
-    place: v.Place
+    place: v.StopOrPlace
 
 
 class StartSpeed(Item):

@@ -129,15 +129,24 @@ class Building(Item):
 
 
 class BusStop(Item, kind="stop"):
-    """`stop market on mill_west at 60 m length 20 m`: a bus stop on the rightmost lane for cars of a road's edge; the
-    front of who stops there stands at that length along it (a negative one counts back from the edge's end)."""
+    """`stop market on mill_west at 60 m length 20 m bay 3 m`: a bus stop on the rightmost lane for cars of a road's
+    edge; the front of a vehicle that stops there stands at that length along it (a negative one counts back from the
+    edge's end).
 
-    pattern = "stop {name} on {road} at {at} [length {length}]"
+    With a bay, buses stop on a lane of that width beside the others, which begins and ends with the bay's tapers.
+    """
+
+    pattern = "stop {name} on {road} at {at} [length {length}] [bay {bay}]"
+    words = """
+        bay (link): a lane of this width beside the others, in which buses stop
+            | stop market on mill_west at 60 m length 20 m bay 3 m
+    """
 
     name: Annotated[v.Name, Names("stop", defines=True)]
     road: Annotated[v.Name, Names("road")]
     at: v.Length
     length: Annotated[v.Length, Bounds(1.0, 200.0)] | None = None  # ours: a moped to a platform for five buses
+    bay: Annotated[v.Length, Bounds(2.5, 6.0)] | None = None  # ours: as a bus lane
 
 
 NetworkItem = Annotated[

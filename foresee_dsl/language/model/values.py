@@ -318,6 +318,17 @@ class PlaceOf(Phrase):
     actor: ActorName
 
 
+class AtStop(Phrase):
+    """A bus stop of the network, by its name: where the front of a vehicle that stops there stands."""
+
+    pattern = "{stop}"
+
+    stop: Annotated[Id, Names("stop")]
+
+
 OfActor = AheadOf | BehindOf | Beside | PlaceOf
 """Places relative to an actor: from where it starts, or in conditions and actions from where it is then."""
 Place = Annotated[Point | AlongEdge | AlongRoute | PastJunction | AheadOf | BehindOf | Beside | PlaceOf, ONE_OF]
+StopOrPlace = Annotated[
+    AtStop | Point | AlongEdge | AlongRoute | PastJunction | AheadOf | BehindOf | Beside | PlaceOf, ONE_OF
+]

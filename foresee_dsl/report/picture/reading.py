@@ -340,8 +340,9 @@ def _heads(
 def _stops(model: m.Network | Path, network: RoadNetwork) -> Iterator[Name]:
     """Yield the bus stops of a network that is written in the language."""
     for item in model.body if isinstance(model, m.Network) else ():
-        if isinstance(item, m.BusStop) and item.name in network.stops:
-            middle = np.array(network.stops[item.name]).mean(axis=0)
+        stop = network.stops.get(item.name) if isinstance(item, m.BusStop) else None
+        if isinstance(item, m.BusStop) and stop is not None and stop.outline:
+            middle = np.array(stop.outline).mean(axis=0)
             yield Name("junction", f"stop {item.name}", middle.reshape(1, 2), True)
 
 
@@ -356,7 +357,7 @@ def _names(
         return places.network_item(name) if isinstance(places, TextPlaces) else places.get(name)
 
     for junction in network.junctions.values():
-        if junction.id.startswith(":") or junction.type == "internal":
+        if junction.id.startswith(":") or junction.type == "internal" or junction.id in network.joints:
             continue
         signal = signals.get(junction.id)
         note = ""

@@ -70,6 +70,9 @@ class Insertion:
         self._hold([vehicle for vehicle in self._vehicles.values() if not vehicle.rolls], before)
         for vehicle in rolling:
             world.roll(vehicle.id, vehicle.speed, free=vehicle.acceleration > 0)
+        for vehicle in self._vehicles.values() if bundle.network.bays else ():
+            if vehicle.lane in bundle.network.bays and vehicle.acceleration <= 0:  # it comes to stop there, or stands
+                world.keep_to_lane(vehicle.id, int(vehicle.lane.rpartition("_")[2]))
         self._traffic.slow_for_bends()
         self._shown.show(0)
         self._pass_step()

@@ -96,6 +96,11 @@ class Simulation:
         for guided in self._shown.guided:
             self._guide(guided)
         self._recover()
+        for vehicle in self.sumo_vehicles.values() if self.network.bays else ():
+            if vehicle.lane in self.network.bays and vehicle.id in self.world:
+                self.world.look_ahead(vehicle.id)
+                if vehicle.id in self._held:
+                    self._keep_in_bay(vehicle)
         self.frame += 1
         self.time_s = round(self.frame * STEP_S, 6)
         with Part.WORLD:
@@ -142,6 +147,8 @@ class Simulation:
         if actor.id in self.world:
             self.world.brake(actor.id, speed_mps)
             self._held.discard(actor.id)
+            if speed_mps == 0.0:
+                self._keep_in_bay(actor)
         if speed_mps is None or actor.id not in self.world:
             self.order_speed(actor, self.cruise_mps[actor.id] if speed_mps is None else speed_mps)
 
@@ -231,6 +238,14 @@ class Simulation:
         edge, _, index = lane.rpartition("_")
         if actor.lane.rpartition("_")[0] == edge and actor.id in self.world:
             self.world.keep_to_lane(actor.id, int(index))
+
+    def _keep_in_bay(self, actor: Actor) -> None:
+        """Let a vehicle that is told to stand in a bay stay there.
+
+        Its route goes on beside the bay, and SUMO 1.28 changes the lane of a vehicle that stands, too.
+        """
+        if actor.lane in self.network.bays:
+            self.keep_to_lane(actor, actor.lane)
 
     def keep_limits(self) -> None:
         """Let the vehicles that SUMO drives keep to the limits that were changed."""

@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple, Protocol
 
 from foresee_dsl.compile.bundle import Timed
+from foresee_dsl.compile.roads.network import StopPlace
 from foresee_dsl.language.model import Meets
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
@@ -138,8 +139,9 @@ class Halt:
         if self._resumed or not self._actor.present:
             self._simulation.order_speed(self._actor, cruise)
             return False
-        if self._place.lane and self.stands_s is None:
-            self._simulation.keep_to_lane(self._actor, self._place.lane)
+        if self._place.stop is not None and self.stands_s is None:
+            for lane in (*self._place.stop.beside, self._place.stop.lane):
+                self._simulation.keep_to_lane(self._actor, lane.id)
         free = math.sqrt(2 * COMFORT_MPS2 * max(room, 0.0))
         pace = 0.0 if self.stands_s is not None or room < HALTS_M else min(cruise, max(free, CREEPS_MPS))
         self._simulation.order_speed(self._actor, pace)
@@ -151,6 +153,10 @@ class Halt:
 
     def _room(self) -> float:
         """How far its front is before the place, m."""
+        stop = self._place.stop
+        if stop is not None and self._actor.lane.rpartition("_")[0] == stop.lane.edge:
+            # The line of a clip begins on the lane that the actor is changing to, and leaves it again: it is longer.
+            return stop.pos_m - stop.lane.line.project(*self._actor.front)[0]
         return self._place.s - self._simulation.progress.front(self._actor, self._simulation.frame)
 
 
@@ -189,11 +195,13 @@ class Reverse:
 
 
 class StopSpot(NamedTuple):
-    """Where an actor is to stop: the length along its line, m; NaN where it does not come there. Of a bus stop also its
-    lane, and how far before its end an actor of this length still stands in it, m."""
+    """Where an actor is to stop: the length along its line, m; NaN where it does not come there.
+
+    Of a bus stop also that stop, and how far before its end an actor of this length still stands in it, m.
+    """
 
     s: float
-    lane: str = ""
+    stop: StopPlace | None = None
     long_m: float = 0.0
 
 

@@ -88,7 +88,7 @@ class Outlines:
     """The outlines of a network's junctions. They do not know the network, so that both can be forgotten."""
 
     def __init__(self, network: RoadNetwork) -> None:
-        self._junctions, self._rings = network.junctions, network.rings
+        self._junctions, self._rings, self._joints = network.junctions, network.rings, network.joints
         self.of = cache(self._make)
         """Returns the `Outline` of a junction."""
 
@@ -103,10 +103,15 @@ class Outlines:
         return float(shapely.distance(area, shapely.Polygon(corner_points(box))))
 
     def nearest(self, box: Box) -> float:
-        """Return how far a footprint is from the nearest junction, m; infinite where there is none."""
+        """Return how far a footprint is from the nearest junction, m; infinite where there is none.
+
+        A place at which an edge is only cut does not count.
+        """
         best = inf
         reach = hypot(box.length, box.width) / 2
         for junction in self._junctions:
+            if junction in self._joints:
+                continue
             area, _, bounds = self.of(junction)
             left, bottom, right, top = bounds.tolist()
             away = hypot(max(left - box.x, 0.0, box.x - right), max(bottom - box.y, 0.0, box.y - top)) - reach

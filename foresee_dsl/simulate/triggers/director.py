@@ -272,13 +272,15 @@ class Director:
 
     def _spot_on(self, actor: Actor, where: m.AtStop | m.Place) -> StopSpot:
         """Return where a place is on an actor's way."""
-        scene, progress = self._simulation.scene, self._simulation.progress
+        progress = self._simulation.progress
         at = self._at(where)
         s = math.nan if at is None else progress.along(actor, *at)
         if not isinstance(where, m.AtStop):
             return StopSpot(s)
-        stop = scene.stops[where.stop]
-        return StopSpot(s, stop.lane, stop.length_m - actor.length)
+        stop = self._simulation.network.stops[where.stop]
+        if math.isnan(s) and stop.bay:  # a line that begins in the bay may stay away from the lanes for cars
+            s = progress.along(actor, *stop.lane.line.at(stop.pos_m)[:2])
+        return StopSpot(s, stop, stop.length_m - actor.length)
 
     def _by_another(self, actor: Actor, action: m.KeepsGap | m.MatchesSpeed | m.Synchronises) -> IsComplete:
         detail: dict[str, Any] = {"other": action.other}

@@ -86,6 +86,7 @@ def run(
     if groups:
         board.add_story(_story(groups))
     left_out["expectations"] += len(bundle.scene.expects)
+    left_out["bus stops (of a bay, its lane for buses is there)"] += len(bundle.network.bus_stops)
     left_out["buildings (they only hide things)"] += len(bundle.network.buildings)
     document = osc.Scenario(
         f"{case.scenario.name}: {result.reason}",
