@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import sys
+from collections.abc import Iterator
 from contextvars import ContextVar
 from io import BytesIO
 from types import MappingProxyType
@@ -48,6 +49,16 @@ STARTS = (*PLACES, *(m.rule_of(kind) for kind in get_args(m.Definition)))
 _comments: ContextVar[list[Token]] = ContextVar("comments")
 
 
+class WholeWords:
+    """Has the lexer read whole words everywhere: a keyword ends where its word does."""
+
+    always_accept = ("WORD",)
+
+    def process(self, stream: Iterator[Token]) -> Iterator[Token]:
+        """Change no token."""
+        return stream
+
+
 def parse_tree(text: str, start: str = "file") -> tuple[Tree[Token], list[Token]]:
     """Parse a text (newlines are `\
     `) and return its tree and its comments, in order.
@@ -80,7 +91,14 @@ def grammar_text() -> str:
 
 def _cached(starts: tuple[str, ...]) -> Lark:
     grammar = grammar_text()
-    made_of = (grammar, repr(starts), lark.__version__, sys.version, f"{__name__}.{_collect.__qualname__}", "saved")
+    made_of = (
+        grammar,
+        repr(starts),
+        lark.__version__,
+        sys.version,
+        f"{__name__}.{_collect.__qualname__}",
+        "whole words",
+    )
     key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:16]
     try:
         file = cache_folder("grammar") / f"{key}.pickle"
@@ -104,6 +122,7 @@ def _build(grammar: str, starts: tuple[str, ...]) -> Lark:
         propagate_positions=True,
         maybe_placeholders=True,
         lexer_callbacks={"COMMENT": _collect},
+        postlex=WholeWords(),  # of its interface only `always_accept` is meant
     )
 
 

@@ -391,19 +391,6 @@ class NodeMaker:
     def _weather(self, tree: _Tree) -> Node:
         node = self._made(tree, ())
         for setting in _trees(tree.children):
-            word, value = setting.children
-            if (
-                isinstance(value, Tree)
-                and value.data == "ref"
-                and span_of(value).column == span_of(_token(word)).end_column
-            ):
-                # The lexer divides `rainy` into a keyword and a name.
-                written = f"{word}{value.children[0]}"
-                help = meant_code(f"{word} 0.5")
-                self._error(
-                    "FS004", f"'{written}' is said of the weather by a number from 0 to 1", help, span_of(setting)
-                )
-                continue
             self._put_setting(node, setting)
         return node
 
