@@ -84,9 +84,11 @@ def parse(text: str, path: str) -> Document:
     models = [builder.build(node) for node in nodes]
     errors += [*maker.errors, *builder.errors, *_nameless(nodes, path)]
     if errors:
+        from foresee_dsl.language.messages.own_names import with_own_names
         from foresee_dsl.language.syntax.partial import with_certain
 
-        raise InputError(with_certain(_diagnostics(errors, text, path), nodes, text, path, load))
+        found = with_certain(_diagnostics(errors, text, path), nodes, text, path, load)
+        raise InputError(with_own_names(found, text))
     model = models[0]
     if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")

@@ -125,6 +125,18 @@ def _dimensions() -> Mapping[str, Dimension]:
     return found
 
 
+@cache
+def dimensions_behind() -> Mapping[str, frozenset[Dimension]]:
+    """What kinds of value may follow a word, by the patterns."""
+    found: dict[str, set[Dimension]] = {}
+    for kind in m.ITEMS:
+        for word, field in words_before(read_pattern(kind.pattern)):
+            dimension = form_of(kind, field).dimension
+            if dimension is not None:
+                found.setdefault(word, set()).add(dimension)
+    return {word: frozenset(kinds) for word, kinds in found.items()}
+
+
 def words_of_terminals(terminals: Iterable[str]) -> list[str]:
     """The fixed words among some terminals, in a fixed order."""
     return [word for name in sorted(terminals) if (word := text_of(name)) is not None and word[0].isalpha()]

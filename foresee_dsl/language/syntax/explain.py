@@ -18,6 +18,7 @@ from foresee_dsl.language.syntax.expected import (
     END,
     REACH,
     accepted_by,
+    dimensions_behind,
     expected,
     homes,
     keywords,
@@ -38,6 +39,7 @@ _MEASURED = re.compile(r"\b([a-z_]+)(?:\s*\([^()]*\))?\s*$")
 _HYPHENED = re.compile(r"(?<![\w.])[a-z]\w*(?:-[a-z]\w*)+")
 _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
 _SHOWN = 40
+_QUANTITY = re.compile(r"-?\d+(?:\.\d+)?\s*(?P<unit>[%°]|[^\W\d][\w^²/]*)")
 _SIGNS = ("+", "-", "*", "/")
 """Signs of calculations, which the lexer knows wherever they stand."""
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
@@ -169,7 +171,7 @@ class Refusal:
         """Return what to write where the unexpected word stands, so that the statement could be read; else nothing."""
         missing = self._missing(words)
         if missing:
-            return f"{missing} {self.word}"
+            return f"{missing} {self._whole_quantity()}"
         light = "amber" if self.word in ("yellow", "orange") and "amber" in words else ""
         if light:
             return light
@@ -183,8 +185,16 @@ class Refusal:
                 return f"[{listed[0]}]"
         for value in self._missing_values():
             if self._reads(f"{self._text[: self.start]}{value}{self._text[self.start :]}"):
-                return f"{value.lstrip()}{self.word}"
+                return f"{value.lstrip()}{self._whole_quantity()}"
         return ""
+
+    def _whole_quantity(self) -> str:
+        """Return the unexpected word; a number with the unit behind it, which then belongs to the place."""
+        found = _QUANTITY.match(self._text, self.start)
+        if found is None or found["unit"] not in UNITS:
+            return self.word
+        self.end = found.end()
+        return found[0]
 
     def _missing_values(self) -> Iterable[str]:
         """Return values that may be missing before the place, each with its sign."""
@@ -212,11 +222,17 @@ class Refusal:
         found = [
             sign
             for sign in (*sorted(set(signs) - {"{", "}", ";", "(", "[", "]", "-"}), *words)
-            if self._reads(f"{self._text[: self.start]}{sign} {self._text[self.start :]}")
+            if self._reads(f"{self._text[: self.start]}{sign} {self._text[self.start :]}") and self._measures(sign)
         ]
         if len(found) > 1:  # the one of the example: `ego in junction j4`, not `in lane j4`
             found = [word for word in found if word in self._example().split()]
         return found[0] if len(found) == 1 else ""
+
+    def _measures(self, word: str) -> bool:
+        """Whether the quantity at the place may be what a word takes: `speed` takes no metres."""
+        found = _QUANTITY.match(self._text, self.start)
+        unit = UNITS.get(found["unit"]) if found is not None else None
+        return unit is None or unit.dimension in dimensions_behind().get(word, (unit.dimension,))
 
     def _goes_on(self, text: str, behind: str) -> bool:
         """Whether the statement is one with this text before the rest; or is wrong again only further behind."""
