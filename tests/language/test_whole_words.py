@@ -70,7 +70,7 @@ clip c of "d.foresee" pin sha256:0 {
 foresee 1
 
 mutant c of "d.foresee" pin sha256:0 {
-  origin { driver "idm"; avoided "pdm"; anticipating no }
+  origin { driver "idm"; avoided "pdm"; anticipating no; why "it" }
   change ego.speed: 3 => min(4, max(1, 2))
 }
 """
@@ -170,4 +170,4 @@ def test_a_name_may_begin_with_a_keyword(keyword: str) -> None:
 
 def test_every_keyword_is_in_a_text() -> None:
     words = {word for text in _texts() for word in re.findall(r"\w+", text)}
-    assert keywords() <= words, keywords() - words
+    assert keywords() <= words, f"write {sorted(keywords() - words)} into `_MORE`"
