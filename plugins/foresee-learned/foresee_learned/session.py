@@ -51,7 +51,8 @@ class Network:
         except Exception as err:  # onnxruntime has a class for each of its codes, without a common one
             why = " ".join(str(err).split())
             raise DriverError(
-                f"{name} is no network that onnxruntime can read ({why}); export it anew, or reinstall foresee-dsl"
+                f"{name} is no network that onnxruntime can read ({why}); export it anew, or reinstall the package "
+                "that it is in"
             ) from None
         self._inputs = tuple(one.name for one in self._session.get_inputs())
         self._outputs = tuple(one.name for one in self._session.get_outputs())

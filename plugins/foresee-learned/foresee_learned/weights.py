@@ -57,7 +57,11 @@ def find_weights(driver: str) -> Weights:
     try:
         return checked(file, sums_needed=not chosen)
     except FileNotFoundError:
-        mend = f"set {FOLDER_VARIABLE} to a folder with {file.name}, or unset it" if chosen else "reinstall foresee-dsl"
+        mend = (
+            f"set {FOLDER_VARIABLE} to a folder with {file.name}, or unset it"
+            if chosen
+            else "reinstall foresee-learned"
+        )
         raise DriverUnavailableError(f"the driver {driver} has no weights, there is no {file}: {mend}") from None
 
 
@@ -91,7 +95,7 @@ def _wanted(file: Path, sums_needed: bool) -> str | None:
 def _damaged(file: Path, found: str, wanted: str) -> DriverError:
     return DriverError(
         f"{file} is not the file that was trained: its SHA-256 is {found[:_SHORT]}..., {SUMS} beside it says "
-        f"{wanted[:_SHORT]}...; reinstall foresee-dsl, or write the file anew"
+        f"{wanted[:_SHORT]}...; reinstall the package that it is in, or write the file anew"
     )
 
 

@@ -42,7 +42,7 @@ def test_a_flipped_byte_is_found(folder: Path) -> None:
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
     file.write_bytes(content)
-    with pytest.raises(DriverError, match=r"fusion_safe\.onnx is not the file that was trained.*reinstall foresee-dsl"):
+    with pytest.raises(DriverError, match=r"fusion_safe\.onnx is not the file that was trained.*reinstall the package"):
         load_driver("fusion_safe")
     with pytest.raises(DriverError, match="not the file that was trained"):
         whole.content()  # it was whole when the driver was made
