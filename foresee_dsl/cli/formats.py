@@ -21,6 +21,8 @@ from foresee_dsl.exchange.protocol import Format, Option, Tell, options_of
 from foresee_dsl.plugins import PluginGroup
 
 SETTINGS = {"help_option_names": ["-h", "--help"]}
+_OURS = {"json", "output"}
+"""Options that every format's command has besides its own."""
 
 
 class _Formats(TyperGroup):
@@ -80,6 +82,10 @@ def _command(run: Format[Any]) -> Callable[..., None]:
     Typer reads its signature, which is made of the options' fields.
     """
     kind = options_of(run)
+    if ours := sorted({field.name for field in fields(kind)} & _OURS):
+        raise ExchangeError(
+            f"{kind.__qualname__}: every format has the options {' and '.join(ours)}; rename the fields"
+        )
 
     def command(*, json: bool, **values: Any) -> None:  # noqa: ANN401 - what the options' fields say
         from foresee_dsl.report.terminal.steps import steps

@@ -62,6 +62,15 @@ def old(file: Path, out: Path) -> Imported:
 
 def undated(options: dict, tell: Tell) -> Imported:
     return Imported()
+
+
+@dataclass(frozen=True)
+class Taken:
+    json: bool = False
+
+
+def taken(options: Taken, tell: Tell) -> Imported:
+    return Imported()
 """
 
 
@@ -77,7 +86,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     entries = entries.replace('[project.entry-points."foresee_dsl.importers"]', "[foresee_dsl.importers]")
     (tmp_path / "acme_more.py").write_text(MORE)
     broken = "[foresee_dsl.exporters]\nreplay = acme_formats_missing:replay\n"
-    broken += "".join(f"{name} = acme_more:{name}\n" for name in ("old", "every", "undated"))
+    broken += "".join(f"{name} = acme_more:{name}\n" for name in ("old", "every", "undated", "taken"))
     (info / "entry_points.txt").write_text(entries.replace('"', "") + broken)
     monkeypatch.syspath_prepend(str(tmp_path))
     importlib.invalidate_caches()
@@ -177,3 +186,9 @@ def test_what_is_not_a_format_is_named_with_what_it_needs(name: str, takes: str)
     needs = f"{name} is not a format: it takes {takes}, and needs a function of (options: A_DATACLASS, tell)"
     assert needs in re.sub(r"[│\s]+", " ", foresee("export", "--help"))
     assert needs in str(CliRunner().invoke(app, ["export", name]).exception)
+
+
+@pytest.mark.usefixtures("package")
+def test_a_field_that_is_called_like_an_option_of_every_format_is_refused() -> None:
+    refused = CliRunner().invoke(app, ["export", "taken"]).exception
+    assert str(refused) == "Taken: every format has the options json; rename the fields"
