@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import platform
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -68,10 +69,7 @@ class PluginGroup:
     def beside(self, name: str) -> str:
         """Return which plug-in beside this package offers a name, and how to install it; empty where none does."""
         extras = (extra for extra, groups in BESIDE.items() if name in groups.get(self.name, ()))
-        return "".join(
-            f"comes with the plug-in foresee-{extra}, which is not installed: pip install 'foresee-dsl[{extra}]'"
-            for extra in extras
-        )
+        return "".join(f"comes with the plug-in foresee-{extra}, which is {not_installed(extra)}" for extra in extras)
 
     @contextmanager
     def loading(self, entry: EntryPoint) -> Iterator[None]:
@@ -105,7 +103,25 @@ def _needed(err: Exception) -> str:
     extra = str(err.name).partition(".")[0].removeprefix("foresee_") if isinstance(err, ImportError) else ""
     if extra not in BESIDE:
         return ""
-    return f"needs the plug-in foresee-{extra}, which is not installed: pip install 'foresee-dsl[{extra}]'"
+    return f"needs the plug-in foresee-{extra}, which is {not_installed(extra)}"
+
+
+def not_installed(extra: str) -> str:
+    """Return that a plug-in beside this package is not installed, and the command that installs it; or, where nothing
+    can, why: frenetix has wheels for Python up to 3.12 on x86_64 Linux and macOS."""
+    installs = f"not installed: pip install 'foresee-dsl[{extra}]'"
+    if extra != "frenetix" or _has_frenetix_wheel(sys.version_info[:2], platform.machine(), sys.platform):
+        return installs
+    here = f"Python {sys.version_info[0]}.{sys.version_info[1]} on {platform.machine()} {platform.system()}"
+    return (
+        f"not installed and cannot run here ({here}): its planner, the package frenetix, has wheels for Python up to "
+        "3.12 on x86_64 Linux and macOS only"
+    )
+
+
+def _has_frenetix_wheel(python: tuple[int, int], machine: str, system: str) -> bool:
+    """Whether the marker of `plugins/foresee-frenetix/pyproject.toml` lets pip install the package frenetix."""
+    return python < (3, 13) and machine == "x86_64" and system in ("linux", "darwin")
 
 
 @lru_cache(maxsize=64)

@@ -227,6 +227,8 @@ _REINSTALL = "run: pip install --force-reinstall 'eclipse-sumo==1.28.*' 'libsumo
 
 def _plug_ins() -> str:
     """Name the distributions beside this one that its extras name, and what installs those that are missing."""
+    from foresee_dsl.plugins import not_installed
+
     found = []
     for line in metadata.requires("foresee-dsl") or ():
         name, extra = line.partition(";")[0].partition("[")[0].strip(), line.partition("extra == ")[2].strip(" '\"")
@@ -234,7 +236,7 @@ def _plug_ins() -> str:
             try:
                 found.append(f"{name} {metadata.version(name)}")
             except metadata.PackageNotFoundError:
-                found.append(f"{name} is not installed: pip install 'foresee-dsl[{extra}]'")
+                found.append(f"{name} is {not_installed(extra)}")
     return "; ".join(sorted(found))
 
 

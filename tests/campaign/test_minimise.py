@@ -21,6 +21,8 @@ from foresee_dsl.cli import app
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
+from tests.support import command
+from tests.support.bad_driver import install
 from tests.support.first_project import checked
 from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
 from tests.support.small_street import STREET
@@ -104,6 +106,19 @@ def test_any_failing_child_can_be_minimised_once(done: Path, tmp_path: Path) -> 
     assert 0 < first["runs_now"] <= 7 and not first["complete"] and "budget of 7 runs" in first["note"]
     assert again["runs_now"] == 0
     assert {**again, "runs_now": 0} == {**first, "runs_now": 0}
+
+
+@pytest.mark.parametrize(("how", "said"), [("os_exit", "its process died with exit code 0"), ("environ", "")])
+def test_a_driver_that_spoils_its_process_spoils_no_other(done: Path, tmp_path: Path, how: str, said: str) -> None:
+    environment, _ = install(tmp_path)
+    raw = next((done / "out" / "children").rglob("*_m?.foresee"))
+    arguments = ("minimise", raw, "--driver", f"bad:{how}", "--budget", "3", "--out", tmp_path / "small")
+    given = command.foresee(*arguments, "--allow-outside", "--store", tmp_path / "store", env=environment, expect=None)
+    assert given.returncode in (0, 1), given.stderr
+    if said:
+        assert f"cannot be minimised with bad:{how}: {said}" in " ".join(given.stderr.split())
+        assert "it had printed: so long" in " ".join(given.stderr.split())
+    assert "foresee has a fault" not in given.stderr
 
 
 def test_a_mutant_of_a_mutant_is_one_mutant_of_the_clip(done: Path, names: list[str], tmp_path: Path) -> None:

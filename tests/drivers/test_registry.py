@@ -14,7 +14,7 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.drivers.registry import describe_drivers, driver_names, load_driver
 from foresee_dsl.errors import DriverError, DriverUnavailableError
-from foresee_dsl.plugins import BESIDE
+from foresee_dsl.plugins import BESIDE, not_installed
 
 PLUGIN = '''
 class Coasting:
@@ -77,6 +77,28 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
         load_driver("pmd")
     with pytest.raises(DriverError, match=r"unknown driver 'zzz'; installed: .*pdm"):
         load_driver("zzz")
+
+
+@pytest.mark.parametrize(
+    ("python", "machine", "system", "there"),
+    [
+        ((3, 12), "x86_64", "linux", True),
+        ((3, 11), "x86_64", "darwin", True),
+        ((3, 13), "x86_64", "linux", False),
+        ((3, 12), "aarch64", "linux", False),
+        ((3, 12), "x86_64", "win32", False),
+    ],
+)
+def test_where_nothing_installs_frenetix_that_is_said(
+    monkeypatch: pytest.MonkeyPatch, python: tuple[int, int], machine: str, system: str, *, there: bool
+) -> None:
+    monkeypatch.setattr(sys, "version_info", (*python, 0, "final", 0))
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    said = not_installed("frenetix")
+    assert ("pip install 'foresee-dsl[frenetix]'" in said) is there
+    assert ("wheels for Python up to 3.12 on x86_64 Linux and macOS only" in said) is not there
+    assert not_installed("study") == "not installed: pip install 'foresee-dsl[study]'"
 
 
 def test_a_plug_in_beside_that_is_missing_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from typing import Self
 
 from foresee_dsl.campaign.assembly import with_header
 from foresee_dsl.campaign.driving import recorded_run, relative_path, run_test_case
+from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.findings.asked import Asked
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
@@ -19,7 +20,7 @@ from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
 from foresee_dsl.drivers.consent import refuse_programs
-from foresee_dsl.errors import ForeseeError
+from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import cache_folder, read_outside_text, write_whole
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
@@ -43,7 +44,7 @@ def minimise_file(
         What was found, the test case that the clip was cut from, and how many runs it took now: 0 where it was known.
 
     Raises:
-        DriverError: the file records a program, which was not allowed.
+        DriverError: the file records a program, which was not allowed; or the driver ended the process that ran it.
         InputError: the file has mistakes or is stale. CannotMinimiseError: the mutant does not fail.
         StoreError: the store cannot be written.
     """
@@ -68,16 +69,56 @@ def minimise_file(
     if (known := _known(folder, its)) is not None:
         # It may be stored under the names that another campaign gave it.
         return _checked(replace(known, clip=clip.name, child=replace(known.child, name=mutant.name))), parent, 0
+    work = _Work(parent, clip, mutant, absolute(wanted.file).parent, address, seed, run_seed, limit_m, budget)
     with Store(folder) as store:
-        trace = run_test_case(parent, address, run_seed).trace
-        subject = Subject(parent, clip, mutant, trace, absolute(wanted.file).parent)
-        found, last = minimised(subject, driver=address, seed=seed, limit_m=limit_m, budget=budget)
+        found, packed = _apart(work)
         if found.runs:
             row = Row(key=its, kind=MinimiseStep.kind, name=mutant.name, record=encode(found), driver=address,
                       verdict=found.child.verdict.value, reason=found.child.reason)  # fmt: skip
             store.drop(its)
-            store.add(row, last.packed() if last is not None else None)
+            store.add(row, packed)
         return _checked(found), parent, found.runs
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What a process of its own needs to minimise a mutant; `folder` is that of the mutant's file."""
+
+    parent: TestCase
+    clip: Clip
+    mutant: Mutant
+    folder: Path
+    driver: str
+    seed: int
+    run_seed: int
+    limit_m: float
+    budget: int
+
+
+def _apart(work: _Work) -> tuple[Minimised, bytes | None]:
+    """Minimise in a process of its own: what a driver does there is not done to this one.
+
+    Returns:
+        What was found, and the packed trace of its last run, None where there is none.
+
+    Raises:
+        DriverError: the process died or was ended.
+    """
+    with WorkerPool(1, deaths=1, once=True) as pool:
+        pool.add([Task(work.mutant.name, _minimise, work)])
+        ((_, outcome),) = pool.results()
+    if isinstance(outcome, Broken):
+        printed = f"; it had printed: {outcome.output.strip()}" if outcome.output.strip() else ""
+        raise DriverError(f"{work.mutant.name} cannot be minimised with {work.driver}: {outcome.reason}{printed}")
+    found: tuple[Minimised, bytes | None] = outcome
+    return found
+
+
+def _minimise(work: _Work) -> tuple[Minimised, bytes | None]:
+    trace = run_test_case(work.parent, work.driver, work.run_seed).trace
+    subject = Subject(work.parent, work.clip, work.mutant, trace, work.folder)
+    found, last = minimised(subject, driver=work.driver, seed=work.seed, limit_m=work.limit_m, budget=work.budget)
+    return found, last.packed() if last is not None else None
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING
 from foresee_dsl.drivers.bundled import BundledDriver
 from foresee_dsl.drivers.protocol import Mission, VehicleLimits
 from foresee_dsl.errors import DriverUnavailableError
+from foresee_dsl.plugins import not_installed
 
 if TYPE_CHECKING:
     from foresee_frenetix.stack import Stack
 
-MISSING = (
-    "the driver frenetix needs the package frenetix 0.4.0 (LGPL-3.0), which is not installed: "
-    "pip install 'foresee-dsl[frenetix]' (it has wheels for Python up to 3.12 on x86_64 Linux and macOS)"
-)
+MISSING = f"the driver frenetix needs the package frenetix 0.4.0 (LGPL-3.0), which is {not_installed('frenetix')}"
 
 
 def _version() -> str:
