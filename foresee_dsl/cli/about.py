@@ -212,6 +212,16 @@ def _commands() -> str:
     return ", ".join(f"{entry.name} ({package_of(entry)})" for entry in ADDED.entries()) or "none"
 
 
+def _report_formats() -> str:
+    """Name the report formats of other packages, each with its package; one that cannot be imported is a fault."""
+    from foresee_dsl.plugins import package_of
+    from foresee_dsl.report.formats import REPORT_FORMATS
+
+    for name in REPORT_FORMATS.names():
+        REPORT_FORMATS.load(name)
+    return ", ".join(f"{entry.name} ({package_of(entry)})" for entry in REPORT_FORMATS.entries()) or "none"
+
+
 def _whole_line() -> str:
     from foresee_dsl.campaign.driving import run_test_case
     from foresee_dsl.files import data_folder
@@ -249,5 +259,6 @@ _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("plug-ins", _plug_ins, "reinstall foresee-dsl"),
     ("drivers", _drivers, "uninstall or repair the package that is named"),
     ("commands of plug-ins", _commands, "uninstall or repair the package that is named"),
+    ("report formats of plug-ins", _report_formats, "uninstall or repair the package that is named"),
     ("a bundled scenario runs", _whole_line, "run `foresee run` on it with FORESEE_DEBUG=1 and report what it says"),
 )

@@ -33,12 +33,13 @@ from foresee_dsl.cli.options.common import (
     JsonOption,
     SeedOption,
     console,
+    give,
     json_document,
-    print_json,
 )
-from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
+from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_option, report_results
 from foresee_dsl.cli.options.profiling import profiling
 from foresee_dsl.measuring import Part
+from foresee_dsl.report.formats import PEOPLE, CommandReport
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -80,7 +81,7 @@ def campaign(
     exit_zero: common.ExitZeroOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     log_json: Annotated[Path | None, typer.Option(help="Write every event to this file, a JSON object a line.")] = None,
-    format_: FormatOption = ReportFormat.text,
+    format_: FormatOption = "text",
     junit: JunitOption = None,
     json: JsonOption = False,
     profile: common.ProfileOption = False,
@@ -136,7 +137,7 @@ def campaign(
         stack.enter_context(stop.listening())
         results = _run_all(cases, request, flags, store, options, listeners, log)
         notes = notes_on(store)
-    form = ReportFormat.json if json else format_
+    form = "json" if json else format_
     spent = (
         None
         if profiler is None
@@ -145,7 +146,7 @@ def campaign(
         )
     )
     _report(results, report, form, junit, raw=raw, profile=spent)
-    screen = console(error=form is not ReportFormat.text)
+    screen = console(error=form not in PEOPLE)
     _pages([folder for folder, _ in results], flags.out, screen)
     if spent is not None:
         from foresee_dsl.report.terminal.profile import print_profile
@@ -195,7 +196,7 @@ def _run_all(
 def _report(
     results: list[tuple[Path, CampaignResult]],
     file: Path | None,
-    form: ReportFormat,
+    form: str,
     junit: Path | None,
     *,
     raw: bool,
@@ -231,11 +232,11 @@ def _report(
 
     report_results(
         form,
-        results=found,
-        data=data,
+        CommandReport(
+            "campaign", data, found, properties=[("driver", result.settings.driver) for _, result in results]
+        ),
         people=people,
         junit=junit,
-        properties=[("driver", result.settings.driver) for _, result in results],
     )
     if file is not None:
         for folder, result in results:
@@ -300,7 +301,7 @@ def plan(
     ctx: typer.Context,
     paths: Paths,
     flags: Flags,
-    format: Annotated[str, typer.Option("--format", help="text, dot (for Graphviz), or json.")] = "text",
+    format: Annotated[str, format_option("text, dot (for Graphviz), or json.", "text", "dot", "json")] = "text",
 ) -> None:
     """Show what a campaign with the same options would run, what is done already, and how long it takes.
 
@@ -312,10 +313,9 @@ def plan(
     from foresee_dsl.campaign.plan import plan_campaign
     from foresee_dsl.campaign.stages import Stages
     from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.documents import plain
     from foresee_dsl.language.project.loading import load_test_cases
 
-    if format not in ("text", "dot", "json"):
-        raise typer.BadParameter(f"{format!r} is not one of: text, dot, json", param_hint="--format")
     request = requested(ctx, paths, flags)
     cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
     folder, part = flags.store_folder, shard_of(flags.shard)
@@ -324,26 +324,26 @@ def plan(
         stages = [Stages(cases, s, store, request.folder(s, flags.out), part) for s in request.settings]
         plans = [plan_campaign(one, store, jobs=flags.jobs) for one in stages]
         others = store.of_other_versions() if store is not None else 0
-    if format == "json" and len(plans) > 1:
-        from foresee_dsl.documents import plain
+    of_each = list(zip(request.settings, plans, strict=True))
 
-        several = [
-            {"driver": settings.driver, "ranker": settings.ranker, "schema": 1, **plain(found)}
-            for settings, found in zip(request.settings, plans, strict=True)
-        ]
-        print_json({"plans": several}, "plans")
-        return
-    for settings, found in zip(request.settings, plans, strict=True):
-        if format == "json":
-            print_json(found)
-        elif format == "dot":
-            typer.echo(found.as_dot())
-        else:
+    def data() -> str:
+        if len(plans) == 1:
+            return json_document(plans[0])
+        several = [{"driver": s.driver, "ranker": s.ranker, "schema": 1, **plain(found)} for s, found in of_each]
+        return json_document({"plans": several}, "plans")
+
+    def people(screen: Console) -> None:
+        for settings, found in of_each:
             if len(plans) > 1:
-                console().print(f"{settings.driver}, {settings.ranker}", style="bold")
+                screen.print(f"{settings.driver}, {settings.ranker}", style="bold")
             _print_plan(found, folder, stored=stored)
-    if format == "text" and others:
-        console().print(of_other_versions(folder, others))
+        if others:
+            screen.print(of_other_versions(folder, others))
+
+    if format == "dot":
+        give("".join(f"{found.as_dot()}\n" for found in plans))
+    else:
+        report_results(format, CommandReport("plan", data), people=people)
 
 
 def _print_plan(found: CampaignPlan, folder: Path, *, stored: bool) -> None:
@@ -385,7 +385,7 @@ def assess(
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
     show: Annotated[bool, typer.Option("--failures", help="Also list the runs that did not arrive.")] = False,
-    format_: FormatOption = ReportFormat.text,
+    format_: FormatOption = "text",
     junit: JunitOption = None,
     exit_zero: common.ExitZeroOption = False,
     json: JsonOption = False,
@@ -408,20 +408,23 @@ def assess(
     for name in drivers:
         find_driver(name)  # an unknown name is reported before anything runs
     cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
-    form = ReportFormat.json if json else format_
+    form = "json" if json else format_
     total = len(cases) * len(drivers)
-    with runs_progress(console(error=form is not ReportFormat.text), total) as done:
+    with runs_progress(console(error=form not in PEOPLE), total) as done:
         runs = assess_drivers(
             cases, drivers, jobs=jobs, seed=seed, on_run=done, deadlines=Deadlines(step_deadline, deadline),
             fail_fast=fail_fast,
         )  # fmt: skip
     report_results(
         form,
-        results=lambda: of_assessment(runs, seed),
-        data=lambda: json_document(Assessment(runs, seed)),
+        CommandReport(
+            "assess",
+            lambda: json_document(Assessment(runs, seed)),
+            lambda: of_assessment(runs, seed),
+            properties=[("driver", name) for name in drivers],
+        ),
         people=lambda screen: print_assessment(screen, runs, failures=show, of=total),
         junit=junit,
-        properties=[("driver", name) for name in drivers],
     )
     if not exit_zero and not all(one.passed for one in runs):
         raise typer.Exit(FAILED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,13 +14,13 @@ from foresee_dsl.cli.options.common import (
     ExitZeroOption,
     JsonOption,
     StepDeadlineOption,
-    console,
     give,
     json_document,
     names_in,
     print_json,
 )
-from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
+from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_option, report_results
+from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.regression.keeping import Report
@@ -108,7 +107,7 @@ def verify(
     step_deadline: StepDeadlineOption = None,
     deadline: DeadlineOption = None,
     jobs: Jobs = CPUS,
-    format_: FormatOption = ReportFormat.text,
+    format_: FormatOption = "text",
     junit: JunitOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -132,31 +131,26 @@ def verify(
     rechecks = verify_files(paths, driver=driver, run_programs=run_programs, jobs=jobs, deadlines=deadlines)
     written = write_expected(rechecks) if update else None
     report_results(
-        ReportFormat.json if json else format_,
-        results=lambda: of_rechecks(rechecks, driver),
-        data=lambda: json_document(
-            {
-                "ok": all(one.status is Status.AS_EXPECTED for one in rechecks),
-                "counts": {status: sum(one.status is status for one in rechecks) for status in Status},
-                "written": written or (),
-                "tests": rechecks,
-            }
+        "json" if json else format_,
+        CommandReport(
+            "verify",
+            lambda: json_document(
+                {
+                    "ok": all(one.status is Status.AS_EXPECTED for one in rechecks),
+                    "counts": {status: sum(one.status is status for one in rechecks) for status in Status},
+                    "written": written or (),
+                    "tests": rechecks,
+                }
+            ),
+            lambda: of_rechecks(rechecks, driver),
+            properties=[("driver", driver or "as recorded")],
         ),
         people=lambda screen: print_verification(screen, rechecks, written),
         junit=junit,
-        properties=[("driver", driver or "as recorded")],
     )
     unsettled = [one for one in rechecks if not (update and one.status.can_be_recorded)]
     if not exit_zero and any(one.status is not Status.AS_EXPECTED for one in unsettled):
         raise typer.Exit(FAILED)
-
-
-class Format(StrEnum):
-    """How a comparison is printed."""
-
-    TEXT = "text"
-    MARKDOWN = "markdown"
-    JSON = "json"
 
 
 def compare(
@@ -168,8 +162,11 @@ def compare(
         str, typer.Option("--drivers", metavar="OLD,NEW", help="Run the test cases of PATH with these two drivers.")
     ] = "",
     format_: Annotated[
-        Format, typer.Option("--format", help="text: for a terminal; markdown: for a pull request; json: for tools.")
-    ] = Format.TEXT,
+        str,
+        format_option(
+            "text: for a terminal; markdown: for a pull request; json: for tools.", "text", "markdown", "json"
+        ),
+    ] = "text",
     exit_zero: ExitZeroOption = False,
     step_deadline: StepDeadlineOption = None,
     deadline: DeadlineOption = None,
@@ -201,14 +198,15 @@ def compare(
     else:
         base, new = (side_of_campaign(Path(path)) for path in paths)
     found = paired(base, new)
-    if json or format_ is Format.JSON:
-        print_json(found)
-    else:
-        from foresee_dsl.report.terminal.comparison import print_comparison, to_markdown
+    from foresee_dsl.report.terminal.comparison import print_comparison, to_markdown
 
-        if format_ is Format.MARKDOWN:
-            give(to_markdown(found))
-        else:
-            print_comparison(console(), found)
+    if format_ == "markdown" and not json:
+        give(to_markdown(found))
+    else:
+        report_results(
+            "json" if json else format_,
+            CommandReport("compare", lambda: json_document(found)),
+            people=lambda screen: print_comparison(screen, found),
+        )
     if not exit_zero and found.of(Change.NEW_FAILURE):
         raise typer.Exit(FAILED)

@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from foresee_dsl.cli.minimise import CampaignOption
-from foresee_dsl.cli.options.common import CALL, AllowOutsideOption, SeedOption, print_json
-
-
-class Form(StrEnum):
-    """In what form a report is written."""
-
-    HTML = "html"
-    MARKDOWN = "markdown"
-    TEXT = "text"
-    JSON = "json"
+from foresee_dsl.cli.options.common import CALL, AllowOutsideOption, SeedOption, json_document
+from foresee_dsl.cli.options.output import format_option, report_results
+from foresee_dsl.report.formats import CommandReport
 
 
 def report(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="A finished campaign's folder.")] = Path("out"),
     format: Annotated[
-        Form,
-        typer.Option(
-            "--format",
-            help="html: a page with playback (OUT/report.html); markdown: for a pull request (OUT/report.md, with "
+        str,
+        format_option(
+            "html: a page with playback (OUT/report.html); markdown: for a pull request (OUT/report.md, with "
             "pictures beside it); text: for a terminal; json: for tools.",
+            "html",
+            "markdown",
+            "text",
+            "json",
         ),
-    ] = Form.HTML,
+    ] = "html",
 ) -> None:
     """Write the report of a finished campaign; nothing is run again.
 
@@ -43,28 +38,29 @@ def report(
 
     folders, output = campaign_folders(out), CALL.get().output
     match format:
-        case Form.HTML:
+        case "html":
             from foresee_dsl.report.page.html import write_report
 
             file = output or out / "report.html"
             write_report(folders, file)
             typer.echo(str(file))
-        case Form.MARKDOWN:
+        case "markdown":
             from foresee_dsl.report.page.markdown import write_markdown
 
             file = output or out / "report.md"
             write_markdown(folders, file)
             typer.echo(str(file))
-        case Form.TEXT | Form.JSON:
+        case _:
             from foresee_dsl.report.page.contents import contents_of
             from foresee_dsl.report.page.plain import as_text
             from foresee_dsl.report.page.runs import Reader
 
             contents = contents_of(folders, Reader(plays=False))
-            if format is Form.JSON:
-                print_json(contents)
-            else:
-                typer.echo(as_text(contents), nl=False)
+            report_results(
+                format,
+                CommandReport("report", lambda: json_document(contents)),
+                people=lambda _: typer.echo(as_text(contents), nl=False),
+            )
 
 
 def view(

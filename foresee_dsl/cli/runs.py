@@ -11,9 +11,10 @@ import typer
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
-from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
+from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.cli.options.profiling import profiling
 from foresee_dsl.measuring import Part
+from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -50,7 +51,7 @@ def run(
     debug: Annotated[
         bool, typer.Option("--debug", help="Run in this process: breakpoint() works, no deadlines, nothing captured.")
     ] = False,
-    format_: FormatOption = ReportFormat.text,
+    format_: FormatOption = "text",
     junit: JunitOption = None,
     strict: Annotated[
         bool, typer.Option("--strict", hidden=True, help="Nothing any more: a broken expectation is always a failure.")
@@ -123,12 +124,10 @@ def run(
         )
 
     report_results(
-        ReportFormat.json if json else format_,
-        results=lambda: found,
-        data=data,
+        "json" if json else format_,
+        CommandReport("run", data, lambda: found, properties=(("driver", driver), ("seed", str(seed)))),
         people=people,
         junit=junit,
-        properties=(("driver", driver), ("seed", str(seed))),
     )
     if not exit_zero and not all(one.passed for one in done):
         raise typer.Exit(common.FAILED)

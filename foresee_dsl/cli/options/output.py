@@ -8,54 +8,56 @@ from __future__ import annotations
 
 import inspect
 import io
-import json as jsonlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import contextmanager, redirect_stdout
-from enum import StrEnum
 from functools import update_wrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, assert_never, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.plain_output import PlainStream
 from foresee_dsl.errors import ForeseeError, InputError
+from foresee_dsl.report.formats import OURS, PEOPLE, REPORT_FORMATS, CommandReport, rendered
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rich.console import Console
 
-    from foresee_dsl.report.builds.case_results import CaseResult
 
+def format_option(help: str, *ours: str) -> Any:  # noqa: ANN401 - as typer has it
+    """Return the option `--format` of a command, people's form first; formats of other packages are offered too, which
+    are looked for when a name is none of ours."""
 
-class ReportFormat(StrEnum):
-    """In what form results are printed."""
+    def others() -> list[str]:
+        return [name for name in REPORT_FORMATS.names() if name not in (*ours, *OURS)]
 
-    text = "text"
-    json = "json"
-    junit = "junit"
-    github = "github"
-    sarif = "sarif"
+    def checked(name: str) -> str:
+        if name not in ours and name not in (every := (*ours, *others())):
+            raise typer.BadParameter(f"{name!r} is not one of {', '.join(map(repr, every))}.")
+        return name
+
+    def completed() -> list[str]:
+        return [*ours, *others()]
+
+    metavar = f"<{'|'.join(ours)}>"
+    return typer.Option("--format", help=help, metavar=metavar, callback=checked, autocompletion=completed)
 
 
 FormatOption = Annotated[
-    ReportFormat,
-    typer.Option(
-        "--format",
-        help="text: for people; json: data; junit: XML for build servers; github: annotations; sarif: for code hosts.",
+    str,
+    format_option(
+        "text: for people; json: data; junit: XML for build servers; github: annotations; sarif: for code hosts.",
+        "text", "json", "junit", "github", "sarif",
     ),
-]
+]  # fmt: skip
 JunitOption = Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Also write JUnit XML to this file.")]
 _OutputOption = Annotated[
     Path | None,
     typer.Option("--output", metavar="FILE", help="Write what tools read to this file, not to standard output."),
 ]
-
-
-_FOR_PEOPLE = ("False", "text", "full", "table")
-"""The values of `--json` and `--format` that stand for people's form."""
 
 
 def for_tools(command: Callable[..., None], name: str) -> Callable[..., None]:
@@ -71,7 +73,7 @@ def for_tools(command: Callable[..., None], name: str) -> Callable[..., None]:
     def run(**values: Any) -> None:  # noqa: ANN401 - as typer gives them
         output = values.pop("output", None)
         asked = any(values[form] is True or values[form] == "json" for form in forms)
-        people = not asked and all(str(values[form]) in _FOR_PEOPLE for form in forms)
+        people = not asked and all(values[form] in (False, *PEOPLE) for form in forms)
         with common.calling(common.Call(name, output)), _into(output if people else None):
             try:
                 command(**values)
@@ -108,13 +110,7 @@ def _into(file: Path | None) -> Iterator[None]:
 
 
 def report_results(
-    form: ReportFormat,
-    *,
-    results: Callable[[], Sequence[CaseResult]],
-    data: Callable[[], str],
-    people: Callable[[Console], None],
-    junit: Path | None = None,
-    properties: Sequence[tuple[str, str]] = (),
+    form: str, report: CommandReport, *, people: Callable[[Console], None], junit: Path | None = None
 ) -> None:
     """Give a command's results in the form that was asked for, and as JUnit XML in the file of `--junit`.
 
@@ -122,50 +118,18 @@ def report_results(
     nothing else goes there, and annotations have it on standard error.
 
     Args:
-        results: each test case and child. data: the JSON document, as text. people: prints the report.
-        properties: of the JUnit document, such as the driver.
+        people: prints the report.
     """
-    call = common.CALL.get()
     if junit is not None:
         from foresee_dsl.files import write_whole
-        from foresee_dsl.report.builds.junit import to_junit
 
-        write_whole(junit, to_junit(f"foresee {call.command}", results(), properties=properties))
-    if form is ReportFormat.text or call.output is not None:
+        write_whole(junit, rendered("junit", report))
+    if form in PEOPLE or common.CALL.get().output is not None:
         people(common.console())
-    elif form is ReportFormat.github:
+    elif form == "github":
         people(common.console(error=True))
-    if form is not ReportFormat.text:
-        common.give(_rendered(form, f"foresee {call.command}", results, data, properties))
-
-
-def _rendered(
-    form: ReportFormat,
-    name: str,
-    results: Callable[[], Sequence[CaseResult]],
-    data: Callable[[], str],
-    properties: Sequence[tuple[str, str]],
-) -> str:
-    match form:
-        case ReportFormat.json:
-            return data()
-        case ReportFormat.junit:
-            from foresee_dsl.report.builds.junit import to_junit
-
-            return to_junit(name, results(), properties=properties)
-        case ReportFormat.github | ReportFormat.sarif:
-            from foresee_dsl.report.builds.case_results import as_diagnostics, rules
-            from foresee_dsl.report.builds.github import render_github
-            from foresee_dsl.report.builds.sarif import to_sarif
-
-            found = list(as_diagnostics(results()))
-            if form is ReportFormat.github:
-                return "".join(f"{line}\n" for line in render_github(found, rules()).splitlines())
-            return jsonlib.dumps(to_sarif(found, rules()), indent=2) + "\n"
-        case ReportFormat.text:  # people's, which `report_results` printed
-            return ""
-        case _:
-            assert_never(form)
+    if form not in PEOPLE:
+        common.give(rendered(form, report))
 
 
 def _error_document(error: ForeseeError | OSError) -> dict[str, Any]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foresee_dsl.cli.completion import case_addresses
-from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, print_json
+from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, give, json_document, print_json
+from foresee_dsl.cli.options.output import format_option, report_results
+from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
     from foresee_dsl.language.model import Case, Scenario
@@ -68,22 +69,16 @@ _WIDTH = 80
 """Columns of the tables."""
 
 
-class Format(StrEnum):
-    """In what form cases are printed."""
-
-    table = "table"
-    json = "json"
-    cases = "cases"
-
-
 def sample(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A scenario with parameters.")],
     count: Annotated[int | None, typer.Option("--count", min=1, max=10_000, help="Draw so many cases.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, max=10**9, help="Draw from this seed.")] = None,
     format_: Annotated[
-        Format,
-        typer.Option("--format", help="table: for people; json: for tools; cases: lines to paste into the scenario."),
-    ] = Format.table,
+        str,
+        format_option(
+            "table: for people; json: for tools; cases: lines to paste into the scenario.", "table", "json", "cases"
+        ),
+    ] = "table",
     allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Draw cases of a scenario, or show those that it has, and say how much of the ranges they reach.
@@ -100,16 +95,17 @@ def sample(
 
     scenario = Project(allow_outside=allow_outside).whole_scenario(file)
     cases = _cases(scenario, count, seed)
-    if format_ is Format.cases:
+    if format_ == "cases":
         from foresee_dsl.language.printer import print_item
 
-        typer.echo("".join(f"  {print_item(case)}\n" for case in cases), nl=False)
+        give("".join(f"  {print_item(case)}\n" for case in cases))
         return
     found = coverage(scenario, cases)
-    if format_ is Format.json:
-        _print_json(file, scenario, cases, found)
-    else:
-        _print_table(scenario, cases, found)
+    report_results(
+        format_,
+        CommandReport("sample", lambda: _document(file, scenario, cases, found)),
+        people=lambda _: _print_table(scenario, cases, found),
+    )
 
 
 def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[Case]:
@@ -131,11 +127,11 @@ def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[
         raise ForeseeError(str(error)) from None
 
 
-def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
+def _document(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> str:
     from foresee_dsl.language.printer import value_text
     from foresee_dsl.language.sampling.draws import values_of
 
-    print_json(
+    return json_document(
         {
             "file": str(file),
             "scenario": scenario.name,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json as jsonlib
 import textwrap
-from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,9 +16,12 @@ from foresee_dsl.cli.options.common import (
     console,
     counted,
     give,
+    json_document,
     print_diagnostics,
     print_json,
 )
+from foresee_dsl.cli.options.output import format_option
+from foresee_dsl.report.formats import PEOPLE, CommandReport, rendered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -35,21 +36,19 @@ Paths = Annotated[
 ]
 
 
-class Format(StrEnum):
-    """In what form mistakes are printed."""
-
-    full = "full"
-    concise = "concise"
-    json = "json"
-    github = "github"
-    sarif = "sarif"
-
-
 def check(
     paths: Paths,
     format_: Annotated[
-        Format, typer.Option("--format", help="full: for people; concise: one line each; the others: for tools.")
-    ] = Format.full,
+        str,
+        format_option(
+            "full: for people; concise: one line each; the others: for tools.",
+            "full",
+            "concise",
+            "json",
+            "github",
+            "sarif",
+        ),
+    ] = "full",
     json: JsonOption = False,
     places: Annotated[
         bool, typer.Option("--places/--no-places", help="Also build the network and place every actor.")
@@ -95,7 +94,7 @@ def check(
         if d.severity == "error" or (d.code.startswith(wanted or "") and not d.code.startswith(unwanted))
     ]
     failed = any(strict or d.severity == "error" for d in shown)
-    _print(Format.json if json else format_, result, shown, failed=failed)
+    _print("json" if json else format_, result, shown, failed=failed)
     if failed:
         raise typer.Exit(FAILED)
 
@@ -112,25 +111,16 @@ def _codes(given: Iterable[str] | None, option: str) -> tuple[str, ...]:
     return codes
 
 
-def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, failed: bool) -> None:
-    if format_ is Format.full or CALL.get().output is not None:  # beside a file for a tool, people have theirs
+def _print(format_: str, result: Checked, shown: Sequence[Diagnostic], *, failed: bool) -> None:
+    def data() -> str:
+        return json_document(
+            {"ok": not failed, "files": result.files, "test_cases": len(result.cases), "diagnostics": shown}
+        )
+
+    if format_ in PEOPLE or CALL.get().output is not None:  # beside a file for a tool, people have theirs
         _print_for_people(result, shown)
-    if format_ in (Format.sarif, Format.github):
-        from foresee_dsl.language.codes.code import every_code
-        from foresee_dsl.report.builds.github import render_github
-        from foresee_dsl.report.builds.sarif import to_sarif
-
-        if format_ is Format.sarif:
-            give(jsonlib.dumps(to_sarif(shown, every_code()), indent=2) + "\n")
-        else:
-            give(_lines(render_github(shown, every_code())))
-    elif format_ is Format.json:
-        found = {"ok": not failed, "files": result.files, "test_cases": len(result.cases), "diagnostics": shown}
-        print_json(found)
-    elif format_ is Format.concise:
-        from foresee_dsl.language.messages.diagnostics import render_concise
-
-        give(_lines("\n".join(map(render_concise, shown))))
+    if format_ not in PEOPLE:
+        give(rendered(format_, CommandReport("check", data, mistakes=lambda: shown)))
 
 
 def _print_for_people(result: Checked, shown: Sequence[Diagnostic]) -> None:
@@ -139,10 +129,6 @@ def _print_for_people(result: Checked, shown: Sequence[Diagnostic]) -> None:
     if not any(d.severity == "error" for d in shown):
         warned = "no mistakes, but warnings" if shown else "no mistakes found"
         typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")
-
-
-def _lines(text: str) -> str:
-    return f"{text}\n" if text else ""
 
 
 # ---- explain --------------------------------------------------------------------------------------------------------

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, print_json
+from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, give, json_document, print_json
+from foresee_dsl.cli.options.output import format_option, report_results
 from foresee_dsl.errors import InputError
+from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,20 +21,15 @@ if TYPE_CHECKING:
     from foresee_dsl.language.project.document import TestCase
 
 
-class Format(StrEnum):
-    """How differences are printed."""
-
-    TEXT = "text"
-    MARKDOWN = "markdown"
-    JSON = "json"
-
-
 def diff(
     old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE; alone: a child.")],
     new: Annotated[str, typer.Argument(metavar="NEW", help="Another; left out: OLD is compared with its parent.")] = "",
     format: Annotated[
-        Format, typer.Option("--format", help="text: for a terminal; markdown: for a pull request; json: for tools.")
-    ] = Format.TEXT,
+        str,
+        format_option(
+            "text: for a terminal; markdown: for a pull request; json: for tools.", "text", "markdown", "json"
+        ),
+    ] = "text",
     json: JsonOption = False,
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="Exit code 1 if they differ, as git diff has it.")
@@ -51,12 +47,15 @@ def diff(
 
     first, second = (old, new) if new else (parent_address(old), old)
     found = compare_addresses(first, second, allow_outside=allow_outside)
-    if json or format is Format.JSON:
-        print_json(found)
-    elif format is Format.MARKDOWN:
-        typer.echo(render_markdown(found.changes, found.texts, old=found.old, new=found.new), nl=False)
+
+    if format == "markdown" and not json:
+        give(render_markdown(found.changes, found.texts, old=found.old, new=found.new))
     else:
-        typer.echo(render_groups(found.changes, found.texts, colour=_colour()), nl=False)
+        report_results(
+            "json" if json else format,
+            CommandReport("diff", lambda: json_document(found)),
+            people=lambda _: typer.echo(render_groups(found.changes, found.texts, colour=_colour()), nl=False),
+        )
     if exit_code and found.changes:
         raise typer.Exit(FAILED)
 

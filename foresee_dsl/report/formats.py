@@ -1,0 +1,125 @@
+"""The formats in which commands report: for people, and one registry for what tools read.
+
+A format is a function from a `CommandReport` to a text. Ours are in `OURS`; a package adds its own by the entry-point
+group `foresee_dsl.report_formats`, and every command that has `--format` offers it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol
+
+from foresee_dsl.errors import Diagnostic, ForeseeError
+from foresee_dsl.plugins import PluginGroup
+
+if TYPE_CHECKING:
+    from foresee_dsl.language.codes.code import Code
+    from foresee_dsl.report.builds.case_results import CaseResult
+
+PEOPLE = ("text", "full", "table")
+"""The names of people's form, of which a command has one."""
+
+REPORT_FORMATS = PluginGroup("foresee_dsl.report_formats", "report format", ForeseeError)
+
+
+@dataclass(frozen=True)
+class CommandReport:
+    """What a command reports. Each part is worked out when a format asks for it.
+
+    Attributes:
+        command: the command's name, such as `check`.
+        data: its JSON document (docs/schemas), as text.
+        results: each test case and child, and how it ended; empty for a command that runs nothing.
+        mistakes: the mistakes and lints of files; None: the results of test cases that did not pass stand for them.
+        properties: name and value of what holds for all results, such as the driver.
+    """
+
+    command: str
+    data: Callable[[], str]
+    results: Callable[[], Sequence[CaseResult]] = tuple
+    mistakes: Callable[[], Sequence[Diagnostic]] | None = None
+    properties: Sequence[tuple[str, str]] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document as data."""
+        document: dict[str, Any] = json.loads(self.data())
+        return document
+
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """Return what is wrong, each with its place: mistakes of files, or test cases that did not pass."""
+        if self.mistakes is not None:
+            return self.mistakes()
+        from foresee_dsl.report.builds.case_results import as_diagnostics
+
+        return tuple(as_diagnostics(self.results()))
+
+    def codes(self) -> Mapping[str, Code]:
+        """Return what the codes of the diagnostics mean, by code."""
+        if self.mistakes is not None:
+            from foresee_dsl.language.codes.code import every_code
+
+            return every_code()
+        from foresee_dsl.report.builds.case_results import rules
+
+        return rules()
+
+
+class ReportFormat(Protocol):
+    """Writes a report as text, which goes to standard output or whole to the file of `--output`."""
+
+    def __call__(self, report: CommandReport, /) -> str:
+        """Return the report as text."""
+        ...
+
+
+def _json(report: CommandReport) -> str:
+    return report.data()
+
+
+def _junit(report: CommandReport) -> str:
+    from foresee_dsl.report.builds.junit import to_junit
+
+    return to_junit(f"foresee {report.command}", report.results(), properties=report.properties)
+
+
+def _github(report: CommandReport) -> str:
+    from foresee_dsl.report.builds.github import render_github
+
+    return "".join(f"{line}\n" for line in render_github(report.diagnostics(), report.codes()).splitlines())
+
+
+def _sarif(report: CommandReport) -> str:
+    from foresee_dsl.report.builds.sarif import to_sarif
+
+    return json.dumps(to_sarif(report.diagnostics(), report.codes()), indent=2) + "\n"
+
+
+def _concise(report: CommandReport) -> str:
+    from foresee_dsl.language.messages.diagnostics import render_concise
+
+    return "".join(f"{render_concise(diagnostic)}\n" for diagnostic in report.diagnostics())
+
+
+OURS: Mapping[str, ReportFormat] = MappingProxyType(
+    {"json": _json, "junit": _junit, "github": _github, "sarif": _sarif, "concise": _concise}
+)
+
+
+def rendered(name: str, report: CommandReport) -> str:
+    """Return a report in a format, ours or another package's.
+
+    Raises:
+        ForeseeError: no package offers the format, or it is broken; the message names its package.
+    """
+    ours = OURS.get(name)
+    if ours is not None:
+        return ours(report)
+    entry = REPORT_FORMATS.find(name)
+    with REPORT_FORMATS.loading(entry):
+        text = entry.load()(report)
+        if not isinstance(text, str):
+            raise TypeError(f"it returned {type(text).__name__}, not a text")
+    return text
