@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NoReturn
 
 from foresee_dsl.helps import Edit, Help, HelpText
 
@@ -19,6 +19,48 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
+class Message:
+    """A diagnostic's message, put together with `+` where it has numbers that differ between test cases.
+
+    Attributes:
+        text: what people read.
+        about: the text without these numbers: what makes two mistakes of one place different.
+    """
+
+    text: str
+    about: str
+
+    @classmethod
+    def of(cls, message: MessageText) -> Message:
+        """Return a message; of a plain text all makes it different from others."""
+        return message if isinstance(message, Message) else Message(message, message)
+
+    def __add__(self, other: MessageText) -> Message:
+        added = Message.of(other)
+        return Message(self.text + added.text, self.about + added.about)
+
+    def __radd__(self, other: str) -> Message:
+        return Message(other + self.text, other + self.about)
+
+    def __format__(self, spec: str) -> NoReturn:
+        """Refuse to become a part of a text, which would lose which numbers are measured.
+
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError("add messages with `+`, so that their measured numbers stay known")
+
+
+MessageText = str | Message
+"""A message, or a text without measured numbers."""
+
+
+def measured(number: str) -> Message:
+    """Return a number of a message that may differ between the test cases that have one mistake, such as a length."""
+    return Message(number, "")
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One mistake (or warning) in a file: where, what, and what to write instead.
 
@@ -30,6 +72,7 @@ class Diagnostic:
         span: the place, or None where the whole file is meant.
         source_line: the text of line `span.line`, without its newline (may be cut around the place if very long).
         severity: "error" or "warning".
+        about: the message without numbers that differ between test cases; empty where there are none.
         fixes: the edits that the help stands for, likely ones first; they mend it in an editor.
     """
 
@@ -41,6 +84,7 @@ class Diagnostic:
     source_line: str = ""
     severity: Literal["error", "warning"] = "error"
     fixes: tuple[Edit, ...] = field(default=(), compare=False)
+    about: str = field(default="", compare=False)
 
     shown = "code severity message help path span"
 
@@ -48,15 +92,21 @@ class Diagnostic:
     def of(
         cls,
         code: str,
-        message: str,
+        message: MessageText,
         help: HelpText,
         path: str,
         span: Span | None = None,
         source_line: str = "",
     ) -> Diagnostic:
         """Return an error with the text of its help and the edits that this stands for."""
-        helped = Help.of(help)
-        return cls(code, message, helped.text, path, span, source_line, fixes=helped.edits)
+        helped, worded = Help.of(help), Message.of(message)
+        about = worded.about if worded.about != worded.text else ""
+        return cls(code, worded.text, helped.text, path, span, source_line, fixes=helped.edits, about=about)
+
+    @property
+    def key(self) -> tuple[str, str, Span | None, str]:
+        """What makes this mistake the same in several test cases: its code, file, place and what it is about."""
+        return self.code, self.path, self.span, self.about or self.message
 
 
 class ForeseeError(Exception):

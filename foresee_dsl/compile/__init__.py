@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     from foresee_dsl.language.project.document import TestCase
 
 __all__ = ["compile_test_case", "placement_lints", "placement_mistakes"]
-
-_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
-"""What may differ where several test cases have one mistake, such as a length."""
 
 
 @Part.COMPILE.measured
@@ -70,23 +66,22 @@ class _Found:
 
     def __init__(self) -> None:
         self._cases: Counter[Path] = Counter()
-        self._by_place: dict[tuple[Path, *tuple[object, ...]], list[tuple[str, Diagnostic]]] = {}
+        self._alike: dict[tuple[Path, object, int], list[tuple[str, Diagnostic]]] = {}
 
     def add(self, case: TestCase, diagnostics: Iterable[Diagnostic]) -> None:
         """Take what is wrong in the next test case."""
         self._cases[case.source] += 1
         name = case.id.partition("::")[2]
-        seen: Counter[tuple[Path, *tuple[object, ...]]] = Counter()
+        seen: Counter[object] = Counter()
         for diagnostic in diagnostics:
-            message = _NUMBER.sub("", diagnostic.message)
-            place = (case.source, diagnostic.path, diagnostic.span, diagnostic.code, message)
-            seen[place] += 1
-            self._by_place.setdefault((*place, seen[place]), []).append((name, diagnostic))
+            seen[diagnostic.key] += 1
+            same = (case.source, diagnostic.key, seen[diagnostic.key])
+            self._alike.setdefault(same, []).append((name, diagnostic))
 
     def named(self) -> tuple[Diagnostic, ...]:
         """Return every mistake, in the order in which they were found."""
         found: dict[Diagnostic, None] = {}
-        for (source, *_), alike in self._by_place.items():
+        for (source, *_), alike in self._alike.items():
             (name, first), others = alike[0], len(alike) - 1
             everywhere = len(alike) == self._cases[source] and len({d.message for _, d in alike}) == 1
             if name and not everywhere:

@@ -219,7 +219,7 @@ def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -
         item, field = _named(document, item, problem, named) or (item, field)
     message = problem.message
     if item is None and problem.actor and isinstance(document.model, m.Mutant):
-        message = f"{message} (as written in '{document.model.parent}')"
+        message = message + f" (as written in '{document.model.parent}')"
     return document.diagnostic(item, field, problem.code, message, problem.help)
 
 

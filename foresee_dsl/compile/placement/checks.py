@@ -16,6 +16,7 @@ from foresee_dsl.compile.placement.statements import WHEELS, lane_kind, path_of
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.errors import MessageText, measured
 from foresee_dsl.helps import HelpText, one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -46,19 +47,26 @@ def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) 
         kind = lane_kind(placed.model)
         away = network.distance_to_lanes(placed.x, placed.y, kind)
         if away > OFF_ROUTE_M:
-            away_text = f"{away:.1f} m" if math.isfinite(away) else "nowhere"
-            message = f"{placed.id} is off the road: the nearest lane for a {kind} is {away_text} away"
+            how_far = measured(f"{away:.1f}") + " m" if math.isfinite(away) else "nowhere"
+            message = f"{placed.id} is off the road: the nearest lane for a {kind} is " + how_far + " away"
             yield Problem(placed.id, at, codes.OFF_ROAD, message, _nearest_road(placed.x, placed.y, network))
         return
     far = network.far_from_lanes(((placed.x, placed.y), *placed.path), NEAR_ROAD_M)
     if far is not None:
         x, y = far
-        message = f"{placed.id} is off the road: ({x:.1f} m, {y:.1f} m) is over {NEAR_ROAD_M:.0f} m from every lane"
+        spot = "(" + measured(f"{x:.1f}") + " m, " + measured(f"{y:.1f}") + " m)"
+        message = f"{placed.id} is off the road: " + spot + f" is over {NEAR_ROAD_M:.0f} m from every lane"
         yield Problem(placed.id, at, codes.OFF_ROAD, message, _nearest_road(x, y, network))
     wall = network.wall_on_the_way(placed.path or ((placed.x, placed.y),))
     if wall is not None:
         x, y = wall
-        message = f"{placed.id} is in a building: its outline has a corner at ({x:.1f} m, {y:.1f} m)"
+        message = (
+            f"{placed.id} is in a building: its outline has a corner at ("
+            + measured(f"{x:.1f}")
+            + " m, "
+            + measured(f"{y:.1f}")
+            + " m)"
+        )
         help_ = "lead it around the building, or let the building end before"
         yield Problem(placed.id, at, codes.IN_WALL, message, help_)
 
@@ -73,7 +81,13 @@ def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Itera
     if too_fast is not None:
         at, speed = too_fast
         most = placed.model.max_speed_mps * slack / slack * 3.6
-        message = f"{placed.id} is to go {speed * 3.6:.0f} km/h, but {placed.model.name} can go only {most:.0f} km/h"
+        message = (
+            f"{placed.id} is to go "
+            + measured(f"{speed * 3.6:.0f}")
+            + f" km/h, but {placed.model.name} can go only "
+            + measured(f"{most:.0f}")
+            + " km/h"
+        )
         help_ = "use at most " + write(f"{math.floor(most)} km/h") + ", or a faster model"
         yield Problem(placed.id, at, codes.TOO_FAST, message, help_)
 
@@ -120,7 +134,7 @@ def few(problems: Iterable[Problem]) -> tuple[Problem, ...]:
             named += left
             continue
         least = "at least " if code == codes.OVERLAP and len(left) >= _MOST_COUNTED else ""
-        message = f"{least}{len(left):,} more of this kind: the last is that {left[-1].message}"
+        message = least + measured(f"{len(left):,}") + " more of this kind: the last is that " + left[-1].message
         named.append(replace(left[-1], message=message, help="correct the ones above, and check again"))
     return tuple(named)
 
@@ -239,19 +253,19 @@ class NameChecks:
         number = round(si_of(part.number))
         if part.road is None:
             most = max((len(edge.drivable) for edge in self._network.edges.values()), default=0)
-            where = "no road of the network"
+            where: MessageText = "no road of the network"
         else:
             road = word_of(part.road)
             pieces = self._network.pieces(road)
             if not pieces:
-                message = f"there is no edge called {road}"
+                message: MessageText = f"there is no edge called {road}"
                 yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(road, self._network.edges), road)
                 return
             most = max(len(self._network.edges[piece].drivable) for piece in pieces)
-            where = f"{road} has no lane {number}: it"
+            where = f"{road} has no lane " + measured(f"{number}") + ": it"
         if number > most:
-            has = "1 lane" if most == 1 else f"{most} lanes"
-            message = f"{where} has {has}" if part.road is not None else f"{where} has {number} lanes"
+            count, noun = (most, "lane" if most == 1 else "lanes") if part.road is not None else (number, "lanes")
+            message = where + " has " + measured(f"{count}") + f" {noun}"
             yield Problem("", kind, codes.PLACE, message, f"lanes are counted from 1 to {most}", part=part.number)
 
     def _within(self, kind: str, part: m.Within) -> Iterator[Problem]:
@@ -267,7 +281,7 @@ class NameChecks:
             except UnsettledError:
                 return  # the actor that it is counted from has the mistake
             except RouteError as err:
-                yield Problem("", kind, codes.PLACE, str(err), err.help, part=part.of)
+                yield Problem("", kind, codes.PLACE, err.message, err.help, part=part.of)
             else:
                 self.places[part.of] = (spot.x, spot.y)
 
@@ -331,10 +345,11 @@ class NameChecks:
         edges = [self._network.edges[piece] for piece in self._network.pieces(name)]
         lanes = max((len(edge.drivable) for edge in edges), default=0)
         if not edges:
-            message = f"there is no edge called {name}"
+            message: MessageText = f"there is no edge called {name}"
             yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, self._network.edges), name)
         elif action.lane is not None and si_of(action.lane) > lanes:
-            message = f"{name} has {lanes} lane{'s' if lanes > 1 else ''}, no lane {si_of(action.lane):g}"
+            has = f"{name} has " + measured(f"{lanes}") + (" lanes" if lanes > 1 else " lane")
+            message = has + ", no lane " + measured(f"{si_of(action.lane):g}")
             yield Problem("", kind, codes.PLACE, message, "lanes count from 1, the rightmost for cars", name)
 
     def _stop(self, kind: str, action: m.StopsAt, actor: PlacedActor | None) -> Iterator[Problem]:
@@ -377,7 +392,7 @@ class NameChecks:
         except UnsettledError:
             return  # the actor that it is counted from has the mistake
         except RouteError as err:
-            yield Problem("", kind, codes.PLACE, str(err), err.help, about)
+            yield Problem("", kind, codes.PLACE, err.message, err.help, about)
             return
         if stop is not None:
             self.places[m.AtStop(stop=stop.name)] = spot.x, spot.y
@@ -394,7 +409,12 @@ class NameChecks:
             what = "that place" if stop is None else f"the stop {stop.name}"
             help = "name a place on its way" if stop is None else f"lead its route over {stop.road}"
             yield Problem(
-                "", kind, codes.PLACE, f"{actor.id} does not come by {what}: it is {off_m:.0f} m off", help, about
+                "",
+                kind,
+                codes.PLACE,
+                f"{actor.id} does not come by {what}: it is " + measured(f"{off_m:.0f}") + " m off",
+                help,
+                about,
             )
 
     def _path(self, kind: str, action: m.FollowsPath, actor: PlacedActor | None) -> Iterator[Problem]:
@@ -413,7 +433,7 @@ class NameChecks:
             try:
                 joined_way(self._network, action.edges, end, lane_kind(actor.model))
             except RouteError as err:
-                yield Problem("", kind, codes.ROUTE, str(err), err.help, action.actor)
+                yield Problem("", kind, codes.ROUTE, err.message, err.help, action.actor)
 
     def _stage(self, kind: str, junction: str, stage: str) -> Iterator[Problem]:
         signal = self._signals.get(junction)

@@ -9,6 +9,7 @@ from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.roads.polyline import XY, Points, distance_to
 from foresee_dsl.compile.roads.topology import Topology
+from foresee_dsl.errors import measured
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.document import Problem
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
@@ -36,7 +37,7 @@ def never_near(
             off = min(distance_to(x, y, _way(actor)) for x, y in there)
             room = math.hypot(actor.model.length_m, actor.model.width_m) / 2 + BESIDE_M[actor.control] + _size(there)
             if off > si_of(part.distance) + room:
-                message = f"{actor.id} never comes so near: its way stays {off:.0f} m away"
+                message = f"{actor.id} never comes so near: its way stays " + measured(f"{off:.0f}") + " m away"
                 yield Problem("", kind, codes.NEVER_NEAR, message, "name a place that its way passes", part=part.of)
 
 

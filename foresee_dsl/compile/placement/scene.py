@@ -33,6 +33,7 @@ from foresee_dsl.compile.roads.polyline import XY, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.compile.roads.walkways import Walk, walkways
+from foresee_dsl.errors import MessageText, measured
 from foresee_dsl.helps import HelpText, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -174,7 +175,7 @@ class SceneBuilder:
             except UnsettledError:
                 continue  # the actor that it is counted from has the mistake
             except RouteError as err:
-                self._problems.append(Problem("", item_.kind, codes.PLACE, str(err), err.help, part=item_.place))
+                self._problems.append(Problem("", item_.kind, codes.PLACE, err.message, err.help, part=item_.place))
             else:
                 found.append(SlipperyPatch(item_.name, spot.x, spot.y, si(item_.radius), si(item_.friction)))
         return found
@@ -184,7 +185,11 @@ class SceneBuilder:
         for patch in self._patches:
             away = min(self._network.distance_to_lanes(patch.x, patch.y, kind) for kind in ("car", "bicycle"))
             if away > patch.radius_m:
-                message = f"{patch.name} lies beside the road: the nearest lane is {away:.1f} m from its middle"
+                message = (
+                    f"{patch.name} lies beside the road: the nearest lane is "
+                    + measured(f"{away:.1f}")
+                    + " m from its middle"
+                )
                 help_ = "put it on a lane, such as " + write("20 m along ego.route") + ", or make it larger"
                 yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
 
@@ -197,7 +202,11 @@ class SceneBuilder:
             kinds: tuple[LaneKind, ...] = ("car", "bus", "bicycle", "pedestrian")
             away = min(self._network.distance_to_lanes(x, y, kind) for x, y in line_of(actor.path).xy for kind in kinds)
             if away > actor.model.width_m / 2:
-                message = f"the path of {actor.id} comes to no road: the nearest lane is {away:.1f} m from it"
+                message = (
+                    f"the path of {actor.id} comes to no road: the nearest lane is "
+                    + measured(f"{away:.1f}")
+                    + " m from it"
+                )
                 help_ = "lead it onto a road, such as " + write(
                     "path [20 m along ego.route offset -5 m, 20 m along ego.route]"
                 )
@@ -213,7 +222,7 @@ class SceneBuilder:
         """Where the places of conditions are, m, once the actors were placed."""
         return {place: xy for place, xy in self._names.places.items() if not isinstance(place, m.AtStop)}
 
-    def _add(self, actor: str, at: str, code: str, message: str, help: HelpText = "") -> None:
+    def _add(self, actor: str, at: str, code: str, message: MessageText, help: HelpText = "") -> None:
         self._problems.append(Problem(actor, at, code, message, help))
 
     def _try(self, actor: str, at: str, work: Callable[[], _T]) -> _T | None:
@@ -225,11 +234,11 @@ class SceneBuilder:
         except CircleError as err:
             if err.members not in self._circles:
                 self._circles.add(err.members)
-                self._add(actor, at, codes.PLACE, str(err), err.help)
+                self._add(actor, at, codes.PLACE, err.message, err.help)
             return None
         except RouteError as err:
             code = codes.PLACE if at in ("start_at", "path", "path_along", "goal") else codes.ROUTE
-            self._add(actor, at, code, str(err), err.help)
+            self._add(actor, at, code, err.message, err.help)
             return None
 
     def _place(self, name: str) -> PlacedActor | None:
@@ -366,10 +375,10 @@ class SceneBuilder:
             return start, line.end_s
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
         if abs(lateral) > checks.GOAL_OFF_M:
-            message = f"the goal is {abs(lateral):.1f} m off the ego's route"
+            message = "the goal is " + measured(f"{abs(lateral):.1f}") + " m off the ego's route"
             self._add("ego", "goal", codes.GOAL, message, "write it like " + write("goal 40 m past j4 on ego.route"))
         elif goal <= start and not self._case.snapshot:
-            message = f"the goal is {start - goal:.1f} m behind the ego's start"
+            message = "the goal is " + measured(f"{start - goal:.1f}") + " m behind the ego's start"
             self._add(
                 "ego",
                 "goal",

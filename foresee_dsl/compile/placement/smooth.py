@@ -14,6 +14,7 @@ import shapely
 
 from foresee_dsl.compile.roads.polyline import XY, Polyline, direction, distance, wrap
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.errors import measured
 
 _STRAIGHT_M = 0.05
 """Corners of a route's line nearer to the straight between their neighbours than this, m, count as rounding: nets have
@@ -71,7 +72,9 @@ def _moved(part: shapely.LineString, left_m: float) -> Sequence[XY]:
     # Inside a bend that is narrower than the offset the parallel runs backwards: that loop is cut out.
     cut = shapely.offset_curve(part, left_m, join_style="mitre", mitre_limit=2.0).simplify(_STRAIGHT_M)
     if cut.is_empty or cut.geom_type != "LineString":
-        message = f"{abs(left_m):g} m beside this part of the route no line is left: its bends are narrower"
+        message = (
+            measured(f"{abs(left_m):g}") + " m beside this part of the route no line is left: its bends are narrower"
+        )
         raise RouteError(message, "take a smaller offset")
     return [(float(x), float(y)) for x, y in cut.coords]
 

@@ -20,6 +20,7 @@ from foresee_dsl.compile.roads.polyline import XY, distance, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, check_junction
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
+from foresee_dsl.errors import measured
 from foresee_dsl.helps import one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -286,7 +287,7 @@ class Starts:
                 + write(f"start at 10 m along {edges[0]}")
                 + ", for example"
             )
-            raise RouteError(f"{name} starts {match:.1f} m off its route", help)
+            raise RouteError(f"{name} starts " + measured(f"{match:.1f}") + " m off its route", help)
         k, lane, pos = match
         if ego and k and actor.state is not None:
             # a clip's ego follows its parent's line; it is a whole lane off where the parent began on another lane than
@@ -390,7 +391,7 @@ def _check_on(line: RouteLine, s: float, actor: str) -> None:
         beyond = s - line.end_s if s > line.end_s else line.origin_s - s
         side = "after the end" if s > line.end_s else "before the beginning"
         raise RouteError(
-            f"the place is {beyond:.1f} m {side} of the route of {actor}",
+            "the place is " + measured(f"{beyond:.1f}") + f" m {side} of the route of {actor}",
             f"the route is {line.end_s - line.origin_s:.1f} m long",
         )
 

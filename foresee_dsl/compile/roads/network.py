@@ -15,6 +15,7 @@ from foresee_dsl.compile.roads import routing
 from foresee_dsl.compile.roads.polyline import XY, Points, crosses, distance, distance_to, inside, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine, build_line
 from foresee_dsl.compile.roads.topology import Lane, LaneKind, Roundabout, Topology
+from foresee_dsl.errors import measured
 from foresee_dsl.helps import write
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import Building, BusStop, Network
@@ -192,7 +193,13 @@ class RoadNetwork(Topology):
         gaps = [distance(one.xy[-1], other.xy[0]) for one, other in pairwise(pieces)]
         length_m = sum(piece.length_m for piece in pieces) + sum(gaps)
         if abs(at_m) > length_m + 1e-6:
-            message = f"{edge} is only {length_m:.1f} m long, there is no {at_m:g} m along it"
+            message = (
+                f"{edge} is only "
+                + measured(f"{length_m:.1f}")
+                + " m long, there is no "
+                + measured(f"{at_m:g}")
+                + " m along it"
+            )
             raise routing.RouteError(message, "use at most " + write(f"{math.floor(length_m)} m"))
         left_m = at_m if at_m >= 0 else length_m + at_m
         for lane, gap in zip(lanes, (*gaps, 0.0), strict=True):

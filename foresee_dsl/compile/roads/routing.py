@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind, Movement, Topology
+from foresee_dsl.errors import Message, MessageText
 from foresee_dsl.helps import HelpText, instead, one_of
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import EdgeRoute, Leg, Route, Turn
@@ -26,8 +27,9 @@ _ONWARD_LETTERS = "slrLRtT"
 class RouteError(ValueError):
     """A route (or a name in it) does not fit the network; `help` says what would."""
 
-    def __init__(self, message: str, help: HelpText = "") -> None:
-        super().__init__(message)
+    def __init__(self, message: MessageText, help: HelpText = "") -> None:
+        super().__init__(Message.of(message).text)
+        self.message = message
         self.help = help
 
 

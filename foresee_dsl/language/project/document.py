@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.errors import Diagnostic, Message, MessageText, Span
 from foresee_dsl.helps import HelpText
 from foresee_dsl.language import model as m
 
@@ -57,7 +57,9 @@ class Document:
         """Return where an item (or one of its fields) stands, falling back to the whole item."""
         return self.spans.get((id(item), name)) or self.spans.get((id(item), ""))
 
-    def diagnostic(self, item: m.Item | None, name: str, code: str, message: str, help: HelpText = "") -> Diagnostic:
+    def diagnostic(
+        self, item: m.Item | None, name: str, code: str, message: MessageText, help: HelpText = ""
+    ) -> Diagnostic:
         """Make an error about an item of this file (None: about the file).
 
         About an item that a scenario has from the one that it extends: at `extends`, and with the other's line.
@@ -65,7 +67,7 @@ class Document:
         if item is not None and self.base is not None and (holder := self._holder(item)) is not self:
             place = holder.span(item, name)
             line = f", line {place.line}" if place is not None else ""
-            message = f"{message} (in '{holder.path}'{line})"
+            message = message + f" (in '{holder.path}'{line})"
             item, name = self.written, "parent"
         span = self.span(item, name) if item is not None else None
         lines = self.text.split("\n")
@@ -129,17 +131,22 @@ class Problem:
     actor: str
     item: str
     code: str
-    message: str
+    message: MessageText
     help: HelpText = ""
     about: str = ""
     part: m.Item | None = None
     field: tuple[str, str] = ("", "")
     """The kind of the item and its field; "" for any."""
 
+    @property
+    def text(self) -> str:
+        """The message as people read it."""
+        return Message.of(self.message).text
+
 
 class PlacementError(Exception):
     """Raised inside the compiler with all `Problem`s found; `compile_test_case` turns it into an `InputError`."""
 
     def __init__(self, problems: tuple[Problem, ...]) -> None:
-        super().__init__("; ".join(p.message for p in problems))
+        super().__init__("; ".join(p.text for p in problems))
         self.problems = problems

@@ -153,7 +153,7 @@ def _patches(sketch: Sketch, texts: TextPlaces) -> Iterator[Patch]:
 def _bodies(case: TestCase, sketch: Sketch, texts: TextPlaces, project: Project) -> tuple[Body, ...]:
     wrong: dict[str, str] = {}
     for problem in sketch.problems:
-        wrong.setdefault(problem.actor, problem.message)
+        wrong.setdefault(problem.actor, problem.text)
     background = _background(case, project)
     named = {actor.name for actor in case.scenario.actors if actor.name not in background}
     before = _before(case, project)
@@ -246,7 +246,7 @@ def _mistakes(sketch: Sketch, bodies: tuple[Body, ...]) -> Iterator[Mistake]:
         if place is None and (junction := sketch.network.junctions.get(problem.about)) is not None:
             place = junction.x, junction.y
         help_ = (": " + Help.of(problem.help)).text if problem.help else ""
-        yield Mistake(f"{problem.message}{help_}", text, place)
+        yield Mistake(f"{problem.text}{help_}", text, place)
 
 
 # ---- ways -----------------------------------------------------------------------------------------------------------
