@@ -18,6 +18,7 @@ from foresee_dsl.derive.avoidable import avoidable
 from foresee_dsl.derive.local_search import Plan, near_changes
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
 from foresee_dsl.derive.presets import Preset
+from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change, Clip, Ego, Mutant, Origin, Quantity, Recorded, Weather
 from foresee_dsl.language.project.document import TestCase
@@ -81,6 +82,9 @@ class Mutator:
         """Find out which operators can act on which actors (in `situation`); that does not depend on the seed.
 
         `plans`: what another mutator of the same clip found out (its `plans`), which saves the time.
+
+        Raises:
+            ForeseeError: the clip's `risk` line names an operator that is not installed.
         """
         self._clip, self._preset, self._pin = clip, presets.preset(preset), pin_of(case)
         self._pinned = int(self._pin.partition(":")[2], 16)
@@ -96,6 +100,9 @@ class Mutator:
             onset_s=_handover_s(clip) if clip.risk and clip.risk.operator else None,
         )
         self._proposed = (clip.risk.operator or "") if clip.risk else ""
+        if self._proposed and self._proposed not in operators():
+            names = ", ".join(sorted(operators()))
+            raise ForeseeError(f"clip {clip.name}: its `risk` line says `by {self._proposed}`, write one of: {names}")
         known = operators() if plans else {}
         given = [tuple((known[name], target) for name, target in plan) for plan in plans]
         self._plans = given or _proposed_first(_plans(self.situation, self._preset, self._proposed), self._proposed)

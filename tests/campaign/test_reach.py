@@ -18,6 +18,7 @@ from foresee_dsl.derive.operators.situation import Numeric
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.derive.reach.ranker import ReachRanker
 from foresee_dsl.derive.reach.settings import ReachSettings
+from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.protocol import Mutations
 from foresee_dsl.language.model import Clip, Quantity, Window
 from foresee_dsl.language.parser import parse
@@ -103,6 +104,16 @@ def test_clips_begin_with_the_change_or_a_handover_before_it(cases: tuple[TestCa
         (steer,) = [change for change in child.changes if change.property == "steer"]
         onset_s = steer.start.si if isinstance(steer.start, Quantity) else 0.0
         assert window.start.si + onset_s == pytest.approx(begins_s)
+
+
+def test_an_operator_that_there_is_not_is_a_mistake(cases: tuple[TestCase, ...]) -> None:
+    case = cases[0]
+    trace = driven(case)
+    point = replace(ReachRanker().rank(trace)[0], operator="teleport")
+    made = clip(case, trace, point, before_s=5.0, after_s=5.0, name="one", parent="crosser.foresee")
+    own = expand_clip(made, case, source=Path("one.foresee"))
+    with pytest.raises(ForeseeError, match=r"clip one: its `risk` line says `by teleport`, write one of: .*steer"):
+        Mutator(own, made, trace, preset="paper")
 
 
 @pytest.mark.parametrize("preset", ["paper", "focused"])
