@@ -81,6 +81,43 @@ def test_a_zebra_crossing_with_an_island_is_two(town):
     assert all(any(junction.yields(m.index, c.index) for c in crossings) for m in movements)
 
 
+ZEBRA = """foresee 1
+
+scenario gives_way {
+  network {
+    junction a at (0 m, 0 m)
+    junction b at (200 m, 0 m)
+    road west from a to b { sidewalk 2 m }
+    zebra school on west at 80 m
+  }
+  ego: car.sedan {
+    route [west]
+    start at 40 m along west
+    start speed 40 km/h
+  }
+  pedestrian kid: pedestrian.child {
+    path [77 m along west offset -2.7 m, PLACE]
+  }
+  expect by_outline: never kid within 1 m of school and ego in junction school
+  expect by_place: never kid within 4.3 m of 80 m along west offset 1.65 m and ego in junction school
+  end after 6 s
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("place", "held"),
+    [
+        ("100 m along west offset -2.7 m", {"by_outline": False, "by_place": True}),  # past it, on the sidewalk
+        ("80 m along west offset 3 m", {"by_outline": False, "by_place": False}),  # over it, before the ego
+    ],
+)
+def test_who_walks_past_a_zebra_crossing_is_told_from_who_is_on_it_by_a_place(tmp_path, place, held):
+    (file := tmp_path / "zebra.foresee").write_text(ZEBRA.replace("PLACE", place))
+    result = run(compile_test_case(load_test_case(str(file))), load_driver("idm"), seed=0)
+    assert {e.name: e.held for e in result.expectations} == held
+
+
 def test_a_bump_is_a_short_piece_with_a_low_limit(town):
     line = next(actor for actor in town.scene.actors if actor.id == "ego").line
     start, end = (line.passage(name).entry_s for name in ("hump", "hump_end"))

@@ -360,14 +360,14 @@ class NameChecks:
             return
         stop = self._network.bus_stops.get(where.stop)
         try:
-            found = self._network.stop(where.stop)
+            place = self._network.stop(where.stop)
         except RouteError as err:
             code = codes.UNKNOWN if stop is None else codes.PLACE
             yield Problem("", kind, code, str(err), err.help, where.stop)
             return
         if stop is None:
             return
-        if found.bay and (why := self._not_for(action.actor, actor)):
+        if place.bay and (why := self._not_for(action.actor, actor)):
             message = f"{action.actor} cannot stop in the bay of {stop.name}: {why}"
             help = "name the place beside it: " + write(f"{action.actor} stops at {_beside(stop)}")
             yield Problem("", kind, codes.PLACE, message, help, stop.name)
@@ -402,8 +402,8 @@ class NameChecks:
             return
         line = actor.line if actor.line is not None else line_of(actor.path) if len(actor.path) else None
         spots = [(spot.x, spot.y)]
-        if stop is not None and (found := self._network.stop(stop.name)).bay:  # the line may begin in the bay
-            spots.append(found.lane.line.at(found.pos_m)[:2])
+        if stop is not None and (bay := self._network.stop(stop.name)).bay:  # the line may begin in the bay
+            spots.append(bay.lane.line.at(bay.pos_m)[:2])
         off_m = 0.0 if line is None else min(abs(line.project(x, y)[1]) for x, y in spots)
         if off_m > GOAL_OFF_M:
             what = "that place" if stop is None else f"the stop {stop.name}"

@@ -229,11 +229,11 @@ class RoadNetwork(Topology):
     @cached_property
     def stops(self) -> Mapping[str, StopPlace]:
         """The bus stops that lie on their roads, by name."""
-        found = {}
+        on_their_roads = {}
         for name in self.bus_stops:
             with suppress(routing.RouteError):  # an actor that stops there is told so
-                found[name] = self.stop(name)
-        return found
+                on_their_roads[name] = self.stop(name)
+        return on_their_roads
 
     @cached_property
     def bays(self) -> frozenset[str]:

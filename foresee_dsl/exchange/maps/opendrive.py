@@ -197,4 +197,4 @@ def opendrive_of(network: Network | Path, net_file: Path) -> bytes:
         except CompileError as err:
             raise ExchangeError(f"the network cannot be written as OpenDRIVE: {err}") from err
         written = _DATE.sub(rb"\1", without_header((folder / "map.xodr").read_bytes()), count=1)
-        return _LANE_TYPE.sub(lambda found: found[1] + _LANE_TYPES[found[2]], written)
+        return _LANE_TYPE.sub(lambda lane: lane[1] + _LANE_TYPES[lane[2]], written)
