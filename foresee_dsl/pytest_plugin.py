@@ -90,10 +90,10 @@ class ForeseeItem(pytest.Item):
 
     def runtest(self) -> None:
         """Drive; what does not end as it should fails the test."""
-        from foresee_dsl.report.builds.pytest_runs import Wanted, drive
+        from foresee_dsl.report.builds.pytest_runs import DriveOptions, drive
 
         driver = _option(self.config, "driver")
-        wanted = Wanted(
+        options = DriveOptions(
             driver="" if driver == RECORDED else driver,
             seed=int(self.config.getoption("--foresee-seed")),
             traces=_traces(self),
@@ -101,7 +101,7 @@ class ForeseeItem(pytest.Item):
             allow_outside=bool(self.config.getoption("--foresee-allow-outside")),
             run_programs=bool(self.config.getoption("--foresee-run-programs")),
         )
-        result, sections = drive(self.test, wanted)
+        result, sections = drive(self.test, options)
         self.user_properties += [("verdict", result.rule), *(("trace", file) for file in result.attachments)]
         for title, text in sections:
             self.add_report_section("call", title, text)

@@ -1,1 +1,1 @@
-"""What people read: the terminal report."""
+"""What people read: reports for terminals, browsers and build servers, pictures and playbacks."""

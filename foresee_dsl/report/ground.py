@@ -1,4 +1,4 @@
-"""The drawing of the road that every picture shares: what lies on the ground, as layers of shapes in metres."""
+"""The ground of a road network as layers of shapes, m: the drawing that all pictures share."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ Bounds = tuple[float, float, float, float]
 """Left, bottom, right and top, m."""
 
 Near = Callable[[Sequence[tuple[float, float]], float], bool]
-"""Says of a shape's points, and how wide it reaches beside them (m), whether it is in the picture."""
+"""Takes the points of a shape and its width beside them, m; returns whether the shape touches the picture."""
 
 _CLOSE_GAPS_M = 0.3
-"""As `RoadNetwork.drivable` closes them."""
+"""Gaps between areas up to twice this are closed, m; the same as in `RoadNetwork.drivable`."""
 ZEBRA_M = 0.6
 """Width of a crossing's bars and of the gaps between them. Ours: German ones have 0.5 m, which small pictures lose."""
 
 
 class Layer(StrEnum):
-    """What lies on the ground, in the order in which it is drawn."""
+    """Kinds of areas and lines on the ground, in the order in which they are drawn."""
 
     FOOTWAY = "footway"
     ROAD = "road"
@@ -56,16 +56,15 @@ _FAST_MPS = 80 / 3.6 - 0.01
 """A road whose speed limit is at least this, m/s, has solid lines at its edges. Ours, after Germany's roads outside of
 towns, which have them (guideline RMS) and 100 km/h, or 80 where the road is narrow."""
 _SAME_LINE_M = 1.0
-"""The left sides of both directions of a road that are nearer to each other are its middle line (ours: a median is
-wider)."""
+"""Two directions of a road whose left sides are nearer to each other than this share a middle line, m. Ours: a median
+is wider."""
 _INSIDE_M = 0.25
-"""Distance of an edge line from the side of its lane, m. Ours: where the road ends there, the line stands out from the
-verge."""
+"""Distance of an edge line from the side of its lane, m. Ours: the line can be told from the verge beside it."""
 Ground = Mapping[Layer, "BaseGeometry"]
 
 
 def within(bounds: Bounds) -> Near:
-    """Return what says whether the box around points (and some width) touches bounds."""
+    """Return a test of whether the bounding box of points, widened by a width, touches `bounds`."""
     left, bottom, right, top = bounds
 
     def near(points: Sequence[tuple[float, float]], wide_m: float) -> bool:
@@ -87,7 +86,7 @@ def with_patches(ground: Ground, patches: Sequence[SlipperyPatch]) -> Ground:
 
 
 def ground_of(network: RoadNetwork, near: Near) -> Ground:
-    """Return what lies on the ground of a network where it is near (and somewhat beyond)."""
+    """Return the ground of the parts of a network that are near; shapes are not clipped, so they may reach beyond."""
     lanes = [lane for lane in network.lanes.values() if near(lane.shape, lane.width_m)]
     crossing_ids = {crossing.lane.id for crossing in network.crossings.values()}
     areas = [area.polygon for area in network.walking_areas.values() if near(area.polygon, 0.0)]
@@ -119,7 +118,7 @@ def ground_of(network: RoadNetwork, near: Near) -> Ground:
 
 
 def zebra(crossing: BaseGeometry) -> BaseGeometry:
-    """Return the bars of crossings: across the way of those who walk, so along that of vehicles."""
+    """Return the bars of crossings, which are parallel to the vehicles' direction."""
     bars = []
     for part in shapely.get_parts(crossing):
         box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
@@ -162,7 +161,7 @@ def _flat(shape: BaseGeometry) -> Iterator[BaseGeometry]:
 
 
 def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], near: Near) -> BaseGeometry:
-    """Return where vehicles may be; as `RoadNetwork.drivable`, of a part of the map."""
+    """Return the area where vehicles may be, as in `RoadNetwork.drivable`, for the near part of the map."""
     junctions = shapely.union_all([_polygon(j.polygon) for j in network.junctions.values() if near(j.polygon, 0.0)])
     bands = [_band(lane) for lane in lanes if "car" in lane.kinds or lane.parking or lane.strip]
     road = shapely.union_all([shapely.difference(junctions, shapely.union_all(list(map(_polygon, areas)))), *bands])
@@ -170,16 +169,16 @@ def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], 
 
 
 def _between(lanes: Iterable[Lane], divided: frozenset[str]) -> Iterable[FloatArray]:
-    """Yield the left sides of lanes: lines between two lanes, and middle lines of roads; `divided`: not of these."""
+    """Yield the left sides of lanes: lines between two lanes, and middle lines of roads; not of the lanes `divided`."""
     for lane in lanes:
         if lane.id not in divided and len(side := _side(lane, -1)) > 1:
             yield side
 
 
 def _side(lane: Lane, sign: int, inside_m: float = 0.0) -> FloatArray:
-    """Return a lane's left (-1) or right (1) side, or a line `inside_m` inside of it.
+    """Return the left (`sign` -1) or right (1) side of a lane, moved `inside_m` towards the lane's middle.
 
-    A lane without a length has fewer than two points.
+    The side of a lane of length zero has fewer than two points.
     """
     apart = [lane.shape[0], *(b for a, b in pairwise(lane.shape) if a != b)]
     moved_m = sign * (lane.width_m / 2 - inside_m)
@@ -187,8 +186,8 @@ def _side(lane: Lane, sign: int, inside_m: float = 0.0) -> FloatArray:
 
 
 def _edge_lines(network: RoadNetwork, streets: Sequence[Lane]) -> tuple[frozenset[str], list[FloatArray]]:
-    """Return the lanes whose left side is the edge of a divided road, and the solid lines at the edges of fast roads
-    and of roads with a shoulder."""
+    """Return the ids of the lanes whose left side is the edge of a divided road, and the solid lines at the edges of
+    fast roads and of roads with a shoulder."""
     by_edge: dict[str, list[Lane]] = {}
     for lane in streets:
         by_edge.setdefault(lane.edge, []).append(lane)
@@ -213,7 +212,7 @@ def _has_shoulder(network: RoadNetwork, edge: str) -> bool:
 
 
 def stop_line(lane: Lane) -> FloatArray:
-    """Return the line across a lane's end."""
+    """Return the line across a lane at its end."""
     x, y, heading = lane.line.at(lane.line.length_m)
     aside_x, aside_y = -math.sin(heading) * lane.width_m / 2, math.cos(heading) * lane.width_m / 2
     return np.array(((x + aside_x, y + aside_y), (x - aside_x, y - aside_y)))

@@ -1,4 +1,4 @@
-"""A picture as a PNG: its SVG, drawn by resvg (the extra `pictures`)."""
+"""Converts SVG pictures to PNG with resvg (the extra `pictures`)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from foresee_dsl.errors import ForeseeError
 
 MISSING = "PNG pictures need the package resvg-py: pip install 'foresee-dsl[pictures]'"
 _FONTS = ("/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts")
-"""Where Linux has fonts, as resvg looks for them (0.5.0)."""
+"""Folders in which resvg looks for fonts on Linux (resvg-py 0.5.0)."""
 
 
 def png_of_svg(svg: str, *, zoom: float = 2.0) -> bytes:
-    """Return an SVG document as a PNG, `zoom` times as large.
+    """Return an SVG document as a PNG, enlarged by the factor `zoom`.
 
     Raises:
         ForeseeError: resvg-py is not installed, or there is no font for the names in the picture.
@@ -29,10 +29,10 @@ def png_of_svg(svg: str, *, zoom: float = 2.0) -> bytes:
 
 @cache
 def _own_fonts() -> tuple[str, ...]:
-    """Return font files where the system has none: matplotlib brings some along.
+    """Return font files of matplotlib if the system has no fonts, otherwise none.
 
     Raises:
-        ForeseeError: there are none at all; resvg would leave out every text without a word.
+        ForeseeError: matplotlib is not installed either; resvg would leave out every text without an error.
     """
     folders = [Path(folder).expanduser() for folder in _FONTS]
     if not sys.platform.startswith("linux") or any(next(f.rglob("*.[to]tf"), None) for f in folders if f.is_dir()):

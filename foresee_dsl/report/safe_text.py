@@ -1,23 +1,24 @@
-"""Text that comes from files, drivers and traces, made safe to print: a terminal does nothing but show it."""
+"""Makes text from files, drivers and traces safe to print: it cannot control the terminal or hide other text."""
 
 from __future__ import annotations
 
 import unicodedata
 
 LONGEST = 400
-"""Characters of one text that are shown. Ours: five lines of 80 columns; paths are shown whole by asking for more."""
+"""Default maximum length of a printed text, characters. Ours: five lines of 80 columns; callers pass more for paths."""
 _MARKS = 2
-"""Combining marks in a row that are kept. Ours: written languages need two, more make towers over the lines above."""
+"""Maximum number of combining marks in a row. Ours: written languages need two; more would cover the lines above."""
 _BLANKS = "\t\n\r\x0b\x0c\x85\u2028\u2029"
 
 
 def safe(text: object, longest: int = LONGEST) -> str:
-    """Return a text on one line that holds no control codes and no signs that turn, hide or stack other signs.
+    """Return a text on one line, without control codes and without characters that turn, hide or stack others.
 
-    A control code (ANSI's escape, a bell), a sign that changes the direction of writing and one without a width become
-    what Python writes for it (`\\x1b`, `\\u202e`); line breaks become spaces; what is longer than `longest` is cut.
+    Control codes (ANSI's escape, a bell), characters that change the direction of writing and characters without a
+    width are written as Python escapes (`\\x1b`, `\\u202e`); line breaks become spaces; text beyond `longest`
+    characters is cut.
     """
-    shown: list[str] = []
+    parts: list[str] = []
     marks = 0
     whole = str(text)
     for sign in whole[:longest]:
@@ -26,17 +27,17 @@ def safe(text: object, longest: int = LONGEST) -> str:
         if marks > _MARKS:
             continue
         if sign in _BLANKS:
-            shown.append(" ")
+            parts.append(" ")
         elif kind.startswith("C"):
-            shown.append(sign.encode("unicode_escape").decode("ascii"))
+            parts.append(sign.encode("unicode_escape").decode("ascii"))
         else:
-            shown.append(sign)
+            parts.append(sign)
     if len(whole) > longest:
-        shown.append("…")
-    return "".join(shown)
+        parts.append("…")
+    return "".join(parts)
 
 
 def shortened(text: object, width: int) -> str:
-    """Return a safe text of at most `width` characters, `…` in the place of what is left out at its end."""
-    shown = safe(text)
-    return shown if len(shown) <= width else f"{shown[: max(width - 1, 0)]}…"
+    """Return a safe text of at most `width` characters; if its end is cut, it ends with `…`."""
+    plain = safe(text)
+    return plain if len(plain) <= width else f"{plain[: max(width - 1, 0)]}…"

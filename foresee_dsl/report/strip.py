@@ -1,4 +1,4 @@
-"""The strip of a run: a few moments from above, side by side, as panels and as an SVG picture."""
+"""The strip of a run: its most important moments seen from above, side by side, as panels and as an SVG picture."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ if TYPE_CHECKING:
     from foresee_dsl.story.story import Story
 
 SIDE_PX = 220
-"""Side of a panel in a picture. Ours: six of them, or three on a phone's page, fit a screen."""
+"""Side of a panel in a picture, px. Ours: six panels, or three on a phone's page, fit a screen."""
 _GAP_PX, _MARGIN_PX, _CAPTION_PX, _TITLE_PX, _LEGEND_PX = 14, 12, 38, 22, 30
 _LETTER_PX = 7.0
-"""Room for a letter of the legend (12 px system-ui has 6.6 in the mean)."""
+"""Width reserved for a letter of the legend, px (12 px system-ui has 6.6 on average)."""
 _CAPTION_LETTERS = 32
-"""What fits over a panel of `SIDE_PX`."""
+"""Maximum length of a caption, characters: what fits above a panel of `SIDE_PX`."""
 
 
 def opponent_of(trace: Trace, story: Story | None = None) -> str:
-    """Return whom a run is about: the story's opponent, else who was hit, else who came nearest; "" for nobody."""
+    """Return the id of the actor that a run is about: the story's opponent, else the actor that was touched, else, in a
+    run that passed, the actor that came nearest; "" if there is none."""
     if story is not None and story.opponent:
         return story.opponent
     hit = next((str(e.detail["with"]) for e in reversed(trace.events) if e.what == "collision"), "")
@@ -57,23 +58,23 @@ def make_strip(
     """Return the panels of a run's most important moments.
 
     Args:
-        trace: the run. case: what was run. story: of it, for its opponent. title: over the strip.
-        up: what is up in all panels: the ego's heading at the end, or north. most: panels at most.
+        trace: the run. case: its test case. story: the run's story, for its opponent. title: text above the strip.
+        up: direction that is up in all panels: the ego's heading at the end, or north. most: maximum number of panels.
         ghost: the parent's run, whose ego and opponent are drawn as outlines.
-        like: another run's strip: the same moments, windows and opponent are taken.
+        like: the strip of another run, whose moments, windows and opponent are used.
     """
     bundle = compile_test_case(case)
     opponent = like.opponent if like is not None else opponent_of(trace, story)
     if opponent not in {info.id for info in trace.actors}:
         opponent = ""
-    found = measure(trace, bundle, opponent)
+    measures = measure(trace, bundle, opponent)
     if like is not None:
-        moments = tuple(replace(moment, text="") for moment in like.moments)  # what happened was in the other run
+        moments = tuple(replace(moment, text="") for moment in like.moments)  # their texts describe the other run
         windows = tuple(panel.window for panel in like.panels)
     else:
-        moments = snapshots(trace, found, opponent, most=most)
+        moments = snapshots(trace, measures, opponent, most=most)
         windows = windows_around(trace, bundle, opponent, moments, up)
-    panels = strip_panels(trace, bundle, found, opponent, moments, windows=windows, ghost=ghost)
+    panels = strip_panels(trace, bundle, measures, opponent, moments, windows=windows, ghost=ghost)
     kind = trace.actors[trace.index(opponent)].kind if opponent else ""
     return Strip(title, opponent, kind, panels)
 
@@ -81,18 +82,18 @@ def make_strip(
 def strip_svg(
     trace: Trace, case: TestCase, story: Story | None = None, *, ghost: Trace | None = None, per_row: int = 3
 ) -> str:
-    """Return the strip of a run as an SVG document that stands on its own and can be put into HTML as it is.
+    """Return the strip of a run as a complete SVG document, which can also be inserted into HTML.
 
     Args:
-        trace: the run. case: what was run. story: of it; its sentence is the picture's text for those who cannot see.
-        ghost: the parent's run, drawn as outlines. per_row: panels side by side.
+        trace: the run. case: its test case. story: the run's story; its sentence is the picture's alternative text.
+        ghost: the parent's run, drawn as outlines. per_row: number of panels side by side.
     """
     strip = make_strip(trace, case, story, ghost=ghost)
     return svg_of([strip], story.sentence if story is not None else case.id, per_row=per_row)
 
 
 def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:
-    """Return strips, one below the other, as one SVG document; `label` is its text."""
+    """Return strips, one below the other, as one SVG document with the alternative text `label`."""
     rows: list[dict[str, Any]] = []
     y = float(_MARGIN_PX)
     for strip in strips:
@@ -123,24 +124,24 @@ def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:
 
 
 def balanced(count: int, most: int) -> int:
-    """Return how many panels of `count` go in a row of at most `most`: rows of equal length."""
+    """Return the number of panels per row, at most `most`, for which the rows of `count` panels are equally long."""
     return math.ceil(count / math.ceil(count / most)) if count else 1
 
 
 def caption_of(panel: Panel) -> tuple[str, str]:
-    """Return what is written over a panel: time and what happens; the ego's speed and the gap."""
+    """Return the two lines above a panel: time and event; the ego's speed and the gap to the opponent."""
     snapshot = panel.snapshot
     gap = f" gap {panel.gap_m:.1f} m" if math.isfinite(panel.gap_m) else ""
     return f"{snapshot.time_s:.2f} s {snapshot.text}".rstrip(), f"{panel.ego_mps * 3.6:.0f} km/h{gap}"
 
 
 def scale_bar(side_m: float) -> int:
-    """Return the length of the scale's bar in a window, m: a round number, a quarter of the side at most."""
+    """Return the length of the scale bar in a window, m: a round number, at most a third of the side (or 2 m)."""
     return max((bar for bar in (2, 5, 10, 20) if bar <= side_m / 3), default=2)
 
 
 def legend_of(strips: Sequence[Strip]) -> list[tuple[Role, str]]:
-    """Return the roles that occur in strips with what they are called; the ego and the opponent first."""
+    """Return the roles that occur in strips with their names; the ego and the opponent come first."""
     roles = {role for strip in strips for role in strip.roles}
     named = next((strip for strip in strips if strip.opponent), None)
     names = NAMES | ({Role.OPPONENT: f"{named.opponent} ({named.opponent_kind})"} if named is not None else {})
@@ -163,24 +164,24 @@ def _cell(panel: Panel, x: float, y: float) -> dict[str, Any]:
         "north_deg": number(90.0 - math.degrees(panel.north_rad), 1),
         "bar_m": bar,
         "bar_px": number(bar / panel.side_m * SIDE_PX),
-        "shapes": [_shape(one) for one in drawing(panel)],
+        "shapes": [_shape(shape) for shape in drawing(panel)],
     }
 
 
-def _shape(one: Drawn) -> dict[str, Any]:
+def _shape(drawn: Drawn) -> dict[str, Any]:
     return {
-        "name": one.name.value,
-        "path": "".join(_path(ring, closed=one.closed) for ring in one.rings),
-        "fill": (one.style.fill if one.closed else "") or "none",
-        "line": one.style.line or "none",
-        "width_m": one.style.width_m,
-        "dashed": one.style.dashed,
-        "title": shortened(one.title, 60),
+        "name": drawn.name.value,
+        "path": "".join(_path(ring, closed=drawn.closed) for ring in drawn.rings),
+        "fill": (drawn.style.fill if drawn.closed else "") or "none",
+        "line": drawn.style.line or "none",
+        "width_m": drawn.style.width_m,
+        "dashed": drawn.style.dashed,
+        "title": shortened(drawn.title, 60),
     }
 
 
 def _path(points: FloatArray, *, closed: bool) -> str:
-    """Return points as SVG writes a path; y grows downwards there."""
+    """Return points as an SVG path; in SVG, y grows downwards."""
     places = " ".join(f"{number(x, 2)} {number(-y, 2)}" for x, y in points.tolist())
     return f"M{places}{'Z' if closed else ''}"
 

@@ -14,21 +14,22 @@ from foresee_dsl.simulate.results.unfired import Unfired
 _MARK = "  never   "
 
 
-def unfired_lines(found: Iterable[Unfired], width: int) -> Iterator[Text]:
-    """Yield which triggers and steps never came, and how near they came, broken at a width (0: not at all)."""
-    for one in found:
-        alone = len(one.nearest) == 1 and one.nearest[0].text == one.text
-        label = f"{one.name}: " if one.name else ""
-        head = f"{'then when' if one.where else 'when'} {label}`{one.text}`"
-        yield from _broken(f"{head}; {one.nearest[0].words}" if alone else head, _MARK, width)
-        if one.together:
+def unfired_lines(triggers: Iterable[Unfired], width: int) -> Iterator[Text]:
+    """Yield the triggers and steps that never fired and how near they came, in lines of at most `width` columns (0: one
+    line each)."""
+    for trigger in triggers:
+        alone = len(trigger.nearest) == 1 and trigger.nearest[0].text == trigger.text
+        label = f"{trigger.name}: " if trigger.name else ""
+        head = f"{'then when' if trigger.where else 'when'} {label}`{trigger.text}`"
+        yield from _broken(f"{head}; {trigger.nearest[0].words}" if alone else head, _MARK, width)
+        if trigger.together:
             yield Text("            each part held at some time, but never all; when most did:", style="dim")
-        for part in () if alone else one.nearest:
+        for part in () if alone else trigger.nearest:
             yield from _broken(f"`{part.text}`: {part.words}", " " * 12, width)
 
 
 def _broken(text: str, begins: str, width: int) -> Iterator[Text]:
-    """Yield a sentence behind its beginning; what is broken off stands two columns further in."""
+    """Yield a sentence after `begins`, in lines; the second and later lines are indented by two columns more."""
     whole = safe(text, WHOLE)
     room = max(width - len(begins) - 2, 20)
     first, *rest = textwrap.wrap(whole, room, break_on_hyphens=False) if width and whole else [whole]

@@ -1,4 +1,4 @@
-"""How many runs failed and how, in a line: what every report of runs begins with."""
+"""How many runs failed and how, in a line: the headline of every report of runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from foresee_dsl.report.safe_text import safe
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, Verdict
 
 WHOLE = 100_000
-"""Characters of a line that is shown whole: a path, a line that a driver printed."""
+"""Maximum length of a text that must not be cut, such as a path or a line that a driver printed, characters."""
 
 
 def counted(number: int, noun: str, many: str = "") -> str:
@@ -20,16 +20,16 @@ def counted(number: int, noun: str, many: str = "") -> str:
 
 
 def ending(verdict: Verdict, broken: Sequence[str] = ()) -> Text:
-    """Return how a run ended, in one word: its verdict, or `expectation` where it only breaks expectations."""
+    """Return how a run ended, in one word: its verdict, or `expectation` if it passed but broke expectations."""
     if verdict is Verdict.PASS and broken:
         return Text(EXPECTATION, style="bold red")
     return Text(verdict.value, style=verdict.style)
 
 
 def changed_lines(notes: Iterable[DriverNotes | None]) -> list[str]:
-    """Return a line for each thing that the driver changed of its process in runs with these notes."""
-    listed = [one for one in notes if one is not None]
-    counts = Counter(phrase for one in listed for phrase in one.changed)
+    """Return a line for each change that the driver made to its process, such as its working folder, in these runs."""
+    listed = [note for note in notes if note is not None]
+    counts = Counter(phrase for note in listed for phrase in note.changed)
     often = (f" in {counted(count, 'run')}" if len(listed) > 1 else "" for count in counts.values())
     return [
         f"the driver {safe(phrase, WHOLE)}{runs}; that was undone, and what came next ran in a fresh process"
@@ -40,9 +40,11 @@ def changed_lines(notes: Iterable[DriverNotes | None]) -> list[str]:
 def verdicts_line(
     verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str = "test case", *, breaking: int = 0
 ) -> Text:
-    """Return the headline of runs: how many failed, by kind; where all of these broke the driver, how.
+    """Return the headline of runs: how many failed, by kind; if the driver crashed or hung in all of them, the reason.
 
-    `breaking`: how many of those with the verdict `pass` break an expectation.
+    Args:
+        verdicts: of all runs. reasons: of the failed runs. noun: what a run is called.
+        breaking: number of runs with the verdict `pass` that break an expectation.
     """
     counts: Counter[Verdict] = Counter(verdict for verdict in verdicts if verdict is not Verdict.PASS)
     total = len(verdicts)
@@ -61,17 +63,17 @@ def verdicts_line(
 
 
 def short_crash(reason: str) -> str:
-    """Return a crash's reason without the words that a headline about crashes has already."""
+    """Return the reason of a crash or hang without the beginning that the headline already states."""
     for begins in ("timeout: ", "the driver raised ", "the driver broke: ", "the driver hangs: "):
         reason = reason.removeprefix(begins)
     return reason
 
 
 def is_hang(reason: str) -> bool:
-    """Whether a run ended because of wall time; it does not for one that did not arrive in simulated time."""
+    """Return whether a run was stopped because it took too much wall time, not because its simulated time ended."""
     return reason.startswith(("timeout: the driver ", "timeout: the run "))
 
 
 def without_verdict(verdict: Verdict, reason: str) -> str:
-    """Return a reason that stands behind its verdict."""
+    """Return a reason without the verdict at its beginning, for a place behind the verdict."""
     return reason.removeprefix(f"{verdict.value}: ").removeprefix(f"{verdict.value} ")

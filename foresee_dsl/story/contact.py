@@ -1,4 +1,4 @@
-"""How a run ended for people: which class of contact, and whether the mutation steered the other into the ego."""
+"""The class of a run's contact as people see it, and whether the mutation steered the opponent into the ego."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.story import ContactClass
 
 ALONG_RAD = math.pi / 4
-"""Courses that differ by less than this are along each other (the same way or the opposite one): what counts as the
-same direction in `simulate.results.outcome`."""
+"""Two actors whose courses differ by less than this, modulo half a turn, rad, drive along each other: in the same or in
+the opposite direction. `simulate.results.outcome` uses the same angle for "the same direction"."""
 TURNS_RAD = math.radians(5)
-"""An ego that has turned by more than this in a second turns. Ours: a lane change at 50 km/h turns by 4 degrees."""
+"""An ego whose heading changes by more than this within 1 s is turning, rad. Ours: a lane change at 50 km/h changes the
+heading by 4 degrees."""
 
 
 def contact_class(facts: Facts) -> ContactClass:
-    """Return the class of a run's ending."""
-    found = facts.impact
-    if found is None:
+    """Return the class of a run's contact."""
+    impact = facts.impact
+    if impact is None:
         return ContactClass.OFF_ROAD if facts.verdict is Verdict.F1 else ContactClass.NONE
-    if steered_into(facts, found):
+    if steered_into(facts, impact):
         return ContactClass.STRUCK_BY_STEERED
-    if found.ego_mps < STUCK_SPEED_MPS:
+    if impact.ego_mps < STUCK_SPEED_MPS:
         return ContactClass.HIT_WHILE_STANDING
-    if found.struck_by == "ego" or found.other_mps < STUCK_SPEED_MPS:
+    if impact.struck_by == "ego" or impact.other_mps < STUCK_SPEED_MPS:
         return ContactClass.EGO_DROVE_INTO
     return ContactClass.BOTH_MOVING
 
@@ -39,26 +40,26 @@ def steering_of(facts: Facts) -> Change | None:
     return next((c for c in facts.changes if c.actor == other and c.property in ("steer", "line")), None)
 
 
-def steered_into(facts: Facts, found: Impact) -> bool:
-    """Say whether the mutation moved the opponent's wheels or line towards the ego, and it struck the ego with that.
+def steered_into(facts: Facts, impact: Impact) -> bool:
+    """Return whether the opponent struck the ego because the mutation moved its wheels or its line towards the ego.
 
-    A steered vehicle that moves at the contact has come over to the ego: it did the striking, whichever side touched.
-    A line that lies farther to one side only counts where the two drive along each other, the ego does not turn to
-    that side by itself, and the other struck it: someone who crosses comes to the ego on any line.
+    If the mutation turned its wheels and it moves at the contact, it struck the ego, whichever side touched first. If
+    the mutation only shifted its line, three conditions must hold: both drive along each other, the ego does not turn,
+    and the opponent struck the ego. An actor that crosses the ego's way would reach the ego on any line.
     """
-    if facts.opponent is None or found.other_mps < STUCK_SPEED_MPS or not moved_towards(facts):
+    if facts.opponent is None or impact.other_mps < STUCK_SPEED_MPS or not moved_towards(facts):
         return False
     change = steering_of(facts)
     if change is not None and change.property == "steer":
         return True
-    turned = facts.turned(facts.opponent, facts.last)
-    along = abs(turned) < ALONG_RAD or abs(turned) > math.pi - ALONG_RAD
+    course = facts.relative_course(facts.opponent, facts.last)
+    along = abs(course) < ALONG_RAD or abs(course) > math.pi - ALONG_RAD
     ego_turned = abs(wrap(facts.heading(0, facts.last) - facts.heading(0, max(0, facts.last - round(1 / STEP_S)))))
-    return along and ego_turned < TURNS_RAD and found.struck_by == "other"
+    return along and ego_turned < TURNS_RAD and impact.struck_by == "other"
 
 
 def moved_towards(facts: Facts) -> bool:
-    """Say whether the mutation moved the opponent's wheels or line towards the ego, before the run's end."""
+    """Return whether the mutation moved the opponent's wheels or line towards the ego before the run's end."""
     change = steering_of(facts)
     if change is None or facts.opponent is None or steered_from(change) > facts.last:
         return False
@@ -66,20 +67,20 @@ def moved_towards(facts: Facts) -> bool:
 
 
 def steered_from(change: Change) -> int:
-    """Return the frame from which on a change moves its actor sideways."""
+    """Return the first frame at which a change moves its actor sideways."""
     return round((change.start.si if isinstance(change.start, Quantity) else 0.0) / STEP_S)
 
 
 def side_of(change: Change) -> float:
-    """Return over 0 where a change moves its actor to its left, under 0 to its right."""
+    """Return a positive number if a change moves its actor to the left, a negative one if to the right."""
     now, was = (value.si if isinstance(value, Quantity) else 0.0 for value in (change.now, change.was))
     return now - was
 
 
 def _left_of(facts: Facts, actor: int) -> float:
-    """Return how far the ego is to the left of the line on which an actor was heading before it was moved, m.
+    """Return the ego's distance to the left of the line along which an actor moved before it was steered, m.
 
-    A line lies elsewhere from the start: the actor's course 1.5 s before the end is taken.
+    A change of `line` has no time at which it begins; the actor's course 1.5 s before the end is used instead.
     """
     change = steering_of(facts)
     steered = change is not None and change.property == "steer"

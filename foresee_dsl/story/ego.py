@@ -1,4 +1,4 @@
-"""What the ego did: its moments, how it drove at the end, and which way it was going."""
+"""What the ego did in a run: its moments, and its manoeuvre and motion at the end."""
 
 from __future__ import annotations
 
@@ -18,28 +18,29 @@ from foresee_dsl.story.story import Moment
 from foresee_dsl.story.wording import kmh
 
 STANDS_MPS = 0.1
-"""Slower is standing: SUMO's threshold for a halting vehicle."""
+"""A vehicle slower than this stands, m/s: SUMO's threshold for a halting vehicle."""
 STANDS_FOR_S = 0.5
-"""A shorter stand is none. Ours: what a passenger notices."""
+"""A stop shorter than this is left out, s. Ours: a passenger does not notice it."""
 CREEPS_MPS = 3.0
-"""An ego that was slower than this for the last second creeps: 11 km/h, ours, a little over a walking pace."""
+"""An ego that was slower than this for the last second creeps, m/s. Ours: 11 km/h, a little over a walking pace."""
 BRAKES_MPS2 = 1.0
-"""Braking from here on is told. Ours: releasing the accelerator slows a car down by under 1 m/s^2."""
+"""Braking weaker than this is left out, m/s^2. Ours: releasing the accelerator slows a car by less than 1 m/s^2."""
 BRAKES_HARD_MPS2 = 5.0
-"""Braking from here on is hard: over 5 m/s^2 is an emergency manoeuvre in UN Regulation 157 (after
+"""Braking at least this strong is hard, m/s^2: over 5 m/s^2 is an emergency manoeuvre in UN Regulation 157 (after
 `avoidance.r157.risk`)."""
 BRAKES_FOR_S = 0.15
-"""Braking that is over sooner is not told. Ours: three frames, the delay of a brake."""
+"""Braking shorter than this is left out, s. Ours: three frames, the delay of a brake."""
 EASES_S = 0.3
-"""Braking that eases for less is one braking. Ours."""
+"""Two brakings less than this apart count as one, s. Ours."""
 ACCELERATES_MPS2, ACCELERATES_FOR_S = 0.8, 1.0
-"""Speeding up from here on, for so long, is told. Ours: half of what SUMO's cars do at most in town."""
+"""An acceleration at least this strong (m/s^2) for at least this long (s) is a moment of the story. Ours: half of the
+strongest acceleration of SUMO's cars in town."""
 STEERS_RAD, STEERS_WITHIN_S = math.radians(8), 2.0
-"""An ego that turns by more than this in that time, between junctions, steers to that side. Ours: a lane change at
-50 km/h turns by 4 degrees."""
+"""An ego whose heading changes by more than this (rad) within that time (s), away from junctions, steers to that side.
+Ours: a lane change at 50 km/h changes the heading by 4 degrees."""
 SWERVES_MPS2, SWERVES_FOR_S = 2.0, 0.3
-"""Lateral acceleration outside junctions that is told as a swerve. Ours: a lane change by `pdm` stays under
-1.5 m/s^2."""
+"""Lateral acceleration (m/s^2) and duration (s) from which on the ego swerves, outside junctions. Ours: a lane change
+by `pdm` stays below 1.5 m/s^2."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +48,11 @@ class Ego:
     """What the ego did at the end of a run.
 
     Attributes:
-        state: `stands`, `creeps`, `brakes`, `accelerates`, `drives on`. going: `turning left`, `changing lane`, ..., ""
-            where it goes straight on. fastest_mps: within the last second, or before the last braking.
-        braking_mps2: the strongest of the last braking, 0 where it has not braked at the end.
-        stood_s: for how long it stands at the end.
+        state: `stands`, `creeps`, `brakes`, `accelerates` or `drives on`.
+        going: `turning left`, `changing lane`, ...; "" if it drives straight on.
+        fastest_mps: its highest speed within the last second, or since its last braking began if that is earlier.
+        braking_mps2: the strongest deceleration of that last braking; 0 if it did not brake.
+        stood_s: how long it has stood at the end; 0 if it moves.
     """
 
     state: str
@@ -60,9 +62,11 @@ class Ego:
     stood_s: float
 
     def manoeuvre(self, *, steered: bool) -> str:
-        """Return what it did in words that are the same in equal stories.
+        """Return the manoeuvre in words that are the same in equal stories.
 
-        Whether it stands or brakes counts, but not where somebody was steered into it: it could do nothing more then.
+        Args:
+            steered: an actor was steered into the ego. The ego could not avoid that, so whether it stood or braked
+                makes no difference between stories.
         """
         if steered:
             return self.going or "drives or waits"
@@ -71,7 +75,7 @@ class Ego:
 
 
 def ego_of(facts: Facts, place: Place) -> Ego:
-    """Look at the ego."""
+    """Return what the ego did at the end of a run that ended at a place."""
     speed, last = facts.speed(0), facts.last
     brakings = _brakings(facts)
     stand = next((s for s in spans(speed < STANDS_MPS, 0.0) if s[1] == last), None)
@@ -88,7 +92,7 @@ def ego_of(facts: Facts, place: Place) -> Ego:
 
 
 def ego_moments(facts: Facts) -> tuple[Moment, ...]:
-    """Return what the ego did in the whole run, in the order of time."""
+    """Return the moments of the ego in the whole run, in the order of time."""
     return tuple(sorted(_moments(facts, _brakings(facts)), key=lambda moment: moment.time_s))
 
 
@@ -148,12 +152,12 @@ def _moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[Moment]:
     acceleration = facts.trace.states[:, 0, ACCELERATION]
     for start, end in spans(acceleration >= ACCELERATES_MPS2, ACCELERATES_FOR_S, EASES_S):
         yield _moment(start, "accelerates", f"the ego accelerates from {kmh(speed[start])} to {kmh(speed[end])}")
-    yield from _way_moments(facts)
+    yield from _route_moments(facts)
     yield from _slippery_moments(facts)
 
 
 def _slippery_moments(facts: Facts) -> Iterator[Moment]:
-    """Where it comes onto slippery ground: its middle, give or take half its width, over a patch."""
+    """Yield where it drives onto slippery ground: a patch within half the ego's width of its middle."""
     states, half_m = facts.trace.states[:, 0], facts.trace.actors[0].width_m / 2
     for patch in facts.bundle.scene.slippery:
         on = np.hypot(states[:, X] - patch.x, states[:, Y] - patch.y) <= patch.radius_m + half_m
@@ -176,16 +180,15 @@ def _braking_moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[
             yield _moment(start, kind, f"the ego {kind} with {strongest:.1f} m/s^2, from {kmh(speed[start])}")
 
 
-def _way_moments(facts: Facts) -> Iterator[Moment]:
-    """Junctions, lane changes and swerves."""
+def _route_moments(facts: Facts) -> Iterator[Moment]:
+    """Yield the junctions that it enters, its lane changes and its swerves."""
     inside = np.zeros(facts.trace.frames, dtype=np.bool_)
     for start, end, movement in facts.passages(0):
         inside[start : end + 1] = True
         where = kind_of(facts.network, movement.junction)
         if start > 0 and where not in ("bend", "end of the road"):
-            yield _moment(
-                start, "enters", f"the ego enters the {where} {movement.junction}, {_way(facts, movement, start)}"
-            )
+            turn = _turn_words(facts, movement, start)
+            yield _moment(start, "enters", f"the ego enters the {where} {movement.junction}, {turn}")
     network, previous = facts.network, facts.lane(0, 0)
     for frame in (np.flatnonzero(np.diff(facts.trace.lanes[:, 0])) + 1).tolist():
         lane, before = network.lanes.get(facts.lane(0, frame)), network.lanes.get(previous)
@@ -200,7 +203,7 @@ def _way_moments(facts: Facts) -> Iterator[Moment]:
         yield _moment(start, "swerves", f"the ego swerves to the {side}")
 
 
-def _way(facts: Facts, movement: Movement, frame: int) -> str:
+def _turn_words(facts: Facts, movement: Movement, frame: int) -> str:
     turn = "straight on" if movement.turn == "straight" else f"turning {movement.turn}"
     colour = facts.colour(movement, max(0, frame - 1))
     return f"{turn}, on {colour}" if colour else turn

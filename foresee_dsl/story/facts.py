@@ -1,4 +1,4 @@
-"""What a story is derived from: the run, its compiled scene, the contact, and what the mutation changed."""
+"""The facts of one run from which its story is derived: trace, compiled scene, contact, the mutation's changes."""
 
 from __future__ import annotations
 
@@ -25,17 +25,20 @@ from foresee_dsl.simulate.signals import COLOURS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 
 NEAR_M = 10.0
-"""An actor that a passed run came no nearer to is no opponent. Ours: two cars' lengths."""
+"""In a run that passed, an actor that stayed farther from the ego than this is not an opponent, m. Ours: the length of
+two cars."""
 MOVED_M = 0.05
-"""Who moves less between two frames that are compared has no direction (ours: 0.1 m/s over half a second)."""
+"""An actor that moved less than this between the two compared frames has no direction of travel, m. Ours: 0.1 m/s over
+half a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """One run, and all that is known of it.
+    """One run with its test case; each fact is computed when it is first used.
 
     Attributes:
-        trace: the run. case: what was run. bundle: it, compiled. named: the opponent's column where it is given.
+        trace: the run. case: its test case. bundle: the compiled test case.
+        named: column of the opponent if it is already chosen; None to choose it from the run.
     """
 
     trace: Trace
@@ -45,45 +48,47 @@ class Facts:
 
     @classmethod
     def of(cls, trace: Trace, case: TestCase) -> Facts:
-        """Compile the test case and look at its run."""
+        """Compile the test case and return the facts of its run."""
         return cls(trace, case, compile_test_case(case))
 
     @property
     def network(self) -> RoadNetwork:
-        """The roads."""
+        """The road network of the scene."""
         return self.bundle.network
 
     @property
     def last(self) -> int:
-        """The last frame."""
+        """Index of the last frame."""
         return self.trace.frames - 1
 
     @property
     def verdict(self) -> Verdict | None:
-        """How it ended, where the trace says so."""
+        """The run's verdict; None if the trace does not hold one."""
         value = str(self.trace.meta.get("verdict", ""))
         return next((verdict for verdict in Verdict if verdict.value == value), None)
 
     @property
     def end_s(self) -> float:
-        """When it ended."""
+        """Time of the last frame, s."""
         return round(self.trace.duration_s, 6)
 
     @cached_property
     def impact(self) -> Impact | None:
-        """The contact that the run ended with, as its judge saw it; None where it ended otherwise."""
+        """The contact that ended the run, as the judge recorded it; None if the run ended without one."""
         return contact_of(self.trace)
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """What the mutation changed; nothing where it is no mutant."""
+        """The changes of the mutation; empty if the test case is not a mutant."""
         return self.case.mutant.changes if self.case.mutant else ()
 
     @cached_property
     def opponent(self) -> int | None:
-        """The column of the actor that the story is about: who was touched, else who was changed or is the risk.
+        """Column of the actor that the story is about; None if it is about the ego alone.
 
-        Of a run that passed it is otherwise the actor that came nearest; of one that failed by itself, nobody.
+        After a contact it is the actor that was touched. An ego that got stuck or left the road has no opponent.
+        Otherwise it is the actor that the mutation changed or that is the clip's risk and, in a run that passed without
+        such an actor, the moving actor that came nearest.
         """
         if self.named is not None:
             return self.named
@@ -94,13 +99,13 @@ class Facts:
             return None
         risk = self.case.clip.risk if self.case.clip else None
         named = [change.actor for change in self.changes] + ([risk.actor] if risk and risk.actor else [])
-        found: int | None = next((ids[name] for name in named if ids.get(name)), None)
-        if found is None and self.verdict is Verdict.PASS:
+        column: int | None = next((ids[name] for name in named if ids.get(name)), None)
+        if column is None and self.verdict is Verdict.PASS:
             return self._nearest()
-        return found
+        return column
 
     def at_nearest(self) -> Facts:
-        """Return the run up to the moment at which the opponent was nearest to the ego."""
+        """Return the facts of the run up to the frame at which the opponent was nearest to the ego."""
         if self.opponent is None:
             return self
         gaps_m = self._apart()[:, self.opponent - 1]
@@ -110,7 +115,7 @@ class Facts:
         return Facts(self.trace.part(0, end), self.case, self.bundle, self.opponent)
 
     def _nearest(self) -> int | None:
-        """The column of the moving actor that came nearest to the ego, None where none came near."""
+        """Return the column of the moving actor that came nearest to the ego; None if it stayed beyond `NEAR_M`."""
         moving = self.trace.states[:, 1:, SPEED] >= STUCK_SPEED_MPS
         apart = np.where(moving, self._apart(), np.nan)
         if not apart.size or np.isnan(apart).all() or np.nanmin(apart) > NEAR_M:
@@ -118,36 +123,36 @@ class Facts:
         return int(np.nanargmin(apart)) % len(self.trace.actors[1:]) + 1
 
     def _apart(self) -> FloatArray:
-        """[T, A - 1] m between the middles of the ego and the others, less half of their lengths."""
+        """Return the distances [T, A - 1] from the ego's middle to the others', less half of both lengths, m."""
         xy = self.trace.states[:, :, [X, Y]]
         between = np.hypot(*np.moveaxis(xy[:, 1:] - xy[:, :1], 2, 0))
         halves = np.array([info.front_m for info in self.trace.actors])
         return np.asarray(between - halves[0] - halves[1:], dtype=np.float64)
 
     def info(self, actor: int) -> ActorInfo:
-        """What stays the same about an actor."""
+        """Return the properties of an actor that are constant over a run, such as its size and route."""
         return self.trace.actors[actor]
 
     def placed(self, actor: int) -> PlacedActor | None:
-        """Return an actor as the scene has it; one of the background traffic that appears later is in none."""
+        """Return an actor's entry in the scene; None for background traffic that appears after the first frame."""
         name = self.info(actor).id
         return next((placed for placed in self.bundle.scene.actors if placed.id == name), None)
 
     def speed(self, actor: int) -> FloatArray:
-        """[T] m/s."""
+        """Return an actor's speed at every frame, [T], m/s."""
         return self.trace.states[:, actor, SPEED]
 
     def xy(self, actor: int, frame: int) -> XY:
-        """The middle of a footprint."""
+        """Return the middle of an actor's footprint, m."""
         x, y = self.trace.states[frame, actor, [X, Y]].tolist()
         return x, y
 
     def heading(self, actor: int, frame: int) -> float:
-        """Where an actor points, rad."""
+        """Return an actor's heading, rad."""
         return float(self.trace.states[frame, actor, HEADING])
 
     def course(self, actor: int, frame: int, over_s: float = 1.0) -> float:
-        """Return the direction (rad) in which an actor has moved for a second; where it points if it has not."""
+        """Return the direction of an actor's movement over the last `over_s`, rad; its heading if it hardly moved."""
         before = max(0, frame - round(over_s / STEP_S))
         (x0, y0), (x1, y1) = self.xy(actor, before), self.xy(actor, frame)
         if math.isnan(x0) or math.hypot(x1 - x0, y1 - y0) < MOVED_M:
@@ -161,46 +166,46 @@ class Facts:
         return (ox - x) * cos + (oy - y) * sin, (oy - y) * cos - (ox - x) * sin
 
     def gap_m(self, actor: int, frame: int) -> float:
-        """Return how far an actor's footprint is from the ego's, m; NaN where it is absent."""
+        """Return the distance between an actor's footprint and the ego's, m; NaN if the actor is absent."""
         rows = (self._box(0, frame), self._box(actor, frame))
         return float(gaps(*(np.array([row]) for row in rows))[0])
 
-    def turned(self, actor: int, frame: int) -> float:
-        """Return an actor's course less the ego's heading, -pi to pi (left positive)."""
+    def relative_course(self, actor: int, frame: int) -> float:
+        """Return an actor's course minus the ego's heading, rad, from -pi to pi (left positive)."""
         return wrap(self.course(actor, frame) - self.heading(0, frame))
 
     def lane(self, actor: int, frame: int) -> str:
-        """Return the lane that an actor is on, "" for none."""
+        """Return the id of the lane that an actor is on, "" for none."""
         index = int(self.trace.lanes[frame, actor])
         return self.trace.lane_ids[index] if index >= 0 else ""
 
     def nearest_lane(self, actor: int, frame: int) -> str:
-        """Return the lane that an actor is on, or the nearest one that leads its way, "" for none."""
-        found = self.network.nearest_lane(*self.xy(actor, frame), self.heading(actor, frame))
-        return self.lane(actor, frame) or (found.lane.id if found is not None else "")
+        """Return the id of the lane that an actor is on, else of the nearest lane in its direction; "" for none."""
+        nearest = self.network.nearest_lane(*self.xy(actor, frame), self.heading(actor, frame))
+        return self.lane(actor, frame) or (nearest.lane.id if nearest is not None else "")
 
     def passages(self, actor: int) -> Iterator[tuple[int, int, Movement]]:
-        """Yield the junctions that an actor drives through: first and last frame on its lanes, and the movement.
+        """Yield each passage of an actor through a junction: first frame, last frame and movement.
 
-        A place at which an edge is only cut does not count.
+        A joint, where an edge is only divided, is not a junction here.
         """
         lanes = self.trace.lanes[:, actor]
         starts = [0, *(np.flatnonzero(np.diff(lanes)) + 1).tolist()]
         ends = [*(start - 1 for start in starts[1:]), self.last]
-        begun: tuple[int, int, Movement] | None = None
+        passage: tuple[int, int, Movement] | None = None
         for start, end in zip(starts, ends, strict=True):
             movement = self._movement(actor, self.lane(actor, start))
             movement = None if movement is not None and movement.junction in self.network.joints else movement
-            if begun is not None and (movement is None or movement.junction != begun[2].junction):
-                yield begun
-                begun = None
+            if passage is not None and (movement is None or movement.junction != passage[2].junction):
+                yield passage
+                passage = None
             if movement is not None:
-                begun = (begun[0] if begun else start, end, begun[2] if begun else movement)
-        if begun is not None:
-            yield begun
+                passage = (passage[0] if passage else start, end, passage[2] if passage else movement)
+        if passage is not None:
+            yield passage
 
     def colour(self, movement: Movement, frame: int) -> str:
-        """Return what a movement's signal shows at a frame, "" where it has none."""
+        """Return the colour of a movement's signal at a frame, "" if it has no signal."""
         signal = next((s for s in self.bundle.signals.values() if s.tls == movement.tls), None)
         if signal is None or movement.link < 0 or signal.junction not in self.trace.signals:
             return ""
@@ -210,11 +215,11 @@ class Facts:
         return COLOURS.get(phase.state[movement.link], "") if movement.link < len(phase.state) else ""
 
     def _movement(self, actor: int, lane: str) -> Movement | None:
-        """The movement of an internal lane; of several that share it, the one of the actor's route."""
-        found = self.network.movements_through(lane) if lane else ()
+        """Return the movement of an internal lane; if several share the lane, the one on the actor's route."""
+        movements = self.network.movements_through(lane) if lane else ()
         route = self.info(actor).route
-        on_route = (m for m in found if m.from_edge in route and m.to_edge in route)
-        return next(on_route, found[0] if found else None)
+        on_route = (m for m in movements if m.from_edge in route and m.to_edge in route)
+        return next(on_route, movements[0] if movements else None)
 
     def _box(self, actor: int, frame: int) -> Box:
         info = self.info(actor)
@@ -222,16 +227,17 @@ class Facts:
 
 
 def spans(mask: NDArray[np.bool_], least_s: float, bridged_s: float = 0.0) -> list[tuple[int, int]]:
-    """Return the first and last frame of each stretch in which something holds.
+    """Return the first and the last frame of each stretch in which a condition holds.
 
     Args:
-        mask: [T]. least_s: shorter ones are left out. bridged_s: shorter breaks in between do not count.
+        mask: [T], whether it holds at each frame. least_s: shorter stretches are left out, s.
+        bridged_s: two stretches that are at most this far apart are joined, s.
     """
     edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
-    found: list[tuple[int, int]] = []
+    stretches: list[tuple[int, int]] = []
     for start, end in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
-        if found and (start - found[-1][1] - 1) * STEP_S <= bridged_s + 1e-9:
-            found[-1] = found[-1][0], end
+        if stretches and (start - stretches[-1][1] - 1) * STEP_S <= bridged_s + 1e-9:
+            stretches[-1] = stretches[-1][0], end
         else:
-            found.append((start, end))
-    return [(start, end) for start, end in found if (end - start) * STEP_S >= least_s - 1e-9]
+            stretches.append((start, end))
+    return [(start, end) for start, end in stretches if (end - start) * STEP_S >= least_s - 1e-9]

@@ -1,4 +1,4 @@
-"""What the opponent did: how it came to the ego, what it ignored, when it was seen, and its moments."""
+"""What the opponent of a run did: where it came from, which rule it broke, when it became visible, its moments."""
 
 from __future__ import annotations
 
@@ -18,27 +18,32 @@ from foresee_dsl.story.contact import ALONG_RAD, moved_towards, side_of, steered
 from foresee_dsl.story.ego import STANDS_MPS
 from foresee_dsl.story.facts import Facts, spans
 from foresee_dsl.story.place import Place, kind_of, movement_near
-from foresee_dsl.story.seen import Seen, seen
+from foresee_dsl.story.sighting import Sighting, sighting_of
 from foresee_dsl.story.story import ContactClass, Moment
 from foresee_dsl.story.wording import full_name, kmh, metres, name_of
 
 SUDDEN_S = 2.0
-"""Who was hidden and is in sight for less than this before the end comes out of hiding: UN Regulation 157's time to
-collision from which a cut-in is a risk (`avoidance.r157.risk`)."""
+"""A hidden opponent that became visible less than this long before the end comes out of hiding, s: UN Regulation 157's
+time to collision below which a cut-in is a risk (`avoidance.r157.risk`)."""
 STARTED_WITHIN_S = 8.0
-"""Who stood beside the lanes and moved off so shortly before the end pulls out. Ours."""
+"""A vehicle beside the lanes that moved off less than this long before the end pulls out, s. Ours."""
 SAME_LANE_M = 1.2
-"""Who drives the ego's way and is less than this to its side is ahead of it or behind it, else beside it. Ours: half a
-car and half a bicycle."""
+"""An opponent in the ego's direction whose middle is less than this to the ego's side, m, is ahead of it or behind it,
+otherwise beside it. Ours: half a car and half a bicycle."""
 APPROACH_S = 1.0
-"""Away from junctions, who comes from where is looked up so long before the end. Ours: before most evasion."""
+"""Away from junctions, the direction from which the opponent comes is taken this long before the end, s. Ours: before
+most evasive manoeuvres."""
 BRAKES_MPS2 = 2.0
-"""An opponent's braking from here on is told. Ours: more than SUMO's drivers do to keep their distance."""
+"""An opponent's braking weaker than this is left out, m/s^2. Ours: SUMO's drivers brake less to keep their distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Opponent:
-    """The opponent of a run: its column, and the place of the end."""
+    """The opponent of a run, its behaviour in words.
+
+    Attributes:
+        facts: the run. actor: the opponent's column. place: where the run ended. contact: the class of the contact.
+    """
 
     facts: Facts
     actor: int
@@ -46,51 +51,52 @@ class Opponent:
     contact: ContactClass
 
     @cached_property
-    def seen(self) -> Seen:
-        """Since when the ego's sensors see it."""
-        return seen(self.facts, self.actor)
+    def sighting(self) -> Sighting:
+        """When the ego's sensors saw it."""
+        return sighting_of(self.facts, self.actor)
 
     @property
     def kind(self) -> str:
-        """Its class."""
+        """Its class, such as `pedestrian`."""
         return self.facts.info(self.actor).kind
 
     @property
     def name(self) -> str:
-        """Its name with what it is."""
+        """Its name and, unless the name says it, its class."""
         return full_name(self.facts.info(self.actor))
 
     @cached_property
     def sudden(self) -> bool:
-        """Whether it comes out of hiding."""
+        """Whether it became visible from behind something shortly before the end (`SUDDEN_S`)."""
         end_s = self.facts.trace.duration_s
-        return bool(self.seen.hidden_by) and not self.seen.from_start and self.seen.before_s(end_s) < SUDDEN_S
+        sighting = self.sighting
+        return bool(sighting.hidden_by) and not sighting.from_start and sighting.before_s(end_s) < SUDDEN_S
 
     @cached_property
     def stands(self) -> bool:
-        """Whether it stands at the end and has stood for a second, or never moves at all."""
+        """Whether it has stood for the last second, or is an obstacle."""
         placed = self.facts.placed(self.actor)
         recent = self.facts.speed(self.actor)[max(0, self.facts.last - round(1 / STEP_S)) :]
         return (placed is not None and placed.control == "static") or bool((recent < STANDS_MPS).all())
 
     @cached_property
     def follows_path(self) -> bool:
-        """Whether it moves off SUMO's lanes."""
+        """Whether it follows a path of its own instead of SUMO's lanes."""
         return bool(self.facts.info(self.actor).path)
 
     @cached_property
     def movement(self) -> Movement | None:
-        """Its movement through the junction where it ends."""
+        """Its movement through the junction at which the run ends, if it drives on SUMO's lanes there."""
         if self.follows_path or self.place.kind == "road":
             return None
         return movement_near(self.facts, self.actor, self.facts.last, self.place)
 
     @cached_property
     def relation(self) -> str:
-        """Where it comes from, as seen from the ego before both came to the place of the end."""
+        """Where it comes from relative to the ego, before both reached the place where the run ends."""
         facts = self.facts
         if self.kind == "pedestrian":
-            return _across(facts.turned(self.actor, facts.last), "walks")
+            return _across(facts.relative_course(self.actor, facts.last), "walks")
         frame, ego_heading = self._approach(0)
         if self.follows_path:
             heading = facts.course(self.actor, _first_moving(facts, self.actor, frame))
@@ -107,7 +113,7 @@ class Opponent:
 
     @cached_property
     def breaks_rule(self) -> str:
-        """Which rule it breaks, in words, "" for none: a red signal, or the ego's right of way."""
+        """The rule that it breaks, in words: a red signal or the ego's right of way; "" if it breaks neither."""
         if self.movement is None:
             return ""
         start = self._entry
@@ -124,7 +130,7 @@ class Opponent:
 
     @cached_property
     def manoeuvre(self) -> str:
-        """What it did, in words that are the same in equal stories."""
+        """Its manoeuvre, in words that are the same in equal stories."""
         if self.stands:
             return "stands"
         parts = ["pulls out" if self.pulls_out else self.relation]
@@ -140,14 +146,14 @@ class Opponent:
 
     @cached_property
     def steered(self) -> bool:
-        """Whether the story says that the mutation steered it towards the ego."""
+        """Whether the mutation turned its wheels towards the ego, or made it strike the ego."""
         change = steering_of(self.facts)
         by_wheel = change is not None and change.property == "steer" and moved_towards(self.facts)
         return by_wheel or self.contact is ContactClass.STRUCK_BY_STEERED
 
     @cached_property
     def pulls_out(self) -> bool:
-        """Whether a vehicle that stood beside the lanes has just moved off."""
+        """Whether it is a vehicle that stood beside the lanes and has just moved off (`STARTED_WITHIN_S`)."""
         if self.kind in ("pedestrian", "bicycle") or not self.follows_path:
             return False
         first = max(0, self.facts.last - round(STARTED_WITHIN_S / STEP_S))
@@ -155,7 +161,7 @@ class Opponent:
 
     @cached_property
     def onto_road(self) -> int | None:
-        """The frame from which on its middle is on the road until the end; None where it always was or never is."""
+        """The first frame from which its middle stays on the road; None if it always was there or is not at the end."""
         if not self.follows_path:
             return None
         on_road = self._on_road
@@ -163,14 +169,14 @@ class Opponent:
         return int(off[-1]) + 1 if off.size and off[-1] < self.facts.last else None
 
     def ahead_m(self, frame: int) -> float:
-        """Return the gap between the footprints at a frame, m."""
+        """Return the gap between its footprint and the ego's at a frame, m."""
         return self.facts.gap_m(self.actor, frame)
 
     def clause(self) -> str:
-        """Return what it did as the beginning of a sentence."""
+        """Return what it did as the main clause of the story's sentence."""
         if self.stands:
             return f"{self.name} stands"
-        hiding = f" from behind {self.seen.hidden_by}," if self.sudden else ""
+        hiding = f" from behind {self.sighting.hidden_by}," if self.sudden else ""
         what = self._comes()
         if hiding:
             comes, _, side = what.partition(" from the ")
@@ -184,15 +190,15 @@ class Opponent:
         return ", ".join([*parts, gap] if gap else parts)
 
     def moments(self) -> Iterator[Moment]:
-        """Yield what it did, with times."""
+        """Yield its moments."""
         facts, name = self.facts, name_of(self.facts.info(self.actor))
-        if self.seen.since_s is not None and not self.seen.from_start:
-            hidden = f", hidden by {self.seen.hidden_by} until then" if self.seen.hidden_by else ""
-            gap = metres(self.ahead_m(round(self.seen.since_s / STEP_S)))
-            yield Moment(self.seen.since_s, facts.info(self.actor).id, "appears",
+        if self.sighting.since_s is not None and not self.sighting.from_start:
+            hidden = f", hidden by {self.sighting.hidden_by} until then" if self.sighting.hidden_by else ""
+            gap = metres(self.ahead_m(round(self.sighting.since_s / STEP_S)))
+            yield Moment(self.sighting.since_s, facts.info(self.actor).id, "appears",
                          f"the ego sees {self.name}, {gap} away{hidden}")  # fmt: skip
-        elif self.seen.since_s is None:
-            by = f", hidden by {self.seen.hidden_by}" if self.seen.hidden_by else ""
+        elif self.sighting.since_s is None:
+            by = f", hidden by {self.sighting.hidden_by}" if self.sighting.hidden_by else ""
             yield self._moment(facts.last, "unseen", f"the ego does not see {self.name}{by}")
         change = steering_of(facts)
         if change is not None and change.property == "steer" and isinstance(change.start, Quantity):
@@ -236,9 +242,9 @@ class Opponent:
         return np.asarray(shapely.contains_xy(self.facts.network.drivable, states[:, X], states[:, Y]), dtype=np.bool_)
 
     def _approach(self, actor: int) -> tuple[int, float]:
-        """Return when an actor came to the junction where the run ends, and its heading then.
+        """Return the last frame before an actor entered the junction where the run ends, and its heading then.
 
-        Elsewhere: a second before the end, or before it was steered.
+        Away from junctions: the frame `APPROACH_S` before the end, or the frame at which it was steered if earlier.
         """
         facts, near = self.facts, self.place.kind != "road"
         passages = [p for p in facts.passages(actor) if near and p[2].junction == self.place.junction]
@@ -264,7 +270,7 @@ class Opponent:
         return f"{verb} beside the ego on its {'left' if left > 0 else 'right'}"
 
     def _comes(self) -> str:
-        """How it came, and where to."""
+        """Return where it came from and where it went, as a predicate."""
         if self.pulls_out:
             left = self.facts.seen_from_ego(self.actor, self._moved_off)[1]
             return f"pulls out from the {'left' if left > 0 else 'right'}"
@@ -281,7 +287,7 @@ class Opponent:
         return what + (f" and turns {turn}" if turn in ("left", "right") else "")
 
     def _gap_words(self) -> str:
-        """How far from the ego it was, and how fast the ego: when it was steered, came onto the road, or moved off."""
+        """Return its distance from the ego, and the ego's speed, when its manoeuvre began, in words; "" if unclear."""
         frame = self._onset
         if frame is None or frame <= 0 or (self.facts.last - frame) * STEP_S < 0.2:
             return ""
@@ -292,7 +298,7 @@ class Opponent:
 
     @property
     def _onset(self) -> int | None:
-        """The frame at which what it did began, None where that is no single moment."""
+        """The frame at which its manoeuvre began: it was steered, came onto the road or moved off; None if none did."""
         change = steering_of(self.facts)
         if self.steered:
             return steered_from(change) if change is not None and change.property == "steer" else None
@@ -304,13 +310,13 @@ class Opponent:
 
     @property
     def _moved_off(self) -> int:
-        """The last frame before it moved off for the last time."""
+        """The last frame at which it stood, 0 if it never did."""
         standing = np.flatnonzero(self.facts.speed(self.actor) < STANDS_MPS)
         return int(standing[-1]) if standing.size else 0
 
     @cached_property
     def _entry(self) -> int | None:
-        """The frame at which it enters the junction of the end; None where it was inside from the start or never is."""
+        """The frame at which it enters the junction where the run ends; None if it has no movement through it."""
         if self.movement is None:
             return None
         passages = self.facts.passages(self.actor)
@@ -321,7 +327,7 @@ class Opponent:
 
 
 def _first_moving(facts: Facts, actor: int, frame: int) -> int:
-    """Return the first frame from one on at which an actor moves, and a second later, within the run."""
+    """Return `frame` if an actor moves then, else the frame a second after it first moves, within the run."""
     moving = np.flatnonzero(facts.speed(actor)[frame:] >= STANDS_MPS)
     first = frame + int(moving[0]) if moving.size else frame
     return first if first == frame else min(first + round(1 / STEP_S), facts.last)

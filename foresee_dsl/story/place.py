@@ -1,4 +1,4 @@
-"""Where in the road layout something happened: on a crossing, in a junction (of which kind), on the road between."""
+"""Where in the road layout a run ended: on a crossing, in a junction and of which kind, on the road between."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from foresee_dsl.compile.roads.topology import Crossing, Movement
 from foresee_dsl.story.facts import Facts
 
 NEAR_JUNCTION_M = 20.0
-"""So near to a junction is before or behind it; farther away is between junctions. Ours: three cars and a crossing."""
+"""Within this distance of a junction the ego is before or behind it, farther away between junctions, m. Ours: three
+cars and a crossing."""
 BESIDE_CROSSING_M = 1.0
-"""So far beside its stripes still counts as on a crossing. Ours: people cut its corners."""
+"""A point up to this far beside a crossing's stripes is on the crossing, m. Ours: people cut its corners."""
 ROUNDABOUT_M = 60.0
-"""A ring of one-way edges whose junctions are within this distance of their middle is a roundabout, a larger one a
-block of one-way streets. Ours: the largest urban roundabouts have an outer radius of about 50 m."""
+"""A ring of one-way edges whose junctions are within this distance of their middle, m, is a roundabout; a larger ring
+is a block of one-way streets. Ours: the largest urban roundabouts have an outer radius of about 50 m."""
 _CONTROLS = {
     "traffic_light": "signalised",
     "traffic_light_right_on_red": "signalised",
@@ -26,7 +27,7 @@ _CONTROLS = {
     "right_before_left": "right-before-left",
     "allway_stop": "all-way stop",
 }
-"""SUMO's types of junctions in words; all others have roads with and without priority."""
+"""SUMO's types of junctions in words; at all others, roads with priority meet roads without."""
 _ARMS = {2: "bend", 3: "three-arm junction", 4: "crossroads"}
 
 
@@ -35,8 +36,10 @@ class Place:
     """A place in the road layout.
 
     Attributes:
-        kind: `crossing`, `junction`, `road`. name: in words that are the same in equal layouts. junction: its id,
-            or "". text: for a sentence, with a preposition but for crossings.
+        kind: `crossing`, `junction` or `road`.
+        name: words that are the same in equal layouts.
+        junction: id of the junction at or near it, "" if there is none.
+        text: words for a sentence, with a preposition unless it is a crossing.
     """
 
     kind: str
@@ -46,10 +49,10 @@ class Place:
 
 
 def place_of(facts: Facts, at: XY, frame: int) -> Place:
-    """Return where a point is, as the ego drives there at a frame.
+    """Return the place of a point, seen in the ego's direction of travel at a frame.
 
-    Crossings are there for pedestrians, and for cyclists off the lanes; a story about such a cyclist is the same
-    whether it ends on the crossing or a metre beside it.
+    Only a story about a pedestrian, or about a cyclist off the lanes, ends on a crossing. For such a cyclist the name
+    of the place does not mention the crossing, so that its story is the same a metre beside it.
     """
     other = facts.info(facts.opponent) if facts.opponent else None
     on_foot = other is not None and (other.kind == "pedestrian" or (other.kind == "bicycle" and bool(other.path)))
@@ -76,7 +79,7 @@ def _in_junction(network: RoadNetwork, junction: str) -> Place:
 
 
 def _on_road(facts: Facts, frame: int) -> Place:
-    """Before, behind, or between junctions; for equal stories all of them are the road."""
+    """Return a place before, behind or between junctions; all of them have the same name, the road."""
     network, layout, lane_id = facts.network, _layout(facts.network), facts.nearest_lane(0, frame)
     through = network.movements_through(lane_id) if lane_id else ()
     if through and layout.arms[through[0].junction] > 2:
@@ -93,7 +96,8 @@ def _on_road(facts: Facts, frame: int) -> Place:
 
 
 def movement_near(facts: Facts, actor: int, frame: int, place: Place) -> Movement | None:
-    """Return the movement through a place's junction that an actor is in, has just made, or is about to make."""
+    """Return an actor's movement through a place's junction: the current one, one that ended within 200 frames, or the
+    next one on its route."""
     for start, end, movement in facts.passages(actor):
         if movement.junction == place.junction and start <= frame:
             return movement if frame - end <= 200 else None
@@ -105,9 +109,10 @@ def movement_near(facts: Facts, actor: int, frame: int, place: Place) -> Movemen
 
 
 def _behind(facts: Facts, crossing: Crossing, frame: int) -> bool:
-    """Whether the ego comes to a crossing when it leaves the junction, and not when it enters it.
+    """Return whether the ego reaches a crossing when it leaves the junction, not when it enters it.
 
-    It does where the crossing lies over the road that it takes; where that is not known, once it is inside.
+    Once inside the junction, that holds unless the crossing lies only over the road from which the ego comes. Before,
+    it holds if the ego's road starts at the junction.
     """
     through = [p for p in facts.passages(0) if p[2].junction == crossing.junction and p[0] <= frame]
     if through:
@@ -119,7 +124,7 @@ def _behind(facts: Facts, crossing: Crossing, frame: int) -> bool:
 
 
 def kind_of(network: RoadNetwork, junction: str) -> str:
-    """Return what kind of junction it is: `signalised crossroads`, `roundabout`."""
+    """Return the kind of a junction in words: `signalised crossroads`, `roundabout`."""
     layout = _layout(network)
     if junction in layout.rings:
         return "roundabout"
@@ -130,7 +135,7 @@ def kind_of(network: RoadNetwork, junction: str) -> str:
 
 
 def control_of(network: RoadNetwork, junction: str) -> str:
-    """Return the same without the number of arms, which makes no other story: `signalised junction`, `roundabout`."""
+    """Return the kind of a junction without its number of arms, which equal stories ignore: `signalised junction`."""
     if junction in _layout(network).rings:
         return "roundabout"
     return f"{_CONTROLS.get(network.junctions[junction].type, 'priority')} junction"
@@ -138,7 +143,7 @@ def control_of(network: RoadNetwork, junction: str) -> str:
 
 @dataclass(frozen=True)
 class _Layout:
-    """What is looked up often: how many roads meet at each junction, and which junctions are part of roundabouts."""
+    """Number of roads at each junction, and the junctions of roundabouts; computed once per network."""
 
     arms: Mapping[str, int]
     rings: frozenset[str]
@@ -154,17 +159,17 @@ def _layout(network: RoadNetwork) -> _Layout:
 
 
 def _rings(network: RoadNetwork) -> frozenset[str]:
-    """The junctions of roundabouts: small rings of one-way edges."""
-    import networkx as nx  # here: it takes long to import, and few runs are told
+    """Return the junctions of roundabouts: of small rings of one-way edges."""
+    import networkx as nx  # imported here: the import is slow, and few runs need a story
 
     pairs = {(edge.start, edge.end) for edge in network.edges.values() if edge.for_kind("car")}
     graph: nx.DiGraph[str] = nx.DiGraph()
     graph.add_edges_from((a, b) for a, b in pairs if (b, a) not in pairs)
-    found: set[str] = set()
+    junctions: set[str] = set()
     for ring in nx.strongly_connected_components(graph):
         places = [network.junctions[name] for name in ring if name in network.junctions]
         if len(places) > 2:
             x, y = sum(j.x for j in places) / len(places), sum(j.y for j in places) / len(places)
             if max(math.hypot(j.x - x, j.y - y) for j in places) <= ROUNDABOUT_M:
-                found |= ring
-    return frozenset(found)
+                junctions |= ring
+    return frozenset(junctions)

@@ -7,20 +7,20 @@ from enum import StrEnum
 
 
 class ContactClass(StrEnum):
-    """Classes of endings that people treat differently."""
+    """Classes of contacts that people judge differently."""
 
     HIT_WHILE_STANDING = "hit while standing"
-    """The ego stood, and the other moved."""
+    """The ego stood, and the opponent moved."""
     STRUCK_BY_STEERED = "struck by somebody steered into it"
-    """The mutation moved the other's line or wheel, and the other did the striking."""
+    """The mutation moved the opponent's line or wheels, and the opponent struck the ego."""
     EGO_DROVE_INTO = "ego drove into"
-    """The ego moved towards the other, and the other did not move towards the ego."""
+    """The ego moved towards the opponent, and the opponent did not move towards the ego."""
     BOTH_MOVING = "both moving"
-    """Both moved, and the other moved towards the ego (or both did, or they touched in passing)."""
+    """Both moved, and the opponent moved towards the ego (or both did, or they touched in passing)."""
     OFF_ROAD = "off the road"
     """The ego left the drivable area."""
     NONE = "no contact"
-    """Stuck, late, passed."""
+    """The ego got stuck, was late or passed."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Moment:
     """Something that began at a moment of a run.
 
     Attributes:
-        time_s: when, from the run's first frame. actor: the id of who did it.
-        kind: what it is, in one word (`brakes`, `appears`, `contact`, ...). text: in words, with the actor's name and
-            without the time.
+        time_s: time since the run's first frame, s. actor: id of the actor that did it.
+        kind: one word for it (`brakes`, `appears`, `contact`, ...).
+        text: what happened, with the actor's name and without the time.
     """
 
     time_s: float
@@ -46,15 +46,14 @@ class Story:
     """What happened in a run.
 
     Attributes:
-        moments: in the order of time. sentence: all of it in one sentence, for people.
-        opponent: the id of the actor that the story is about, "" where it is about the ego alone.
+        moments: the moments in the order of time. sentence: the whole story in one sentence.
+        opponent: id of the actor that the story is about; "" if it is about the ego alone.
         opponent_kind: its class (`pedestrian`, `car`, ...), "" for none.
-        contact: the class of its ending.
+        contact: the class of the contact.
         ego_manoeuvre, opponent_manoeuvre: what each was doing, in words that are the same in equal stories.
-        place: where in the road layout, likewise.
-        touch: the kind of contact, likewise: which side of the ego was touched first; "" without a contact and where
-            that is a matter of chance.
-        mutation: what the mutation changed, in words; "" where there is none.
+        place: where in the road layout the run ended, in such words.
+        touch: the side of the ego that was touched first; "" without a contact, or if the side is a matter of chance.
+        mutation: what the mutation changed, in words; "" without a mutation.
     """
 
     moments: tuple[Moment, ...]
@@ -75,11 +74,11 @@ class Story:
 
     @property
     def role(self) -> str:
-        """What the opponent is in the story: its class, with all motor vehicles in one."""
+        """Class of the opponent, where all motor vehicles are one class."""
         return self.opponent_kind if self.opponent_kind in ("", "pedestrian", "bicycle", "obstacle") else "vehicle"
 
     @property
     def signature(self) -> tuple[str, ...]:
-        """What equal stories have in common."""
+        """The words that are equal in equal stories."""
         manoeuvres = self.ego_manoeuvre, self.opponent_manoeuvre
         return (self.role, *manoeuvres, self.place, self.contact.value, self.touch)

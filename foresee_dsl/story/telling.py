@@ -1,4 +1,4 @@
-"""Tell a run's story: from the trace, and from the test case where the trace does not say it."""
+"""Tells the story of a run, from its trace and its test case."""
 
 from __future__ import annotations
 
@@ -23,31 +23,33 @@ from foresee_dsl.story.story import ContactClass, Moment, Story
 from foresee_dsl.story.wording import full_name, kmh, metres, name_of, short, with_side
 
 STOOD_S = 1.0
-"""Who has stood for less has just stopped. Ours."""
+"""An ego that has stood for less than this has just stopped, s. Ours."""
 SEEN_SHORTLY_S = 3.0
-"""For how long the ego saw the other is said where it is less than this. Ours: three times what a driver needs."""
+"""The sentence states how long the ego saw the opponent if that is shorter than this, s. Ours: three times what a
+driver needs."""
 SIGNAL_AHEAD_M = 30.0
-"""An ego that stands waits for no signal farther ahead than this. Ours: four cars and the crossing."""
+"""A standing ego does not wait for a signal farther ahead than this, m. Ours: four cars and the crossing."""
 IN_FRONT_M = 30.0
-"""The same for an actor in front of it."""
+"""A standing ego does not wait for an actor farther ahead than this, m. Ours, as `SIGNAL_AHEAD_M`."""
 _AHEAD_RAD = math.pi / 4
+"""An actor within this angle of straight ahead is in front of the ego, rad. Ours."""
 
 
 def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Story:
-    """Tell what happened in a run of a test case; `bundle`: it, where it is compiled already.
+    """Return what happened in a run of a test case; `bundle`: the compiled test case, if it is at hand.
 
     Raises:
         InputError, CompileError: the test case cannot be compiled.
     """
     whole = Facts.of(trace, case) if bundle is None else Facts(trace, case, bundle)
     facts = whole.at_nearest() if whole.verdict is Verdict.PASS else whole
-    contact, found = contact_class(facts), facts.impact
-    at = touched_at(facts.trace, found) if found else facts.xy(0, facts.last)
+    contact, impact = contact_class(facts), facts.impact
+    at = touched_at(facts.trace, impact) if impact else facts.xy(0, facts.last)
     place = place_of(facts, at, facts.last)
     ego = ego_of(facts, place)
     other = Opponent(facts, facts.opponent, place, contact) if facts.opponent else None
     return Story(
-        moments=_moments(whole, ego_moments(whole), other, found),
+        moments=_moments(whole, ego_moments(whole), other, impact),
         sentence=_sentence(facts, ego, other, place),
         opponent=facts.info(other.actor).id if other else "",
         opponent_kind=other.kind if other else "",
@@ -55,16 +57,18 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
         ego_manoeuvre=ego.manoeuvre(steered=contact is ContactClass.STRUCK_BY_STEERED),
         opponent_manoeuvre=other.manoeuvre if other else "",
         place=place.name,
-        touch=_touch(contact, found),
+        touch=_touch(contact, impact),
         mutation="; ".join(_changed(change) for change in facts.changes),
     )
 
 
-def _moments(facts: Facts, ego: tuple[Moment, ...], other: Opponent | None, found: Impact | None) -> tuple[Moment, ...]:
+def _moments(
+    facts: Facts, ego: tuple[Moment, ...], other: Opponent | None, impact: Impact | None
+) -> tuple[Moment, ...]:
     moments = [*ego, *(other.moments() if other else ())]
     moments += [Moment(0.0, change.actor, "mutation", _changed(change)) for change in facts.changes]
-    if found is not None:
-        text = f"contact, {with_side(found.side)}, {found.relative_mps:.1f} m/s: {found.struck}"
+    if impact is not None:
+        text = f"contact, {with_side(impact.side)}, {impact.relative_mps:.1f} m/s: {impact.struck}"
         moments.append(Moment(facts.end_s, "ego", "contact", text))
     elif facts.verdict is not None:
         if other is not None and other.facts is not facts:
@@ -75,33 +79,34 @@ def _moments(facts: Facts, ego: tuple[Moment, ...], other: Opponent | None, foun
     return tuple(sorted(moments, key=lambda moment: moment.time_s))
 
 
-def _touch(contact: ContactClass, found: Impact | None) -> str:
-    """The side of the ego that was touched; any of one that stood or was steered into: that is a matter of chance."""
+def _touch(contact: ContactClass, impact: Impact | None) -> str:
+    """Return the side of the ego that was touched; "" if that is a matter of chance, because the ego stood or an actor
+    was steered into it."""
     alike = (ContactClass.STRUCK_BY_STEERED, ContactClass.HIT_WHILE_STANDING)
-    return "" if found is None or contact in alike else with_side(found.side)
+    return "" if impact is None or contact in alike else with_side(impact.side)
 
 
 def _sentence(facts: Facts, ego: Ego, other: Opponent | None, place: Place) -> str:
-    found = facts.impact
-    if other is None or (found is None and facts.verdict is not Verdict.PASS):
+    impact = facts.impact
+    if other is None or (impact is None and facts.verdict is not Verdict.PASS):
         return _alone(facts, ego, place)
     where = f" {place.text}" if place.text and place.kind != "crossing" else ""
-    return f"{other.clause()}; {_ego_clause(facts, ego, other, found)}{where}"
+    return f"{other.clause()}; {_ego_clause(facts, ego, other, impact)}{where}"
 
 
-def _ego_clause(facts: Facts, ego: Ego, other: Opponent, found: Impact | None) -> str:
+def _ego_clause(facts: Facts, ego: Ego, other: Opponent, impact: Impact | None) -> str:
     going = f", {ego.going}," if ego.going else ""
-    if found is None:
+    if impact is None:
         return f"the ego{going} {_drives(ego)}, and they pass each other {metres(other.ahead_m(facts.last))} apart"
     parts = [text for text in (_sees(facts, ego, other), _drives(ego)) if text]
-    return f"the ego{going} {', '.join(parts)} and {_ends(ego, found)}"
+    return f"the ego{going} {', '.join(parts)} and {_ends(ego, impact)}"
 
 
-def _ends(ego: Ego, found: Impact) -> str:
-    """How the contact was."""
-    speed = f"at {found.relative_mps:.1f} m/s"
-    side, theirs = with_side(found.side), with_side(found.other_side)
-    match found.struck_by:
+def _ends(ego: Ego, impact: Impact) -> str:
+    """Return the contact as the end of the sentence: who hit whom, with which side, at which speed."""
+    speed = f"at {impact.relative_mps:.1f} m/s"
+    side, theirs = with_side(impact.side), with_side(impact.other_side)
+    match impact.struck_by:
         case "ego":
             return f"hits it with its {side} {speed}"
         case "other":
@@ -113,14 +118,14 @@ def _ends(ego: Ego, found: Impact) -> str:
         case "neither":
             return f"grazes it with its {side} {speed}"
         case _:
-            assert_never(found.struck_by)
+            assert_never(impact.struck_by)
 
 
 def _sees(facts: Facts, ego: Ego, other: Opponent) -> str:
-    if other.seen.since_s is None:
+    if other.sighting.since_s is None:
         return "does not see it"
-    before = other.seen.before_s(facts.end_s)
-    if not other.seen.from_start and before < SEEN_SHORTLY_S:
+    before = other.sighting.before_s(facts.end_s)
+    if not other.sighting.from_start and before < SEEN_SHORTLY_S:
         return f"sees it {before:.1f} s before the contact"
     unmoved = ego.state not in ("stands", "creeps") and not ego.braking_mps2
     return "has it in sight all the time" if unmoved else ""
@@ -144,7 +149,7 @@ def _drives(ego: Ego) -> str:
 
 
 def _alone(facts: Facts, ego: Ego, place: Place) -> str:
-    """The sentence of a run that ended without a contact."""
+    """Return the sentence of a run without an opponent, or of one that failed without a contact."""
     going = f", {ego.going}," if ego.going else ""
     match facts.verdict:
         case Verdict.STUCK:
@@ -156,10 +161,10 @@ def _alone(facts: Facts, ego: Ego, place: Place) -> str:
 
 
 def _changed(change: Change) -> str:
-    """Return a change as what it does: `walker is 1.38 times as fast`."""
-    who = short(change.actor)
+    """Return the effect of a change in words: `walker is 1.38 times as fast`."""
+    actor = short(change.actor)
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
-        return f"{who} is {_written(change.now)} instead of {_written(change.was)}"
+        return f"{actor} is {_written(change.now)} instead of {_written(change.was)}"
     now, was = change.now.si, change.was.si
     more, amount, side = now > was, abs(now - was), "left" if now > was else "right"
     start = f" from {change.start.si:.2f} s" if isinstance(change.start, Quantity) else ""
@@ -173,16 +178,16 @@ def _changed(change: Change) -> str:
         "speed": f"drives {now * 3.6:.0f} instead of {was * 3.6:.0f} km/h",
     }
     if change.property in words:
-        return f"{who} {words[change.property]}"
-    return f"{who}.{change.property} is {_written(change.now)} instead of {_written(change.was)}"
+        return f"{actor} {words[change.property]}"
+    return f"{actor}.{change.property} is {_written(change.now)} instead of {_written(change.was)}"
 
 
 def _written(value: Quantity | str | Expression) -> str:
-    """A model's name (`car.suv`) or anything else as it is written."""
+    """Return a model's name (`car.suv`) as written, any other value as a number in SI."""
     return short(str(value)) if isinstance(value, str) else f"{si_of(value):g}"
 
 
-# ---- what an ego that stands for long could wait for -----------------------------------------------------------------
+# ---- what a standing ego may wait for --------------------------------------------------------------------------------
 
 
 def _waiting(facts: Facts) -> str:
@@ -191,7 +196,7 @@ def _waiting(facts: Facts) -> str:
 
 
 def _signal(facts: Facts) -> str:
-    """The next junction of the ego's way: how far it is, and what its signal shows since when."""
+    """Return the next junction on the ego's route in words: its distance, its signal's colour and for how long."""
     line = facts.bundle.scene.ego.line
     if line is None:
         return "no junction is ahead"
@@ -214,7 +219,7 @@ def _signal(facts: Facts) -> str:
 
 
 def _in_front(facts: Facts) -> str:
-    """The nearest actor within 45 degrees of straight ahead."""
+    """Return the nearest actor in front of the ego in words."""
     (x, y), heading = facts.xy(0, facts.last), facts.heading(0, facts.last)
     states = facts.trace.states[facts.last, 1:]
     dx, dy = states[:, X] - x, states[:, Y] - y
@@ -222,7 +227,7 @@ def _in_front(facts: Facts) -> str:
     off = np.abs(np.remainder(np.arctan2(dy, dx) - heading + math.pi, math.tau) - math.pi)
     far = np.where((off < _AHEAD_RAD) & ~np.isnan(far), far, np.inf)
     if not far.size or far.min() > IN_FRONT_M:
-        return f"with nobody within {IN_FRONT_M:.0f} m in front of it"
+        return f"with no actor within {IN_FRONT_M:.0f} m in front of it"
     nearest = int(far.argmin())
     gap = metres(facts.gap_m(nearest + 1, facts.last))
     return f"with {full_name(facts.info(nearest + 1))} {gap} in front of it"

@@ -1,28 +1,28 @@
-"""Words of stories: names, sides, distances and speeds as people say them."""
+"""Words of stories: the names, sides, distances and speeds in their sentences."""
 
 from __future__ import annotations
 
 from foresee_dsl.simulate.trace import ActorInfo
 
 LONGEST_NAME = 40
-"""Longer names are cut in sentences: ours, four times the longest of the bundled scenarios."""
+"""Longer names are cut in sentences, characters. Ours: four times the longest of the bundled scenarios."""
 _SAYS_ITSELF = {"walker": "pedestrian", "pedestrian": "pedestrian", "cyclist": "bicycle", "bicycle": "bicycle"}
-"""Names that say what their bearer is."""
+"""Names that state the class of their actor."""
 
 
 def name_of(actor: ActorInfo) -> str:
-    """Return an actor's name, cut where it is absurdly long."""
+    """Return an actor's name, cut to `LONGEST_NAME` characters."""
     return "the ego" if actor.id == "ego" else short(actor.id)
 
 
 def full_name(actor: ActorInfo) -> str:
-    """Return an actor's name with what it is: `second (van)`."""
-    said = _SAYS_ITSELF.get(actor.id) == actor.kind or actor.kind in actor.id or what_is(actor) in actor.id
-    return name_of(actor) if said else f"{name_of(actor)} ({what_is(actor)})"
+    """Return an actor's name and, unless the name states it, its class: `second (van)`."""
+    clear = _SAYS_ITSELF.get(actor.id) == actor.kind or actor.kind in actor.id or what_is(actor) in actor.id
+    return name_of(actor) if clear else f"{name_of(actor)} ({what_is(actor)})"
 
 
 def what_is(actor: ActorInfo) -> str:
-    """Return what an actor is: its class, of an obstacle its model without the class (`parked van`)."""
+    """Return an actor's class; for an obstacle its model's name without the class (`parked van`)."""
     model = actor.model.partition(".")[2] if actor.kind == "obstacle" else ""
     return short(model.replace("_", " ")) if model else actor.kind
 
@@ -33,17 +33,17 @@ def short(text: str) -> str:
 
 
 def kmh(speed_mps: float) -> str:
-    """Return a speed on the road: `38 km/h`."""
+    """Return a speed in words: `38 km/h`."""
     return f"{max(speed_mps, 0.0) * 3.6:.0f} km/h"
 
 
 def metres(distance_m: float) -> str:
-    """Return a distance: `14 m`, `0.6 m`."""
+    """Return a distance in words: `14 m`, `0.6 m`."""
     return f"{distance_m:.0f} m" if distance_m >= 9.5 else f"{distance_m:.1f} m"
 
 
 def with_side(side: str) -> str:
-    """Return a side of a vehicle: `front`, `right side`, `rear`."""
+    """Return a side of a vehicle in words: `front`, `right side`, `rear`."""
     return f"{side} side" if side in ("left", "right") else side
 
 

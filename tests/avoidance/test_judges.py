@@ -16,7 +16,7 @@ from foresee_dsl.campaign.findings.failures import explained
 from foresee_dsl.campaign.records import ChildOutcome, decode, encode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.report.builds.case_results import _told
+from foresee_dsl.report.builds.case_results import _details
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from tests.support.small_campaign import TEXT, write_project
 
@@ -53,7 +53,7 @@ def test_a_further_judge_is_asked_stored_and_shown(
     made = child(after)
     assert decode(encode(made), ChildOutcome) == made
     assert made.avoidable
-    assert "an early bird: there before: other came too late for it" in _told(made)
+    assert "an early bird: there before: other came too late for it" in _details(made)
     assert (made.preventability, made.anticipation) == before
 
 

@@ -17,7 +17,7 @@ import pytest
 
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.report.page.contents import Contents
-from foresee_dsl.report.page.entries import Found
+from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
 from foresee_dsl.report.page.recorded import Anticipation, Preventability, campaign_folders
@@ -325,7 +325,7 @@ def hostile_contents() -> Contents:
         class_=HOSTILE, forecast=HOSTILE, changes=(HOSTILE,), unreduced=(HOSTILE,), note=HOSTILE,
         commands=((HOSTILE, HOSTILE),), missing=(HOSTILE,),
     )  # fmt: skip
-    found = Found(
+    found = FindingEntry(
         key=HOSTILE, title=HOSTILE, class_=HOSTILE, verdict=HOSTILE, label=HOSTILE, family=HOSTILE, driver=HOSTILE,
         preventability=HOSTILE, anticipation=HOSTILE, test_case=HOSTILE, runs=(run, run), more=(HOSTILE,),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Test cases and children as results that build servers, code hosts and pytest show: one record for all of them."""
+"""Results of test cases and children as records that build servers, code hosts and pytest can show."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Outcome(StrEnum):
-    """How a test result counts: `failed` is the software under test, `error` is that it could not be tested."""
+    """How a test result counts: `failed`: the software under test failed; `error`: it could not be tested."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -38,7 +38,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Place:
-    """A line that a result is shown at; `span` is None where the whole file is meant."""
+    """The line at which a result is shown; `span` is None if it is shown for the whole file."""
 
     path: str
     span: Span | None = None
@@ -47,14 +47,15 @@ class Place:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """One test case or child and how it ended.
+    """How one test case or child ended.
 
     Attributes:
-        suite: the file that it belongs to. name: unique in its suite.
-        rule: what happened, in a word: a verdict (`F4`), or a status of `verify` (`changed`).
+        suite: the file that it belongs to. name: its name, unique in its suite.
+        rule: one word for the result: a verdict (`F4`), or a status of `verify` (`changed`).
         message: how it ended, in a sentence. details: further lines for people.
-        reproduce: the command that shows it again. attachments: files to keep, such as the trace.
-        time_s: simulated seconds. sibling_of: the finding that tells the same story; it is annotated, this is not.
+        reproduce: the command that repeats it. attachments: files to keep, such as the trace.
+        time_s: simulated time, s.
+        sibling_of: the finding with the same story, which is annotated instead of this result; "" if there is none.
     """
 
     suite: str
@@ -71,11 +72,11 @@ class CaseResult:
 
     @property
     def text(self) -> str:
-        """Everything that a person needs of a failure, over several lines."""
+        """The whole result as text of several lines: message, details, place and the command that repeats it."""
         place = self.place.path if self.place.span is None else f"{self.place.path}:{self.place.span.line}"
-        shown = f"{place}: {self.place.source_line.strip()}" if self.place.source_line else place
+        where = f"{place}: {self.place.source_line.strip()}" if self.place.source_line else place
         again = (f"reproduce: {self.reproduce}",) if self.reproduce else ()
-        return "\n".join((self.message, *self.details, shown, *again))
+        return "\n".join((self.message, *self.details, where, *again))
 
 
 def outcome_of(verdict: Verdict) -> Outcome:
@@ -94,9 +95,9 @@ def _of(
     broken: Sequence[str] = (),
     **more: Any,  # noqa: ANN401
 ) -> CaseResult:
-    """Return the result of a run of a test case or child; an expectation that does not hold fails it.
+    """Return the result of a run of a test case or child.
 
-    `broken`: those expectations, a sentence each; of a run that passed otherwise they are its reason already.
+    `broken`: a sentence for each broken expectation. They fail a run whose verdict is `pass`; its `reason` states them.
     """
     suite, reason = address.partition("::")[0], reason or verdict.label
     if verdict is Verdict.PASS and broken:
@@ -106,7 +107,7 @@ def _of(
 
 
 def _name_in(address: str) -> str:
-    """Return what a test case is called in its file's suite."""
+    """Return the name of a test case in the suite of its file."""
     suite, _, name = address.partition("::")
     return name or Path(suite).stem
 
@@ -119,13 +120,13 @@ def of_run(address: str, driver: str, seed: int, result: RunResult, attachments:
     )  # fmt: skip
 
 
-def of_case_run(one: CaseRun, driver: str, seed: int, trace: Path | None = None) -> CaseResult:
-    """Return the result of a run in a process of its own, which may have died; with what the driver raised, printed."""
-    address, noted = one.case.id, _notes(one.notes)
-    if one.result is not None:
-        found = of_run(address, driver, seed, one.result, (str(trace),) if trace else ())
-        return replace(found, details=(*found.details, *noted))
-    return _of(address, _name_in(address), one.verdict, one.reason, place_of(address), details=noted,
+def of_case_run(run: CaseRun, driver: str, seed: int, trace: Path | None = None) -> CaseResult:
+    """Return the result of a run in its own process, which may have died, with the driver's output and traceback."""
+    address, noted = run.case.id, _notes(run.notes)
+    if run.result is not None:
+        case_result = of_run(address, driver, seed, run.result, (str(trace),) if trace else ())
+        return replace(case_result, details=(*case_result.details, *noted))
+    return _of(address, _name_in(address), run.verdict, run.reason, place_of(address), details=noted,
                reproduce=reproduce(address, driver, seed))  # fmt: skip
 
 
@@ -137,12 +138,12 @@ def _notes(notes: DriverNotes) -> tuple[str, ...]:
 def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...]:
     """Return a result for each run of `foresee assess`."""
     listed = tuple(runs)
-    several = len({one.driver for one in listed}) > 1
+    several = len({run.driver for run in listed}) > 1
     return tuple(
-        _of(one.case, _name_in(one.case) + (f" [{one.driver}]" if several else ""), one.verdict, one.reason,
-            place_of(one.case), one.broken_expectations, details=_notes(one.notes),
-            reproduce=reproduce(one.case, one.driver, seed), time_s=one.duration_s)
-        for one in listed
+        _of(run.case, _name_in(run.case) + (f" [{run.driver}]" if several else ""), run.verdict, run.reason,
+            place_of(run.case), run.broken_expectations, details=_notes(run.notes),
+            reproduce=reproduce(run.case, run.driver, seed), time_s=run.duration_s)
+        for run in listed
     )  # fmt: skip
 
 
@@ -155,40 +156,40 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
     siblings = {name: finding.name for finding in result.findings for name in finding.siblings}
     driver, seed = result.settings.driver, result.settings.seed
     seeds = [
-        _of(one.id, one.id.partition("::")[2] or one.scenario, one.verdict, one.reason, place_of(one.id),
-            one.broken_expectations, details=_told(one), reproduce=reproduce(one.id, driver, seed),
-            attachments=(str(out / one.trace),) if one.trace else (), time_s=one.duration_s)
-        for one in result.seeds
+        _of(run.id, run.id.partition("::")[2] or run.scenario, run.verdict, run.reason, place_of(run.id),
+            run.broken_expectations, details=_details(run), reproduce=reproduce(run.id, driver, seed),
+            attachments=(str(out / run.trace),) if run.trace else (), time_s=run.duration_s)
+        for run in result.seeds
     ]  # fmt: skip
     children = [
         _of(clip.seed, child.name, child.verdict, child.reason, place_of(str(out / child.file), child.text),
-            child.broken_expectations, details=_told(child), sibling_of=siblings.get(child.name, ""),
+            child.broken_expectations, details=_details(child), sibling_of=siblings.get(child.name, ""),
             reproduce=reproduce(str(out / child.file), driver, seed), time_s=child.duration_s)
         for clip in result.clips
         for child in clip.children
     ]  # fmt: skip
-    children.sort(key=lambda one: (ranks.get(one.name, len(ranks)), one.name))
+    children.sort(key=lambda run: (ranks.get(run.name, len(ranks)), run.name))
     return (*seeds, *children, *map(_could_not_run, result.broken))
 
 
 def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResult, ...]:
-    """Return a result for each test that `foresee verify` ran; what is not as expected failed."""
+    """Return a result for each test that `foresee verify` ran; a test that ends otherwise than expected has failed."""
     from foresee_dsl.campaign.regression.expectations import Status
 
     broke = dict.fromkeys((Status.CRASHED, Status.TIMED_OUT, Status.STALE), Outcome.ERROR)
     outcomes = {Status.AS_EXPECTED: Outcome.PASSED, **broke}
     return tuple(
         CaseResult(
-            suite=one.path.parent.as_posix(),
-            name=one.path.stem + (f"::{one.case}" if one.case else ""),
-            outcome=outcomes.get(one.status, Outcome.FAILED),
-            rule=one.status.value,
-            message=f"{one.status.label}: {one.now or one.status.meaning}",
-            place=_at_line(place_of(one.file), one.line),
-            details=tuple(filter(None, (f"expected {one.was or 'not known'}", f"now {one.now}", one.note))),
-            reproduce=shlex.join(("foresee", "verify", str(one.path), *(("--driver", driver) if driver else ()))),
+            suite=recheck.path.parent.as_posix(),
+            name=recheck.path.stem + (f"::{recheck.case}" if recheck.case else ""),
+            outcome=outcomes.get(recheck.status, Outcome.FAILED),
+            rule=recheck.status.value,
+            message=f"{recheck.status.label}: {recheck.now or recheck.status.meaning}",
+            place=_at_line(place_of(recheck.file), recheck.line),
+            details=tuple(filter(None, (f"expected {recheck.was or 'not known'}", f"now {recheck.now}", recheck.note))),
+            reproduce=shlex.join(("foresee", "verify", str(recheck.path), *(("--driver", driver) if driver else ()))),
         )
-        for one in rechecks
+        for recheck in rechecks
     )
 
 
@@ -198,9 +199,9 @@ def reproduce(address: str, driver: str, seed: int) -> str:
 
 
 def place_of(address: str, text: str | None = None) -> Place:
-    """Return where a result is shown: a mutant's first change, a case's own line, or else the definition's.
+    """Return the place of a result: a mutant's first change, the line of the case, or else the line of the definition.
 
-    `text`: what the file holds, where it is known. A file that cannot be read has no line.
+    `text`: the file's content; None to read the file. For a file that cannot be read the place has no line.
     """
     path, _, case = address.partition("::")
     try:
@@ -217,13 +218,13 @@ def place_of(address: str, text: str | None = None) -> Place:
         return Place(path)
     lines = document.text.split("\n")
     source_line = lines[span.line - 1] if span.line <= len(lines) else ""
-    if span.end_line != span.line:  # a block: its first line says what it is
+    if span.end_line != span.line:  # of a block, only the first line is shown
         span = Span(span.line, span.column, span.line, len(source_line) + 1)
     return Place(path, span, source_line)
 
 
 def _at_line(place: Place, line: int | None) -> Place:
-    """Return the place of a mutant's change as it is; of another file, the line that says what is expected."""
+    """Return a mutant's place unchanged; for another file, the line that states what is expected."""
     if line is None or kind_of(Path(place.path)) == "mutant":
         return place
     text = read_outside_text(Path(place.path)).splitlines()[line - 1]
@@ -231,35 +232,40 @@ def _at_line(place: Place, line: int | None) -> Place:
 
 
 def as_diagnostics(results: Iterable[CaseResult]) -> Iterator[Diagnostic]:
-    """Give what did not pass, siblings apart, in the form that SARIF and GitHub's annotations are made of."""
-    for one in results:
-        if one.outcome is not Outcome.PASSED and not one.sibling_of:
-            more = [*one.details, *((f"reproduce: {one.reproduce}",) if one.reproduce else ())]
+    """Yield a diagnostic for each result that did not pass, except siblings of a finding; for SARIF and GitHub."""
+    for result in results:
+        if result.outcome is not Outcome.PASSED and not result.sibling_of:
+            more = [*result.details, *((f"reproduce: {result.reproduce}",) if result.reproduce else ())]
             yield Diagnostic(
-                code=one.rule,
-                message=f"{one.name}: {one.message}",
+                code=result.rule,
+                message=f"{result.name}: {result.message}",
                 help="\n".join(more),
-                path=one.place.path,
-                span=one.place.span,
-                source_line=one.place.source_line,
+                path=result.place.path,
+                span=result.place.span,
+                source_line=result.place.source_line,
             )
 
 
 @cache
 def rules() -> Mapping[str, Code]:
-    """Return what each rule means: the verdicts, the statuses of `verify`, and what else can be wrong."""
+    """Return the explanation of each rule: verdicts, statuses of `verify`, broken expectations, missing results."""
     from foresee_dsl.campaign.regression.expectations import Status
 
-    found = {one.value: Code(one.value, one.label, f"The run ended as {one}: {one.label}.") for one in Verdict}
-    found |= {
-        one.value: Code(one.value, f"verified: {one.label}", f"`foresee verify` says {one.label}: {one.meaning}.")
-        for one in Status
+    codes = {
+        verdict.value: Code(verdict.value, verdict.label, f"The run ended as {verdict}: {verdict.label}.")
+        for verdict in Verdict
     }
-    found[EXPECTATION] = Code(
+    codes |= {
+        status.value: Code(
+            status.value, f"verified: {status.label}", f"`foresee verify` says {status.label}: {status.meaning}."
+        )
+        for status in Status
+    }
+    codes[EXPECTATION] = Code(
         EXPECTATION, "an expectation does not hold", "The run passed, but an `expect` line of its scenario is broken."
     )
-    found["not-run"] = Code("not-run", "could not be run", "There is no result: the message says why.")
-    return found
+    codes["not-run"] = Code("not-run", "could not be run", "There is no result: the message says why.")
+    return codes
 
 
 @cache
@@ -273,8 +279,8 @@ def _could_not_run(what: str) -> CaseResult:
     return CaseResult(suite, name or address, Outcome.ERROR, "not-run", reason or what, Place(suite))
 
 
-def _told(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:
-    """What happened, whether the careful drivers would have avoided it, and which other drivers do; of a failure."""
-    told = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
-    judged = (f"{found.name}: {found.answer}: {found.why}" for found in run.judgements)
-    return (*told, *judged, *(f"avoided: {other.told}" for other in run.avoided))
+def _details(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:
+    """Return lines on a failure: its story, the judgements of the careful drivers, the drivers that avoid it."""
+    sentence = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
+    judged = (f"{judgement.name}: {judgement.answer}: {judgement.why}" for judgement in run.judgements)
+    return (*sentence, *judged, *(f"avoided: {other.told}" for other in run.avoided))

@@ -12,22 +12,26 @@ from foresee_dsl.language.codes.code import Code
 
 
 def render_github(diagnostics: Iterable[Diagnostic], codes: Mapping[str, Code]) -> str:
-    """Return one command a line, in the order given; `codes` gives each its title."""
-    return "\n".join(_command(found, codes) for found in diagnostics)
+    """Return the diagnostics as one command per line, with the titles of their codes."""
+    return "\n".join(_command(diagnostic, codes) for diagnostic in diagnostics)
 
 
-def _command(found: Diagnostic, codes: Mapping[str, Code]) -> str:
-    code = codes.get(found.code)
-    properties: list[tuple[str, str | int]] = [("file", found.path)]
-    if found.span is not None:
-        properties += [("line", found.span.line), ("endLine", found.span.end_line), ("col", found.span.column)]
-        if found.span.line == found.span.end_line:  # GitHub takes a last column only on the same line
-            properties.append(("endColumn", found.span.end_column))
-    properties.append(("title", f"{found.code} {code.title}" if code is not None else found.code))
+def _command(diagnostic: Diagnostic, codes: Mapping[str, Code]) -> str:
+    code = codes.get(diagnostic.code)
+    properties: list[tuple[str, str | int]] = [("file", diagnostic.path)]
+    if diagnostic.span is not None:
+        properties += [
+            ("line", diagnostic.span.line),
+            ("endLine", diagnostic.span.end_line),
+            ("col", diagnostic.span.column),
+        ]
+        if diagnostic.span.line == diagnostic.span.end_line:  # GitHub accepts a last column only within one line
+            properties.append(("endColumn", diagnostic.span.end_column))
+    properties.append(("title", f"{diagnostic.code} {code.title}" if code is not None else diagnostic.code))
     escaped = ((name, _data(str(value)).replace(":", "%3A").replace(",", "%2C")) for name, value in properties)
     options = ",".join(f"{name}={value}" for name, value in escaped)
-    message = f"{found.message}\n{found.help}" if found.help else found.message
-    level = "error" if found.severity == "error" else "warning"
+    message = f"{diagnostic.message}\n{diagnostic.help}" if diagnostic.help else diagnostic.message
+    level = "error" if diagnostic.severity == "error" else "warning"
     return f"::{level} {options}::{_data(message)}"
 
 

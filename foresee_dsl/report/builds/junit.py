@@ -1,7 +1,7 @@
-"""Results as JUnit XML: what Jenkins, GitLab and most build servers read.
+"""Results as JUnit XML, which Jenkins, GitLab and most build servers read.
 
-There is no standard. The shape is what Jenkins' schema (xunit plugin, `junit-10.xsd`) allows, which GitLab reads too:
-no attributes of our own, files as `[[ATTACHMENT|path]]` lines in `system-out`, which both take.
+The format has no standard. The output follows Jenkins' schema (xunit plugin, `junit-10.xsd`), which GitLab reads too:
+it has no attributes of our own, and files are `[[ATTACHMENT|path]]` lines in `system-out`, which both servers support.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from foresee_dsl.files import rendered
 from foresee_dsl.report.builds.case_results import CaseResult, Outcome
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
-"""The characters that XML 1.0 does not allow (section 2.2), not even escaped."""
+"""Characters that XML 1.0 forbids (section 2.2), even escaped."""
 
 
 @dataclass(frozen=True)
@@ -29,32 +29,33 @@ class _Suite:
 
     @property
     def failures(self) -> int:
-        return sum(one.outcome is Outcome.FAILED for one in self.results)
+        return sum(result.outcome is Outcome.FAILED for result in self.results)
 
     @property
     def errors(self) -> int:
-        return sum(one.outcome is Outcome.ERROR for one in self.results)
+        return sum(result.outcome is Outcome.ERROR for result in self.results)
 
     @property
     def time_s(self) -> float:
-        return sum(one.time_s for one in self.results)
+        return sum(result.time_s for result in self.results)
 
 
 def to_junit(name: str, results: Sequence[CaseResult], *, properties: Sequence[tuple[str, str]] = ()) -> str:
     """Return one XML document: a test suite for each file; times are simulated seconds.
 
-    `name`: the command. `properties`: name and value, the same in each suite, such as the driver.
+    `name`: the command. `properties`: names and values that each suite repeats, such as the driver.
+    # What XML cannot hold is written out, such as the escape character of a terminal's colours.
     """
-    by_suite = sorted(results, key=lambda one: one.suite)
-    suites = [_Suite(suite, _class_name(suite), tuple(found))
-              for suite, found in groupby(by_suite, key=lambda one: one.suite)]  # fmt: skip
+    by_suite = sorted(results, key=lambda result: result.suite)
+    suites = [_Suite(suite, _class_name(suite), tuple(members))
+              for suite, members in groupby(by_suite, key=lambda result: result.suite)]  # fmt: skip
     total = _Suite("", "", tuple(results))
     text = rendered("report/junit.xml", name=name, suites=suites, properties=properties, total=total)
     # What XML cannot hold is written out, such as the escape character of a terminal's colours.
-    return _NO_XML.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
+    return _NO_XML.sub(lambda match: f"\\x{ord(match.group()):02x}", text)
 
 
 def _class_name(suite: str) -> str:
-    """A file as a dotted name: servers make folders of the dots."""
+    """Return a file as a dotted name; build servers turn the parts between dots into folders."""
     parts = [part for part in PurePath(suite).with_suffix("").parts if part not in ("/", "..", ".")]
     return ".".join(part.replace(".", "_") for part in parts) or "foresee"

@@ -1,4 +1,4 @@
-"""Tests of the pytest plugin: which there are in a file, and one of them driven, judged and told."""
+"""The tests of the pytest plugin: lists the tests of a file, and runs and judges one of them."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import tell
 
 Sections = tuple[tuple[str, str], ...]
-"""Titles and texts that a test's report gets."""
+"""Titles and texts of the sections of a test's report."""
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What the plugin's options ask for.
+class DriveOptions:
+    """The plugin's options.
 
     Attributes:
-        driver: "" for the one that each file records. traces: where traces are written. keep_all: of passed tests too.
-        run_programs: start the programs that files record as their drivers.
+        driver: name of the driver; "" for the driver that each file records. traces: folder for traces.
+        keep_all: also keep the traces of passed tests.
+        run_programs: allow the programs that files record as their drivers.
     """
 
     driver: str
@@ -42,19 +43,19 @@ class Wanted:
 
 
 def tests_in(file: str, *, allow_outside: bool = False) -> Iterator[tuple[str, SuiteTest]]:
-    """Yield name and test of each case of a scenario, of a mutant, and of a clip of which something is expected.
+    """Yield the name and the test of each case of a scenario, of a mutant, and of a clip with an expected result.
 
-    Of a suite that `foresee keep` wrote they are those that `foresee verify` runs: none in its `parents/`.
+    In a suite of `foresee keep`, files in `parents/` have no tests, as for `foresee verify`.
 
     Raises:
-        InputError: the file has mistakes (a mutant's are found when it is run).
+        InputError: the file has errors (those of a mutant appear only when it is run).
     """
     kind = kind_of(Path(file))
     if kind not in ("scenario", "clip", "mutant") or role_of(Path(file)) == "parent":
         return
     try:
         stated = {test.address: test for test in suite_of([file])}
-    except InputError:  # nothing is expected of it
+    except InputError:  # the file states no expected result
         stated = {}
     if kind != "scenario":
         yield from ((Path(file).stem, test) for test in stated.values())
@@ -64,45 +65,45 @@ def tests_in(file: str, *, allow_outside: bool = False) -> Iterator[tuple[str, S
         yield name or case_name(case), stated.get(case.id, SuiteTest(Path(file), name or None, verified=False))
 
 
-def drive(test: SuiteTest, wanted: Wanted) -> tuple[CaseResult, Sections]:
-    """Drive once and judge: by what the file expects of the driver, and where it says nothing, it has to pass.
+def drive(test: SuiteTest, options: DriveOptions) -> tuple[CaseResult, Sections]:
+    """Run a test once and return its result: the run must end as the file expects, or pass if it expects nothing.
 
     Raises:
-        InputError: the file has mistakes, or an edit of its parent reaches it.
+        InputError: the file has errors, or an edit of its parent changes the test.
         DriverError: there is no such driver, or it is a program that was not allowed.
     """
-    case, note = _loaded(test, allow_outside=wanted.allow_outside)
-    if wanted.driver:
-        allow(wanted.driver)
+    case, note = _loaded(test, allow_outside=options.allow_outside)
+    if options.driver:
+        allow(options.driver)
     else:
         refuse_programs(
             [(test.driver, test.file)],
             "--foresee-run-programs starts what the files say, --foresee-driver names another driver",
-            unless=wanted.run_programs,
+            unless=options.run_programs,
         )
-    driver = wanted.driver or test.driver
-    seed = wanted.seed or test.seed
+    driver = options.driver or test.driver
+    seed = options.seed or test.seed
     result = run_test_case(case, driver, seed)
-    found = _judged(test, of_run(case.id, driver, seed, result), result, driver)
-    failed = found.outcome is not Outcome.PASSED
+    case_result = _judged(test, of_run(case.id, driver, seed, result), result, driver)
+    failed = case_result.outcome is not Outcome.PASSED
     story = tell(result.trace, case) if failed else None
     sections: list[tuple[str, str]] = []
     if story is not None and story.sentence not in ("", result.reason):
-        found = replace(found, details=(story.sentence, *found.details))
+        case_result = replace(case_result, details=(story.sentence, *case_result.details))
         sections.append(("what happened", "\n".join(f"{m.time_s:6.2f} s  {m.text}" for m in story.moments)))
-    if failed or wanted.keep_all:
-        file = wanted.traces / f"{case_name(case)}.npz"
+    if failed or options.keep_all:
+        file = options.traces / f"{case_name(case)}.npz"
         file.parent.mkdir(parents=True, exist_ok=True)
         result.trace.save(file)
-        found = replace(found, attachments=(str(file),))
+        case_result = replace(case_result, attachments=(str(file),))
         sections.append(("trace", str(file)))
     if note:
         sections.append(("note", note))
-    return found, tuple(sections)
+    return case_result, tuple(sections)
 
 
 def _loaded(test: SuiteTest, *, allow_outside: bool) -> tuple[TestCase, str]:
-    """Return the test case; of a child whose parent's edit does not reach it too, with a note."""
+    """Return the test case; with a note if its parent was edited in a way that does not change it."""
     try:
         return load_test_case(test.address, allow_outside=allow_outside), ""
     except InputError:
@@ -112,20 +113,20 @@ def _loaded(test: SuiteTest, *, allow_outside: bool) -> tuple[TestCase, str]:
         return load_test_case(test.address, allow_outside=allow_outside, check_pin=False), note
 
 
-def _judged(test: SuiteTest, found: CaseResult, result: RunResult, driver: str) -> CaseResult:
-    """Return the result as `foresee verify` counts it, where that runs the test too."""
+def _judged(test: SuiteTest, case_result: CaseResult, result: RunResult, driver: str) -> CaseResult:
+    """Return the result as `foresee verify` counts it, if `verify` would run the test."""
     version = str(result.trace.meta.get("driver_version", ""))
     expected = expected_in(test.stated, test.case, names_of(driver, version), test.origin)
     if expected is None and not test.verified:
-        return found
+        return case_result
     status = judge(expected, Ending.of(result))
     if status is Status.AS_EXPECTED:
-        return replace(found, outcome=Outcome.PASSED, rule=status.value, details=())
+        return replace(case_result, outcome=Outcome.PASSED, rule=status.value, details=())
     was = f"{driver} {in_words(expected)}" if expected is not None else f"nothing is recorded for {driver}"
     return replace(
-        found,
+        case_result,
         outcome=Outcome.ERROR if status is Status.CRASHED else Outcome.FAILED,
         rule=status.value,
-        message=f"{status.label}: {found.message}",
-        details=(f"expected: {was}", *found.details),
+        message=f"{status.label}: {case_result.message}",
+        details=(f"expected: {was}", *case_result.details),
     )

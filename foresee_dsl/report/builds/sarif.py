@@ -1,4 +1,4 @@
-"""Diagnostics as SARIF 2.1.0 (OASIS, 27 March 2020): what code hosts and review tools read."""
+"""Diagnostics as SARIF 2.1.0 (OASIS, 27 March 2020), which code hosts and review tools read."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from foresee_dsl.language.messages.suggest import suggested_fix
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _BASE = "%SRCROOT%"
-"""What relative paths count from: the checkout's top folder, by the name that hosts know."""
+"""Base of relative paths: the top folder of the checkout, under the name that code hosts use."""
 _FINGERPRINT = "foreseeMistake/v1"
 _Json = dict[str, object]
 
 
 def to_sarif(diagnostics: Sequence[Diagnostic], codes: Mapping[str, Code]) -> _Json:
-    """Return one SARIF log with one run; codes that occur become its rules, with their explanations and examples."""
-    rules = sorted({found.code for found in diagnostics} & set(codes))
+    """Return a SARIF log with one run; its rules are the codes that occur, with their explanations and examples."""
+    rules = sorted({diagnostic.code for diagnostic in diagnostics} & set(codes))
     seen: Counter[str] = Counter()
-    results = [_result(found, rules, seen) for found in diagnostics]
+    results = [_result(diagnostic, rules, seen) for diagnostic in diagnostics]
     driver: _Json = {"name": "foresee", "semanticVersion": __version__, "rules": [_rule(codes[code]) for code in rules]}
     run: _Json = {
         "tool": {"driver": driver},
@@ -48,22 +48,22 @@ def _rule(code: Code) -> _Json:
     }
 
 
-def _result(found: Diagnostic, rules: Sequence[str], seen: Counter[str]) -> _Json:
-    text = f"{found.message} ({found.help})" if found.help else found.message
-    physical: _Json = {"artifactLocation": _artifact(found.path)}
-    if found.span is not None:
-        physical["region"] = _region(found.span, found.source_line)
-    result: _Json = {"ruleId": found.code, "level": found.severity, "message": {"text": text}}
-    if found.code in rules:
-        result["ruleIndex"] = rules.index(found.code)
+def _result(diagnostic: Diagnostic, rules: Sequence[str], seen: Counter[str]) -> _Json:
+    text = f"{diagnostic.message} ({diagnostic.help})" if diagnostic.help else diagnostic.message
+    physical: _Json = {"artifactLocation": _artifact(diagnostic.path)}
+    if diagnostic.span is not None:
+        physical["region"] = _region(diagnostic.span, diagnostic.source_line)
+    result: _Json = {"ruleId": diagnostic.code, "level": diagnostic.severity, "message": {"text": text}}
+    if diagnostic.code in rules:
+        result["ruleIndex"] = rules.index(diagnostic.code)
     result["locations"] = [{"physicalLocation": physical}]
-    result["partialFingerprints"] = {_FINGERPRINT: _fingerprint(found, seen)}
-    fix = _fix(found)
+    result["partialFingerprints"] = {_FINGERPRINT: _fingerprint(diagnostic, seen)}
+    fix = _fix(diagnostic)
     return result | ({"fixes": [fix]} if fix is not None else {})
 
 
 def _artifact(path: str) -> _Json:
-    """A path as a URI: relative to the working folder where it lies in it."""
+    """Return a path as a URI, relative to the working folder if it lies in it."""
     absolute = Path(path).absolute()
     try:
         relative = absolute.relative_to(Path.cwd())
@@ -73,32 +73,32 @@ def _artifact(path: str) -> _Json:
 
 
 def _region(span: Span, line: str) -> _Json:
-    """A place, its columns in UTF-16 code units; of a place over several lines, its first line."""
+    """Return a place with columns in UTF-16 code units; for a place over several lines, its first line."""
     first = _utf16(line, span.column)
     last = max(_utf16(line, span.end_column if span.end_line == span.line else len(line) + 1), first)
     return {"startLine": span.line, "startColumn": first, "endLine": span.line, "endColumn": last}
 
 
 def _utf16(line: str, column: int) -> int:
-    """Turn a 1-based column in characters into one in UTF-16 code units."""
+    """Convert a 1-based column in characters to UTF-16 code units."""
     return column + sum(ord(char) > 0xFFFF for char in line[: column - 1])
 
 
-def _fingerprint(found: Diagnostic, seen: Counter[str]) -> str:
-    """A digest that stays when lines are added above: code, file and the line's text, and how many of these came
-    before."""
-    key = "\0".join((found.code, found.path, found.source_line.strip(), found.message))
+def _fingerprint(diagnostic: Diagnostic, seen: Counter[str]) -> str:
+    """Return a digest that does not change when lines are added above: of the code, the file, the line's text, the
+    message, and the number of equal diagnostics before."""
+    key = "\0".join((diagnostic.code, diagnostic.path, diagnostic.source_line.strip(), diagnostic.message))
     seen[key] += 1
     return hashlib.sha256(f"{key}\0{seen[key]}".encode("utf-8", "surrogatepass")).hexdigest()[:32]
 
 
-def _fix(found: Diagnostic) -> _Json | None:
-    replacement = suggested_fix(found)
+def _fix(diagnostic: Diagnostic) -> _Json | None:
+    replacement = suggested_fix(diagnostic)
     if replacement is None:
         return None
     span, text = replacement
-    change = {"deletedRegion": _region(span, found.source_line), "insertedContent": {"text": text}}
+    change = {"deletedRegion": _region(span, diagnostic.source_line), "insertedContent": {"text": text}}
     return {
-        "description": {"text": found.help},
-        "artifactChanges": [{"artifactLocation": _artifact(found.path), "replacements": [change]}],
+        "description": {"text": diagnostic.help},
+        "artifactChanges": [{"artifactLocation": _artifact(diagnostic.path), "replacements": [change]}],
     }

@@ -1,4 +1,4 @@
-"""What a report of finished campaigns says: their findings with every run of them, and the raw numbers."""
+"""The contents of a report on finished campaigns: their findings with all runs, and the raw numbers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.findings.grouping import case_file_name
-from foresee_dsl.report.page.entries import Found, Source
+from foresee_dsl.report.page.entries import FindingEntry, Source
 from foresee_dsl.report.page.recorded import Campaign, CaseRun, Child, ClipRun, Finding, read_campaign_folder
 from foresee_dsl.report.page.runs import Outcome, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview
@@ -17,27 +17,29 @@ from foresee_dsl.report.verdicts import counted
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_RUNS = 25
-"""Runs of one finding that a report shows; the others are named. Ours: nobody looks at more that tell one story."""
+"""Maximum number of runs of a finding that a report shows; the others are only named. Ours: more runs with the same
+story show nothing new."""
 MOST_PLAYBACKS = 400
-"""From so many playbacks on, further findings show their representative only. Ours: of 15 kB and 0.08 s each, they
-are 6 MB and 30 s."""
-_TOLD = (Verdict.PASS, *FAILURES)
-"""What needs no note: failures are findings."""
+"""After this number of playbacks, further findings show only their representative. Ours: at 15 kB and 0.08 s each, they
+take 6 MB and 30 s."""
+_WITHOUT_NOTE = (Verdict.PASS, *FAILURES)
+"""Verdicts that need no note, because failures are shown as findings."""
 
 
 @dataclass(frozen=True)
 class Contents:
-    """All that a report says.
+    """The contents of a report.
 
     Attributes:
-        notes: what a reader should know first (interrupted, what could not be run, an older version's file).
-        overview, numbers: tables.
+        notes: what a reader should know first: the campaign was interrupted, steps could not be run, an older version
+            wrote the file.
+        overview, numbers: the tables before and after the findings.
     """
 
     title: str
     headline: str
     subtitle: str
-    findings: tuple[Found, ...]
+    findings: tuple[FindingEntry, ...]
     notes: tuple[str, ...]
     overview: tuple[Table, ...] = ()
     numbers: tuple[Table, ...] = ()
@@ -46,14 +48,14 @@ class Contents:
 
 
 def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
-    """Read finished campaigns.
+    """Return the contents of a report on finished campaigns.
 
     Raises:
-        ForeseeError: a folder holds none.
+        ForeseeError: a folder does not hold a campaign.
     """
     sources = [Source(folder, read_campaign_folder(folder)) for folder in folders]
     several = len(sources) > 1
-    findings = tuple(found for source in sources for found in _findings(source, reader, several=several))
+    findings = tuple(finding for source in sources for finding in _findings(source, reader, several=several))
     campaigns = [source.campaign for source in sources]
     return Contents(
         title=", ".join(dict.fromkeys(c.driver for c in campaigns)),
@@ -66,14 +68,14 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
     )
 
 
-def _headline(campaigns: Sequence[Campaign], findings: Sequence[Found]) -> str:
-    runs = sum(found.count for found in findings)
+def _headline(campaigns: Sequence[Campaign], findings: Sequence[FindingEntry]) -> str:
+    runs = sum(finding.count for finding in findings)
     children = sum(c.children for c in campaigns)
     clips = sum(c.clips for c in campaigns)
     cases = sum(len(c.test_cases) for c in campaigns)
-    found = f"{counted(len(findings), 'finding')} in {counted(runs, 'failing run')}" if findings else "No failures"
+    finding = f"{counted(len(findings), 'finding')} in {counted(runs, 'failing run')}" if findings else "No failures"
     return (
-        f"{found}, among {counted(children, 'child', 'children')} of {counted(clips, 'clip')} "
+        f"{finding}, among {counted(children, 'child', 'children')} of {counted(clips, 'clip')} "
         f"from {counted(cases, 'test case')}"
     )
 
@@ -101,10 +103,10 @@ def _notes(source: Source) -> Iterator[str]:
             "Run the campaign again, and equal stories become one finding."
         )
     broke = Counter(map(ended, campaign.test_cases))
-    told = [f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _TOLD]
-    told += [f"{broke[EXPECTATION]} broke an expectation"] if broke[EXPECTATION] else []
-    if told:
-        yield f"Of {counted(len(campaign.test_cases), 'test case')}, {', '.join(told)}: see the overview."
+    counts = [f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _WITHOUT_NOTE]
+    counts += [f"{broke[EXPECTATION]} broke an expectation"] if broke[EXPECTATION] else []
+    if counts:
+        yield f"Of {counted(len(campaign.test_cases), 'test case')}, {', '.join(counts)}: see the overview."
     children = sum(bool(c.broken_expectations) and c.verdict == Verdict.PASS.value for clip in campaign.clip_runs
                    for c in clip.children)  # fmt: skip
     if children:
@@ -116,7 +118,7 @@ def _notes(source: Source) -> Iterator[str]:
 # ---- findings -------------------------------------------------------------------------------------------------------
 
 
-def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Found]:
+def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[FindingEntry]:
     failures = _failures(source)
     for record in source.campaign.findings or _each_alone(source):
         names = [name for name in (record.name, *record.siblings) if name in failures]
@@ -124,11 +126,11 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Foun
             continue
         most = MOST_RUNS if len(reader.playbacks) < MOST_PLAYBACKS else 1
         outcomes = [failures[name] for name in names[:most]]
-        if (small := _made_smaller(source, record, outcomes[0])) is not None:
+        if (small := _minimised(source, record, outcomes[0])) is not None:
             outcomes.insert(0, small)
         runs = tuple(map(reader.read, outcomes))
         answer = record.preventability or Preventable.UNKNOWN.value
-        yield Found(
+        yield FindingEntry(
             key=f"{source.campaign.driver}-{record.name}" if several else record.name,
             title=record.sentence,
             class_=record.class_ or runs[0].class_,
@@ -144,20 +146,20 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Foun
         )
 
 
-def _made_smaller(source: Source, record: Finding, found: Outcome) -> Outcome | None:
-    """Return the run of a finding's minimised mutant, None where there is none (any more)."""
+def _minimised(source: Source, record: Finding, outcome: Outcome) -> Outcome | None:
+    """Return the run of a finding's minimised mutant; None if there is none or its file is gone."""
     small = record.minimised
     file = source.folder / small.file if small is not None else None
     if small is None or file is None or not file.is_file():
         return None
     return replace(
-        found,
+        outcome,
         address=file.as_posix(),
         reason=small.reason,
         trace=file.with_suffix(".npz"),
-        references=small.references or found.references,
+        references=small.references or outcome.references,
         minimised=small,
-        unreduced=Path(found.address),
+        unreduced=Path(outcome.address),
     )
 
 
@@ -166,12 +168,12 @@ def _failures(source: Source) -> dict[str, Outcome]:
     folder, campaign = source.folder, source.campaign
     seed = int(campaign.settings.get("seed", 0))
     traces: dict[str, Path] = {}
-    found: dict[str, Outcome] = {}
+    outcomes: dict[str, Outcome] = {}
     for case in campaign.test_cases:
         if case.trace:
             traces[case.test_case] = folder / case.trace
         name = _case_name(case)
-        found[name] = Outcome(
+        outcomes[name] = Outcome(
             name=name,
             address=case.test_case,
             verdict=case.verdict,
@@ -184,8 +186,8 @@ def _failures(source: Source) -> dict[str, Outcome]:
             references=case.references,
         )
     for clip, child in _failing_children(campaign):
-        found[child.mutant] = _child(source, clip, child, traces.get(clip.test_case), seed)
-    return found
+        outcomes[child.mutant] = _child(source, clip, child, traces.get(clip.test_case), seed)
+    return outcomes
 
 
 def _child(source: Source, clip: ClipRun, child: Child, parent: Path | None, seed: int) -> Outcome:
@@ -209,7 +211,7 @@ def _child(source: Source, clip: ClipRun, child: Child, parent: Path | None, see
 
 
 def _case_name(case: CaseRun) -> str:
-    """Return the name that a test case's files begin with; its trace has it."""
+    """Return the name with which a test case's files begin: that of its trace, if there is one."""
     return Path(case.trace).stem if case.trace else case_file_name(case.test_case, Path(case.test_case).stem)
 
 
@@ -221,7 +223,7 @@ def _failing_children(campaign: Campaign) -> Iterator[tuple[ClipRun, Child]]:
 
 
 def _each_alone(source: Source) -> tuple[Finding, ...]:
-    """Return every failure as a finding of its own, for a file without findings."""
+    """Return each failure as a finding of its own, for a `campaign.json` without findings."""
     campaign = source.campaign
     families = {case.test_case: case.family for case in campaign.test_cases}
     kinds = {verdict.value for verdict in FAILURES}

@@ -1,4 +1,4 @@
-"""What a report lists: its campaigns, and their findings with every run that is shown."""
+"""The entries of a report: its campaigns, and their findings with the runs that are shown."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _LONGEST_ANCHOR = 120
 
 @dataclass(frozen=True)
 class Source:
-    """A campaign's folder and what it recorded."""
+    """A campaign's folder and its recorded results."""
 
     folder: Path
     campaign: Campaign
 
 
 @dataclass(frozen=True)
-class Found:
-    """A finding with its runs; the first is its representative.
+class FindingEntry:
+    """A finding with its runs, of which the first is its representative.
 
-    `key`: what tells it from all others of the report.
+    `key`: an identifier that is unique in the report.
     """
 
     key: str
@@ -43,18 +43,18 @@ class Found:
     test_case: str
     runs: tuple[Run, ...]
     more: tuple[str, ...] = ()
-    """Names of further runs, which are only named."""
+    """Names of further runs, which are not shown."""
 
     shown = "name sentence=title class=class_ verdict family driver preventability anticipation test_case runs more"
 
     @property
     def count(self) -> int:
-        """How many failing runs tell it; one that was made smaller is not counted again."""
+        """Number of failing runs with this story, without the minimised copy of the representative."""
         return sum(run.outcome.minimised is None for run in self.runs) + len(self.more)
 
     @property
     def anchor(self) -> str:
-        """The key, as addresses and file names can hold it."""
+        """The key with only such characters as addresses and file names can hold."""
         plain = _NO_ANCHOR.sub("_", self.key)
         if plain == self.key and len(plain) <= _LONGEST_ANCHOR:
             return plain
@@ -62,25 +62,25 @@ class Found:
 
     @property
     def name(self) -> str:
-        """The representative's."""
+        """Name of the representative."""
         return self.runs[0].outcome.name
 
     @property
     def others(self) -> tuple[str, ...]:
-        """The names of the other runs that are shown."""
+        """Names of the other runs that are shown."""
         return tuple(run.outcome.name for run in self.runs if run.outcome.name != self.name)
 
     @property
     def mutated(self) -> bool:
-        """Whether its runs are mutants' (or those of a test case as it is)."""
+        """Whether its runs are runs of mutants, not of an unmutated test case."""
         return bool(self.runs[0].outcome.operators) or self.runs[0].outcome.parent_trace is not None
 
 
 def family_title(family: str) -> str:
-    """Return a family's number and what it is about."""
+    """Return a scenario family's number and title."""
     return f"{family} {FAMILY_TITLES.get(family, '')}".strip() or "(no family)"
 
 
-def options_of(findings: Iterable[Found], key: Callable[[Found], str]) -> tuple[str, ...]:
-    """Return the values that a filter offers."""
-    return tuple(sorted({key(found) for found in findings} - {""}))
+def options_of(findings: Iterable[FindingEntry], key: Callable[[FindingEntry], str]) -> tuple[str, ...]:
+    """Return the values that a filter of findings offers."""
+    return tuple(sorted({key(finding) for finding in findings} - {""}))

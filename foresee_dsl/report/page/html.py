@@ -1,4 +1,4 @@
-"""Renders a report's page: templates, styles and scripts in one file, which runs nothing but its own script."""
+"""Renders a report as one HTML file with its styles and its script; its security policy allows no other script."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 LONGEST = 2000
-"""Characters of one text that the page shows; ours: reasons of a driver that raises are half of that."""
+"""Maximum length of a text on the page, characters. Ours: the reasons of drivers that raise are half as long."""
 SCRIPTS = ("run.js", "scene.js", "curves.js", "player.js", "page.js")
-"""The parts of the page's script, in their order; joined they are one."""
+"""The parts of the page's script, in the order in which they are joined."""
 
 
 def write_report(folders: Sequence[Path], file: Path) -> Contents:
-    """Write the page of finished campaigns, and return what it says.
+    """Write the page of finished campaigns, and return its contents.
 
     Raises:
-        ForeseeError: a folder holds no campaign.
+        ForeseeError: a folder does not hold a campaign.
         OSError: the file cannot be written.
     """
     reader = Reader()
@@ -39,17 +39,17 @@ def write_report(folders: Sequence[Path], file: Path) -> Contents:
 
 
 def rendered(contents: Contents, reader: Reader) -> str:
-    """Return the page: whatever names and reasons hold is shown as text."""
+    """Return the page as HTML; names and reasons are escaped, so that they are shown as text."""
     style, script = _source("page.css"), "\n".join(map(_source, SCRIPTS))
     script = f"(() => {{\n'use strict';\n{script}\n}})();\n"
     findings = contents.findings
     filters = {
-        "family": [(f, family_title(f)) for f in options_of(findings, lambda found: found.family)],
-        "class": [(c, c) for c in options_of(findings, lambda found: found.class_)],
-        "verdict": [(v, v) for v in options_of(findings, lambda found: found.verdict)],
-        "preventability": [(p, p) for p in options_of(findings, lambda found: found.preventability)],
-        "anticipation": [(a, a) for a in options_of(findings, lambda found: found.anticipation)],
-        "driver": [(d, d) for d in options_of(findings, lambda found: found.driver)],
+        "family": [(f, family_title(f)) for f in options_of(findings, lambda finding: finding.family)],
+        "class": [(c, c) for c in options_of(findings, lambda finding: finding.class_)],
+        "verdict": [(v, v) for v in options_of(findings, lambda finding: finding.verdict)],
+        "preventability": [(p, p) for p in options_of(findings, lambda finding: finding.preventability)],
+        "anticipation": [(a, a) for a in options_of(findings, lambda finding: finding.anticipation)],
+        "driver": [(d, d) for d in options_of(findings, lambda finding: finding.driver)],
     }
     template = _templates().get_template("page.html.j2")
     return template.render(
@@ -66,13 +66,13 @@ def rendered(contents: Contents, reader: Reader) -> str:
 
 @cache
 def _templates() -> Environment:
-    """Return the templates of reports, in which nothing that is inserted hides or turns the text around it."""
-    # What a template has marked as markup stays as it is.
+    """Return the templates of reports; every inserted text is made safe to show."""
+    # Text that a template has marked as markup is not changed.
     return templates("report").overlay(finalize=lambda value: safe(value, LONGEST) if type(value) is str else value)
 
 
 def _data(value: dict[str, Any]) -> Markup:
-    """Return JSON for a script element: no text in it ends the element."""
+    """Return JSON for a script element; texts in it cannot end the element."""
     from jinja2.utils import htmlsafe_json_dumps
 
     return htmlsafe_json_dumps(_safe_strings(value), separators=(",", ":"), allow_nan=False)
@@ -84,7 +84,7 @@ def _safe_strings(value: Any) -> Any:  # noqa: ANN401 - as above
     if isinstance(value, dict):
         return {safe(key, LONGEST): _safe_strings(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        # Long lists are numbers throughout.
+        # Long lists hold only numbers.
         return value if len(value) > 50 and isinstance(value[0], int) else [_safe_strings(item) for item in value]
     return value
 
@@ -95,5 +95,5 @@ def _source(name: str) -> str:
 
 
 def _hash(text: str) -> str:
-    """Return what a content security policy calls an inline style or script by."""
+    """Return the hash by which a content security policy allows an inline style or script."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

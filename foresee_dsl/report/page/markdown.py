@@ -1,4 +1,4 @@
-"""A report for a pull request: a section for each finding, as Markdown, with a picture of its run beside it."""
+"""A report for a pull request: Markdown with a section for each finding, and a picture of its run beside it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from foresee_dsl.files import templates, write_whole
 from foresee_dsl.report.page.contents import Contents, contents_of
-from foresee_dsl.report.page.entries import Found
+from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
 
@@ -19,35 +19,36 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 LONGEST_BYTES = 60_000
-"""GitHub refuses a comment of more than 65,536 characters; the rest is for what people write around it (ours)."""
+"""Maximum size of the report, bytes. GitHub allows 65,536 characters in a comment; the rest is for people's own words
+(ours)."""
 _LONGEST_TEXT, _LONGEST_CODE = 300, 1500
 _SPECIAL = re.compile(r"[\\`*_{}\[\]<>&#|~!$^]")
 _LINKS = re.compile(r"(?<=:)(?=//)|(?<=[wW]{3})(?=\.)|(?<=@)|(?<=&#35;)")
-"""Where code hosts begin to see an address, a person or an issue."""
+"""Places in a text at which code hosts begin a link to an address, a person or an issue."""
 _APART = "<!-- -->"
-"""Stands between two signs that would be a link together; nobody sees it."""
+"""Invisible comment that is inserted at these places, so that no link begins there."""
 
 
 class Marked(str):
-    """A text that is Markdown already."""
+    """A text that is already Markdown and must not be escaped."""
 
     __slots__ = ()
 
 
 def write_markdown(folders: Sequence[Path], file: Path) -> Contents:
-    """Write the report of finished campaigns, and beside it a folder with a strip of each finding's run.
+    """Write the report of finished campaigns, and beside it a folder with a picture of each finding's run.
 
     Raises:
-        ForeseeError: a folder holds no campaign.
+        ForeseeError: a folder does not hold a campaign.
         OSError: a file cannot be written.
     """
     reader = Reader(plays=False)
     contents = contents_of(folders, reader)
     pictures = file.with_name(f"{file.stem}_files")
     strips: list[str] = []
-    for found in contents.findings:
-        svg = reader.strip(found.runs[0].outcome)
-        name = f"{found.anchor}.svg"
+    for finding in contents.findings:
+        svg = reader.strip(finding.runs[0].outcome)
+        name = f"{finding.anchor}.svg"
         strips.append(f"{quote(pictures.name)}/{quote(name)}" if svg else "")
         if svg:
             write_whole(pictures / name, svg)
@@ -56,14 +57,14 @@ def write_markdown(folders: Sequence[Path], file: Path) -> Contents:
 
 
 def as_markdown(contents: Contents, strips: Sequence[str]) -> str:
-    """Return the report in less than `LONGEST_BYTES`: findings that have no room are only named at the end.
+    """Return the report in fewer than `LONGEST_BYTES`; findings that do not fit are only named at the end.
 
     Args:
-        strips: for each finding the address of its picture, or "".
+        contents: the contents of the report. strips: for each finding the address of its picture, or "".
     """
     sections = list(zip(contents.findings, (Marked(strip) for strip in strips), strict=True))
     low, high = 0, len(sections)
-    while low < high:  # the most sections that fit
+    while low < high:  # searches the largest number of sections that fit
         middle = (low + high + 1) // 2
         if len(_rendered(contents, sections, middle).encode()) < LONGEST_BYTES:
             low = middle
@@ -72,9 +73,9 @@ def as_markdown(contents: Contents, strips: Sequence[str]) -> str:
     return _rendered(contents, sections, low)
 
 
-def _rendered(contents: Contents, sections: Sequence[tuple[Found, Marked]], count: int) -> str:
+def _rendered(contents: Contents, sections: Sequence[tuple[FindingEntry, Marked]], count: int) -> str:
     text = _templates().get_template("report.md.j2").render(
-        contents=contents, sections=sections[:count], left=[found for found, _ in sections[count:]], code=code,
+        contents=contents, sections=sections[:count], left=[finding for finding, _ in sections[count:]], code=code,
         block=block, mark=Marked, code_free=escaped, commands=lambda run: "\n".join(run.command_lines),
     )  # fmt: skip
     return re.sub(r"\n{3,}", "\n\n", text)
@@ -82,7 +83,7 @@ def _rendered(contents: Contents, sections: Sequence[tuple[Found, Marked]], coun
 
 @cache
 def _templates() -> Environment:
-    """Return the templates of reports, with Markdown's escapes in the place of HTML's."""
+    """Return the templates of reports, with texts escaped for Markdown instead of HTML."""
     return templates("report").overlay(autoescape=False, finalize=_shown)
 
 
@@ -91,13 +92,13 @@ def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template inserts
 
 
 def escaped(text: object) -> Marked:
-    """Return a text that Markdown shows as it is: no markup, HTML, links, mentions, or cells of a table."""
+    """Return a text escaped so that Markdown shows it literally: no markup, HTML, links, mentions or table cells."""
     plain = _SPECIAL.sub(lambda sign: f"&#{ord(sign[0])};", safe(text, _LONGEST_TEXT))
     return Marked(_LINKS.sub(_APART, plain))
 
 
 def code(text: object) -> Marked:
-    """Return a text as code in a line, which a table's cell can hold too."""
+    """Return a text as inline code, which may also stand in a table's cell."""
     plain = safe(text, _LONGEST_TEXT)
     fence = "`" * (max((len(run) for run in re.findall("`+", plain)), default=0) + 1)
     pad = " " if plain.startswith("`") or plain.endswith("`") else ""
@@ -105,7 +106,7 @@ def code(text: object) -> Marked:
 
 
 def block(text: str, language: str) -> Marked:
-    """Return lines as a block of code that nothing in them ends."""
+    """Return lines as a block of code; backticks in them do not end it."""
     lines = [safe(line, _LONGEST_CODE) for line in text.split("\n")]
     fence = "`" * max(3, max((len(run) for line in lines for run in re.findall("`+", line)), default=0) + 1)
     return Marked("\n".join([f"{fence}{language}", *lines, fence]))

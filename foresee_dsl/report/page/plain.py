@@ -4,28 +4,28 @@ from __future__ import annotations
 
 from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.report.page.contents import Contents
-from foresee_dsl.report.page.entries import Found
+from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.safe_text import safe
 
 
 def as_text(contents: Contents) -> str:
-    """Return the headline, and a paragraph for each finding: what happened, what was changed, how to run it."""
+    """Return the headline and a paragraph for each finding: its story, its changes, and the command that runs it."""
     blocks = ["\n".join([safe(contents.headline), safe(contents.subtitle), *map(safe, contents.notes)])]
-    blocks += ["\n".join(_lines(found)) for found in contents.findings]
+    blocks += ["\n".join(_lines(finding)) for finding in contents.findings]
     return "\n\n".join(blocks) + "\n"
 
 
-def _lines(found: Found) -> list[str]:
-    first = found.runs[0]
+def _lines(finding: FindingEntry) -> list[str]:
+    first = finding.runs[0]
     answers = [
-        f"{R157}: {found.preventability}" if found.preventability else "",
-        f"{ANTICIPATING}: {found.anticipation}" if found.anticipation else "",
+        f"{R157}: {finding.preventability}" if finding.preventability else "",
+        f"{ANTICIPATING}: {finding.anticipation}" if finding.anticipation else "",
     ]
-    kinds = [found.verdict, found.class_, *answers, f"family {found.family}" if found.family else ""]
-    lines = [f"{safe(found.name)}", f"  {safe(found.title)}", f"  {safe(', '.join(k for k in kinds if k))}"]
+    kinds = [finding.verdict, finding.class_, *answers, f"family {finding.family}" if finding.family else ""]
+    lines = [f"{safe(finding.name)}", f"  {safe(finding.title)}", f"  {safe(', '.join(k for k in kinds if k))}"]
     lines += [f"  {safe(line, 10_000)}" for line in first.changes]
     lines += [f"  {safe(command, 10_000)}" for _, command in first.commands]
-    if found.count > 1:
-        others = [*found.others, *found.more]
+    if finding.count > 1:
+        others = [*finding.others, *finding.more]
         lines.append(f"  the same story: {safe(', '.join(others), 10_000)}")
     return lines + [f"  {safe(note)}" for note in first.missing]

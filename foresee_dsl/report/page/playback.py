@@ -1,4 +1,4 @@
-"""One run as a page plays it: who was where, who was seen, what signals showed, what the parent's run did instead."""
+"""A run as data for the page's player: poses and visibility of actors, signals, and deviations of the parent's run."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 NEAR_M = 90.0
-"""Actors that are never this near to the ego are left out; ours: a little beyond what its sensors see of a car."""
+"""Actors that never come this near to the ego are left out, m. Ours: a little beyond its sensors' range for a car."""
 SIGNALS_NEAR_M = 100.0
-"""Signals farther away from the ego during the whole run are left out; ours: what its camera sees at most."""
+"""Signals that are always farther from the ego are left out, m. Ours: the range of its camera."""
 LONG_RUN_FRAMES = 400
-"""A run of more frames (20 s) is shown with every second one; ours: positions between two are interpolated."""
+"""Of a longer run (over 20 s) only every second frame is kept. Ours: the player interpolates positions."""
 APART_M = 0.3
-"""A ghost is drawn of an actor that is this far from where it was in the parent's run; ours: one can see it."""
+"""An actor that is farther than this from its place in the parent's run gets a ghost, m. Ours: a visible distance."""
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -33,7 +33,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Parent:
-    """The run that a child was cut from; the child began `start_s` after it did."""
+    """The run from which a child was cut; the child begins `start_s` after its beginning."""
 
     trace: Trace
     start_s: float
@@ -41,11 +41,11 @@ class Parent:
 
 @dataclass(frozen=True)
 class Marks:
-    """What is marked in a run.
+    """The marks in a playback.
 
     Attributes:
-        opponent: an actor's id, or "". contact_s, contact: when and where (m) the two touched.
-        forecast_s, forecast_with: the risky point, in the run's own time, and whom it is about.
+        opponent: an actor's id, or "". contact_s, contact: time, s, and place, m, of its contact with the ego.
+        forecast_s, forecast_with: time of the risky point from the run's first frame, s, and id of its actor.
     """
 
     opponent: str = ""
@@ -56,9 +56,9 @@ class Marks:
 
 
 def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | None = None) -> dict[str, Any]:
-    """Return a run for the page's script; see `templates/report/run.js` for what it makes of it."""
+    """Return a run as data for the page's script; `templates/report/run.js` reads it."""
     frames = shown_frames(trace.frames)
-    shown = near_the_ego(trace, frames, marks.opponent)
+    columns = near_the_ego(trace, frames, marks.opponent)
     seen = _seen(trace, bundle, frames)
     heights = [actor.model.height_m for actor in bundle.scene.actors]
     run: dict[str, Any] = {
@@ -74,7 +74,7 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
                 "way": _way(trace.states[frames, k]),
                 "seen": toggles(seen[:, k]),
             }
-            for k in shown
+            for k in columns
         ],
         "opponent": marks.opponent,
         "signals": signal_heads(trace, bundle, frames),
@@ -90,7 +90,7 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
     if marks.contact_s is not None:
         run["contact"] = [marks.contact_s, *([round(v, 2) for v in marks.contact] if marks.contact else [])]
     if parent is not None:
-        run |= _ghosts(trace, frames, shown, parent, marks.opponent)
+        run |= _ghosts(trace, frames, columns, parent, marks.opponent)
     if marks.forecast_s is not None:
         source = parent or Parent(trace, 0.0)
         run["forecast"] = [round(marks.forecast_s, 2), *_place_at(source, marks.forecast_s, marks.forecast_with)]
@@ -98,14 +98,14 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
 
 
 def shown_frames(count: int) -> IntArray:
-    """Return the frames that a page shows: all, or every second one, and the last."""
+    """Return the frames that a page shows: all, or of a long run every second one and the last."""
     step = 1 if count <= LONG_RUN_FRAMES else 2
     frames = np.arange(0, count, step)
     return frames if count == 0 or frames[-1] == count - 1 else np.append(frames, count - 1)
 
 
 def near_the_ego(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
-    """Return the columns of the actors that a page shows: the ego, the opponent, and all that come near."""
+    """Return the columns of the actors that a page shows: the ego, the opponent, and all that come within `NEAR_M`."""
     xy = trace.states[frames][:, :, [X, Y]]
     gaps = np.hypot(xy[:, :, 0] - xy[:, :1, 0], xy[:, :, 1] - xy[:, :1, 1])
     near = np.nan_to_num(gaps, nan=np.inf).min(axis=0) <= NEAR_M
@@ -113,9 +113,9 @@ def near_the_ego(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
 
 
 def _way(states: FloatArray) -> list[list[Any]]:
-    """Return the stretches of time in which an actor is there: [first frame, frames, x, y, heading, speed].
+    """Return the stretches of time in which an actor is present: [first frame, frames, x, y, heading, speed].
 
-    Each of the last four is a list of differences; of one value only where it is the same all the time.
+    Each of the last four is a list of differences, with a single value if it is constant.
     """
     there = ~np.isnan(states[:, X])
     edges = [*toggles(there), len(there)]
@@ -133,7 +133,7 @@ def _short(values: list[int]) -> list[int]:
 
 
 def _seen(trace: Trace, bundle: SumoBundle, frames: IntArray) -> NDArray[np.bool_]:
-    """Return [frames, actors]: who was in the ego's line of sight, without the sensors' noise and misses."""
+    """Return which actors were in the ego's line of sight, [frames, actors], without the sensors' noise and misses."""
     sight = sight_of(trace, bundle)
     seen = np.zeros((len(frames), len(trace.actors)), dtype=np.bool_)
     seen[:, 0] = True
@@ -146,7 +146,7 @@ def _seen(trace: Trace, bundle: SumoBundle, frames: IntArray) -> NDArray[np.bool
 
 
 def _gap(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
-    """Return the distance between the footprints of ego and opponent, cm; -1 where one of them is not there."""
+    """Return the distance between the footprints of ego and opponent at each frame, cm; -1 if one is absent."""
     other = next((k for k, info in enumerate(trace.actors) if info.id == opponent and k), None)
     if other is None:
         return []
@@ -154,14 +154,14 @@ def _gap(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
     return [-1 if np.isnan(value) else round(float(value) * CM) for value in away]
 
 
-def _ghosts(trace: Trace, frames: IntArray, shown: list[int], parent: Parent, opponent: str) -> dict[str, Any]:
-    """Return where the parent's actors were at the same moments, of those that went another way."""
+def _ghosts(trace: Trace, frames: IntArray, columns: list[int], parent: Parent, opponent: str) -> dict[str, Any]:
+    """Return the poses of the parent's actors at the same times, for actors that deviate by more than `APART_M`."""
     first = round(parent.start_s / STEP_S)
     at = frames + first
     within = at < parent.trace.frames
     theirs = {info.id: k for k, info in enumerate(parent.trace.actors)}
     ghosts, differs = [], []
-    for place, k in enumerate(shown):
+    for place, k in enumerate(columns):
         column = theirs.get(trace.actors[k].id)
         if column is None or not within.any():
             continue
@@ -178,7 +178,8 @@ def _ghosts(trace: Trace, frames: IntArray, shown: list[int], parent: Parent, op
 
 
 def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
-    """Return where an actor (else the ego) of a parent was at a moment of the child, m; nothing where it was not."""
+    """Return the place of a parent's actor (or of the ego, if it has no such actor) at a time of the child, m; empty if
+    it is absent."""
     columns = {info.id: k for k, info in enumerate(run.trace.actors)}
     frame = run.trace.frame_at(run.start_s + time_s)
     state = run.trace.states[frame, columns.get(actor, 0)]
@@ -186,9 +187,9 @@ def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
 
 
 def signal_heads(trace: Trace, bundle: SumoBundle, frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Return the signal heads near the ego: a line `at` the road (cm), and `colours`: frame, letter, frame, letter...
+    """Return the signal heads near the ego, each with a line `at` the road, cm, and `colours`: frame, letter, frame...
 
-    A letter is SUMO's, in lower case: r, y, g, u (red and yellow), o (off). Frames count those shown.
+    A letter is SUMO's in lower case: r, y, g, u (red and yellow), o (off). A frame is an index into `frames`.
     """
     track = trace.states[:, 0, [X, Y]]
     heads = []
@@ -207,12 +208,12 @@ def signal_heads(trace: Trace, bundle: SumoBundle, frames: NDArray[np.int64]) ->
 def _states(trace: Trace, column: int, signal: Signal, frames: NDArray[np.int64]) -> list[str]:
     """Return SUMO's state string of a signal at each frame."""
     names = trace.signal_stages[column]
-    found = []
+    states = []
     for frame in frames:
         stage = names[trace.stages[frame, column]]
         phase, _ = signal.phase_at(stage, float(trace.elapsed[frame, column]))
-        found.append(signal.phases[phase].state.lower())
-    return found
+        states.append(signal.phases[phase].state.lower())
+    return states
 
 
 def _changes(states: list[str], link: int) -> list[int | str]:
@@ -227,7 +228,8 @@ def _changes(states: list[str], link: int) -> list[int | str]:
 
 
 def _places(network: RoadNetwork, signal: Signal) -> Iterator[tuple[list[tuple[float, float]], int]]:
-    """Yield a line and a link for each head: part of the stop line for each way on from a lane, a crossing's ends."""
+    """Yield a line and a link index for each head: a part of the stop line for each movement from a lane, and a point
+    at both ends of a crossing."""
     links: dict[str, list[int]] = {}
     for movement in network.movements:
         if movement.tls == signal.tls and movement.link not in links.setdefault(movement.from_lane, []):
@@ -242,7 +244,7 @@ def _places(network: RoadNetwork, signal: Signal) -> Iterator[tuple[list[tuple[f
 
 
 def _stop_line(lane: Lane, share: int, shares: int) -> list[tuple[float, float]]:
-    """Return a part of the stop line at a lane's end, from the right."""
+    """Return one of `shares` equal parts of the stop line at a lane's end, counted from the right."""
     (x0, y0), (x1, y1) = lane.shape[-2], lane.shape[-1]
     heading = math.atan2(y1 - y0, x1 - x0)
     left = [(k / shares - 0.5) * lane.width_m * 0.9 for k in (share, share + 1)]

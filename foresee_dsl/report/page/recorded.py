@@ -1,4 +1,4 @@
-"""What a finished campaign's folder says of itself: `campaign.json`, read back."""
+"""Reads `campaign.json` of a finished campaign's folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from foresee_dsl.errors import ForeseeError
 
 
 class _Part(BaseModel):
-    """A part of the file; what this version does not know is left out."""
+    """A part of the file; keys that this version does not know are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, populate_by_name=True)
 
@@ -25,14 +25,14 @@ class Preventability(_Part):
 
 
 class Anticipation(_Part):
-    """Whether a driver who anticipates would have prevented a failure, and by what."""
+    """Whether an anticipating driver would have prevented a failure, and by what."""
 
     answer: str
     why: str = ""
 
 
 class Nearest(_Part):
-    """A near miss: how near, when, and to whom."""
+    """A near miss: its measure's value, its time and the other actor."""
 
     value: float | None
     time_s: float
@@ -40,7 +40,7 @@ class Nearest(_Part):
 
 
 class Reference(_Part):
-    """A failing mutant or test case, driven by another driver."""
+    """The run of a failing mutant or test case with another driver."""
 
     driver: str
     verdict: str
@@ -51,7 +51,7 @@ class Reference(_Part):
 
 
 class Child(_Part):
-    """A mutant as it was run; `file` where it failed, relative to the campaign's folder."""
+    """A run of a mutant; `file`: its path in the campaign's folder if it failed."""
 
     mutant: str
     operators: tuple[str, ...] = ()
@@ -69,7 +69,7 @@ class Child(_Part):
 
 
 class ClipRun(_Part):
-    """A clip as it was run, with its children."""
+    """A run of a clip, with the runs of its children."""
 
     clip: str
     test_case: str
@@ -78,7 +78,7 @@ class ClipRun(_Part):
 
 
 class CaseRun(_Part):
-    """A test case as it was run."""
+    """A run of a test case."""
 
     test_case: str
     family: str = ""
@@ -94,8 +94,8 @@ class CaseRun(_Part):
     trace: str | None = None
 
 
-class Tried(_Part):
-    """A value that was run at the boundary: it passes, fails, or ends otherwise."""
+class BoundaryRun(_Part):
+    """A run with a value near the boundary: it passes, fails, or ends otherwise."""
 
     value: float
     ended: str
@@ -103,16 +103,16 @@ class Tried(_Part):
 
 
 class Boundary(_Part):
-    """Where a changed number begins to fail."""
+    """The value of a changed number from which on the run fails."""
 
     change: str
     unit: str = ""
     sentence: str = ""
-    tried: tuple[Tried, ...] = ()
+    tried: tuple[BoundaryRun, ...] = ()
 
 
 class Minimised(_Part):
-    """A finding's representative, made smaller; files relative to the campaign's folder."""
+    """A finding's minimised representative; files are relative to the campaign's folder."""
 
     file: str
     reason: str = ""
@@ -123,7 +123,7 @@ class Minimised(_Part):
 
 
 class Finding(_Part):
-    """Failures that tell one story."""
+    """Failures with the same story."""
 
     name: str
     sentence: str
@@ -140,7 +140,7 @@ class Finding(_Part):
 
 
 class Campaign(_Part):
-    """A campaign's result; `findings` is None in a file of a version that had none."""
+    """A campaign's result; `findings` is None if an older version, which did not group failures, wrote the file."""
 
     driver: str
     ranker: str = ""
@@ -163,10 +163,10 @@ class Campaign(_Part):
 
 
 def read_campaign_folder(folder: Path) -> Campaign:
-    """Read a campaign's `campaign.json`.
+    """Return the content of a campaign's `campaign.json`.
 
     Raises:
-        ForeseeError: there is none, or it is not what a campaign writes.
+        ForeseeError: the file is missing, or a campaign did not write it.
     """
     file = folder / JSON
     written = read_written(folder)
@@ -183,10 +183,10 @@ def read_campaign_folder(folder: Path) -> Campaign:
 
 
 def campaign_folders(folder: Path) -> tuple[Path, ...]:
-    """Return the campaigns under a folder: itself, or those of a campaign's file with several drivers.
+    """Return the folders of campaigns under a folder: itself, or one for each driver of a campaign with several.
 
     Raises:
-        ForeseeError: there is none.
+        ForeseeError: there are none.
     """
     if (folder / "campaign.json").is_file():
         return (folder,)

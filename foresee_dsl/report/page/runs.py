@@ -1,4 +1,4 @@
-"""One failing run for a report: what is told of it, what was changed, how it is reproduced, and its playback."""
+"""A failing run in a report: its story, its changes, the commands that reproduce it, and its playback."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from foresee_dsl.simulate.trace import Trace, X, Y
 from foresee_dsl.story import Moment, Story, tell
 
 _CACHED_PARENTS = 4
-"""Traces of test cases that are kept while their children are read; children come in the order of their test cases."""
+"""Number of test cases' traces that are kept in memory; children are read in the order of their test cases."""
 AROUND_M = 120.0
-"""Roads and buildings are shown this far around the egos (ours: the picture at its widest is 200 m across)."""
+"""Roads and buildings are shown up to this distance from the ego, m. Ours: the widest picture is 200 m across."""
 TOLERANCE_M = 0.05
-"""Points of a line that move it by less are left out (ours: half a pixel at the usual 10 px/m)."""
+"""Lines are simplified with this tolerance, m. Ours: half a pixel at the usual 10 px/m."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended, and the files that it left.
+    """How a run ended, and its files.
 
     Attributes:
-        address: what `foresee run` takes: the mutant's file, or the test case's address. trace: its file, or None.
-        parent_trace: that of the test case that a child comes from.
-        minimised: what made it smaller, of a mutant that was; `unreduced`: the mutant that it was made from.
+        address: the argument of `foresee run`: the mutant's file, or the test case's address. trace: the trace's file.
+        parent_trace: the trace's file of the test case from which a child was derived.
+        minimised: for a minimised mutant, how it was minimised. unreduced: the file of the mutant before that.
     """
 
     name: str
@@ -66,19 +66,20 @@ class Outcome:
 
     @property
     def label(self) -> str:
-        """The name, and whether it was made smaller."""
+        """The run's name, with a note if the mutant was minimised."""
         return f"{self.name}, made smaller" if self.minimised is not None else self.name
 
 
 @dataclass(frozen=True)
 class Run:
-    """The same, for people.
+    """A run as a report shows it.
 
     Attributes:
-        id: its playback's in the page, "" where there is none. title: its story's sentence, or how the run ended.
-        changes: what the mutant changes, a statement each; of the minimised one where there is one.
-        unreduced: then those of the mutant that failed first. note: how far it was minimised.
-        commands: what reproduces it: a label and a command line each. missing: what could not be shown, and why.
+        id: id of its playback in the page; "" without one. title: its story's sentence, or else how the run ended.
+        changes: the statements of the mutant; of the minimised mutant if there is one.
+        unreduced: in that case, the statements of the mutant before it was minimised. note: how it was minimised.
+        commands: label and command line of each command that reproduces it.
+        missing: for each part that cannot be shown, the reason.
     """
 
     outcome: Outcome
@@ -102,19 +103,19 @@ class Run:
 
     @property
     def command_lines(self) -> tuple[str, ...]:
-        """The commands alone."""
+        """The command lines without their labels."""
         return tuple(command for _, command in self.commands)
 
 
 class Roads:
-    """The networks of a page's runs, each once, cropped at the end to what is near."""
+    """The road networks of a page's runs, each once, cropped to the surroundings of the egos' tracks."""
 
     def __init__(self) -> None:
         self._networks: dict[int, RoadNetwork] = {}
         self._cells: dict[int, set[tuple[int, int]]] = {}
 
     def add(self, network: RoadNetwork, track: NDArray[np.float64]) -> str:
-        """Note where an ego was, [T, 2] m, and return the id of its network in the page."""
+        """Add an ego's track, [T, 2], m, and return the id of its network in the page."""
         self._networks.setdefault(id(network), network)
         cells = self._cells.setdefault(id(network), set())
         present = track[~np.isnan(track[:, 0])]
@@ -134,8 +135,8 @@ def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> dict[str, An
 
     near = {(x + i, y + j) for x, y in cells for i in (-1, 0, 1) for j in (-1, 0, 1)}
 
-    def shown(points: Sequence[Sequence[float]], wide_m: float) -> bool:
-        """Whether the bounding box of a shape touches a cell that is near."""
+    def is_near(points: Sequence[Sequence[float]], wide_m: float) -> bool:
+        """Return whether the bounding box of a shape touches a cell near a track."""
         if not points:
             return False
         low = np.min(np.array(points)[:, :2], axis=0) - wide_m
@@ -144,31 +145,31 @@ def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> dict[str, An
         right, top = np.floor(high / AROUND_M).astype(int)
         return any((x, y) in near for x in range(left, right + 1) for y in range(bottom, top + 1))
 
-    ground = ground_of(network, shown)
-    found: dict[str, Any] = {}
+    ground = ground_of(network, is_near)
+    layers: dict[str, Any] = {}
     for layer, shape in ground.items():
         finer = zebra(shape) if layer is Layer.CROSSING else shape.simplify(TOLERANCE_M)
         parts = lines_of(finer) if layer in LINES else rings_of(finer)
-        found[layer.value] = [line(part.tolist()) for part in parts]
-    return found
+        layers[layer.value] = [line(part.tolist()) for part in parts]
+    return layers
 
 
 @dataclass
 class Reader:
-    """Reads the failing runs of campaigns; each file, test case and network once."""
+    """Reads the failing runs of campaigns; reads each file, test case and network once."""
 
     roads: Roads = field(default_factory=Roads)
     playbacks: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """The playbacks of what was read, by id."""
+    """The playbacks of the runs so far, by id."""
     plays: bool = True
-    """Whether playbacks are made."""
+    """Whether playbacks are computed."""
 
     def __post_init__(self) -> None:
         self._project = Project(check_pin=False)
         self._trace = lru_cache(_CACHED_PARENTS)(Trace.load)
 
     def read(self, outcome: Outcome) -> Run:
-        """Return a run of which the files are read; whatever is missing is said in `Run.missing`."""
+        """Return a run from its files; for each missing part, `Run.missing` states the reason."""
         missing: list[str] = []
         case = self._case(outcome, missing)
         trace = self._load(outcome.trace, missing)
@@ -183,17 +184,17 @@ class Reader:
         parent: Parent | None = None,
         missing: Sequence[str] = (),
     ) -> Run:
-        """Return a run, with its story and its playback where there is enough for them."""
+        """Return a run, with its story and its playback if its test case and its trace are available."""
         notes = list(missing)
-        story, made = None, ""
+        story, playback_id = None, ""
         if trace is not None and case is not None and (bundle := self._bundle(case, trace, notes)) is not None:
             story = tell(trace, case, bundle)
-            made = self._played(trace, case, bundle, story, parent) if self.plays else ""
+            playback_id = self._played(trace, case, bundle, story, parent) if self.plays else ""
         risk = case.clip.risk if case is not None and case.clip is not None else None
         small, large, note = _changes(outcome, case)
         return Run(
             outcome=outcome,
-            id=made,
+            id=playback_id,
             title=story.sentence if story else outcome.reason,
             moments=story.moments if story else (),
             label=next((v.label for v in Verdict if v.value == outcome.verdict), outcome.verdict),
@@ -207,7 +208,7 @@ class Reader:
         )
 
     def _played(self, trace: Trace, case: TestCase, bundle: SumoBundle, story: Story, parent: Parent | None) -> str:
-        """Keep the playback of a run, and return its id."""
+        """Store the playback of a run, and return its id."""
         name = f"run-{len(self.playbacks)}"
         played = playback(trace, bundle, _marks(trace, case, story.opponent), parent)
         played["roads"] = self.roads.add(bundle.network, trace.states[:, 0, [X, Y]])
@@ -216,7 +217,7 @@ class Reader:
         return name
 
     def strip(self, outcome: Outcome) -> str:
-        """Return the picture of a run as SVG; "" where its files are not there."""
+        """Return the picture of a run as SVG; "" if its files are missing."""
         missing: list[str] = []
         case, trace = self._case(outcome, missing), self._load(outcome.trace, missing)
         if case is None or trace is None or self._bundle(case, trace, missing) is None:
@@ -264,15 +265,15 @@ class Reader:
 
 
 def _marks(trace: Trace, case: TestCase, opponent: str) -> Marks:
-    touched = contact_of(trace)
+    impact = contact_of(trace)
     risk = case.clip.risk if case.clip is not None else None
     forecast_s = None
     if case.clip is not None and risk is not None and isinstance(risk.at, Quantity):
         forecast_s = risk.at.si - case.clip.start_s
     return Marks(
         opponent=opponent or (risk.actor or "" if risk is not None else ""),
-        contact_s=trace.duration_s if touched else None,
-        contact=touched_at(trace, touched) if touched else None,
+        contact_s=trace.duration_s if impact else None,
+        contact=touched_at(trace, impact) if impact else None,
         forecast_s=forecast_s,
         forecast_with=risk.actor or "" if risk is not None else "",
     )

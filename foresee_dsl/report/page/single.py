@@ -1,4 +1,4 @@
-"""The page of one file: a test case, clip or mutant, which is run for it, or a trace."""
+"""The page of a single file: of a test case, clip or mutant, which is run for the page, or of a trace."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from foresee_dsl.language.diff.addresses import parent_address
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.page.contents import Contents
-from foresee_dsl.report.page.entries import Found
+from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered
 from foresee_dsl.report.page.playback import Parent
 from foresee_dsl.report.page.recorded import Anticipation, Preventability
@@ -36,15 +36,16 @@ def write_view(
     allow_outside: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> Path:
-    """Write the page of a file, and return where it is: `file`, or `out/view/NAME.html`.
+    """Write the page of a file, and return the page's path: `file`, or `out/view/NAME.html`.
 
     Args:
-        address: a test case, clip or mutant, or a trace's file. driver: of its run; "": the recorded one, or `pdm`.
-        say: gets the note where a trace's parent is not shown because that would start a program.
+        address: a test case, clip or mutant, or a trace's file.
+        driver: driver of the run; "" for the recorded driver, or `pdm`.
+        say: is called with a note if a trace's parent is not shown because its driver is a program.
 
     Raises:
         InputError: the file, or what it builds on, has errors.
-        ForeseeError: it is no trace; a program is recorded as its driver; the run cannot be set up.
+        ForeseeError: the file is not a trace, its recorded driver is a program, or the run cannot be set up.
     """
     if address.endswith(".npz"):
         trace = _trace(Path(address))
@@ -76,7 +77,7 @@ def write_view(
     else:
         parent = _parent(case, driver, seed)
     run = reader.run(outcome, case, trace, parent)
-    found = Found(
+    entry = FindingEntry(
         key=outcome.name,
         title=run.title,
         class_=run.class_,
@@ -90,7 +91,7 @@ def write_view(
         runs=(run,),
     )
     headline = f"{outcome.name}: {outcome.reason}"
-    contents = Contents(outcome.name, headline, f"driver {driver} · seed {seed}", (found,), ())
+    contents = Contents(outcome.name, headline, f"driver {driver} · seed {seed}", (entry,), ())
     target = file or Path("out") / "view" / f"{_NO_FILE_NAME.sub('_', outcome.name)}.html"
     write_whole(target, rendered(contents, reader))
     return target
@@ -104,7 +105,11 @@ def _trace(file: Path) -> Trace:
 
 
 def _recorded_driver(case: TestCase) -> str:
-    """Return the driver that a mutant's file records; a program is not started for a look at a file."""
+    """Return the driver that a mutant's file records, else the default.
+
+    Raises:
+        DriverError: the file records a program, which is not started just to view the file.
+    """
     driver = recorded_run(case.mutant.origin if case.mutant is not None else None)[0]
     if ":" in driver:
         raise DriverError(f"{case.id} records a program as its driver ({driver}): `--driver '{driver}'` starts it")
@@ -112,7 +117,7 @@ def _recorded_driver(case: TestCase) -> str:
 
 
 def _parent(case: TestCase, driver: str, seed: int) -> Parent | None:
-    """Run what a child was derived from: of a mutant its clip, of a clip the test case."""
+    """Run the parent of a child (a mutant's clip, a clip's test case) and return it; None if there is none."""
     if case.clip is None:
         return None
     parent = load_test_case(parent_address(str(case.source)), check_pin=False)

@@ -1,4 +1,4 @@
-"""A report's tables: findings counted by what they have in common, near misses, and the raw numbers."""
+"""The tables of a report: findings by family, kind, class and driver, near misses, and the raw numbers."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from dataclasses import dataclass
 from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
-from foresee_dsl.report.page.entries import Found, Source, family_title
+from foresee_dsl.report.page.entries import FindingEntry, Source, family_title
 from foresee_dsl.report.page.recorded import Campaign, CaseRun, Nearest
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_NEAR = 10
-"""Near misses in the overview (ours: a screen)."""
+"""Maximum number of near misses in the overview. Ours: one screen."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of plain values; the first column is text, `total` the last row."""
+    """A table of plain values; `total` is the last row, if there is one."""
 
     title: str
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     total: tuple[str, ...] = ()
     texts: int = 1
-    """How many of the first columns hold text, not numbers."""
+    """Number of columns on the left that hold text; the others hold numbers."""
 
 
 PREVENTABLE = f"preventable for {ANTICIPATING}"
 _PREVENTED = {answer.value for answer in Answer if answer.preventable}
 
 
-def overview(sources: Sequence[Source], findings: Sequence[Found]) -> Iterator[Table]:
-    """Yield the tables to begin with."""
+def overview(sources: Sequence[Source], findings: Sequence[FindingEntry]) -> Iterator[Table]:
+    """Yield the tables at the beginning of a report."""
     several = len(sources) > 1
     yield _by("family", findings, lambda f: family_title(f.family))
     yield _by("kind", findings, lambda f: f"{f.verdict} {f.label}")
@@ -73,13 +73,13 @@ def overview(sources: Sequence[Source], findings: Sequence[Found]) -> Iterator[T
 
 
 def ended(case: CaseRun) -> str:
-    """Return a test case's verdict, or `expectation` where it only breaks expectations."""
+    """Return a test case's verdict, or `expectation` if it passed but broke expectations."""
     return EXPECTATION if case.verdict == Verdict.PASS.value and case.broken_expectations else case.verdict
 
 
 def _nearest(sources: Sequence[Source]) -> Table:
-    """Return the runs that passed with the smallest time to collision: where to look where nothing failed."""
-    found: list[tuple[float, tuple[str, ...]]] = []
+    """Return the runs that passed with the smallest times to collision."""
+    misses: list[tuple[float, tuple[str, ...]]] = []
     for source in sources:
         campaign = source.campaign
         runs = [(case.test_case, case.verdict, case.near_misses) for case in campaign.test_cases]
@@ -88,27 +88,27 @@ def _nearest(sources: Sequence[Source]) -> Table:
             first = (near or {}).get("ttc_s")
             if verdict == Verdict.PASS.value and near and first is not None and first.value is not None:
                 row = (name, first.with_, f"{first.time_s:.2f}", *_misses(near))
-                found.append((first.value, row))
-    found.sort()
+                misses.append((first.value, row))
+    misses.sort()
     headings = ("run", "with", "at s", "nearest m", "TTC s", "PET s", "braking m/s²")
-    return Table("Nearest misses that passed", headings, tuple(row for _, row in found[:MOST_NEAR]), texts=2)
+    return Table("Nearest misses that passed", headings, tuple(row for _, row in misses[:MOST_NEAR]), texts=2)
 
 
 def _misses(near: Mapping[str, Nearest | None]) -> tuple[str, ...]:
-    """Return distance, time to collision, post-encroachment time and braking needed, each "" where there is none."""
+    """Return distance, time to collision, post-encroachment time and needed braking; "" for a measure without value."""
     values = (near.get(name) for name in ("distance_m", "ttc_s", "pet_s", "drac_mps2"))
     return tuple("" if v is None or v.value is None else f"{v.value:.2f}" for v in values)
 
 
-def _by(what: str, findings: Sequence[Found], key: Callable[[Found], str]) -> Table:
-    """Return findings and failing runs by something, and what the careful drivers would have avoided."""
+def _by(what: str, findings: Sequence[FindingEntry], key: Callable[[FindingEntry], str]) -> Table:
+    """Return a table of findings and failing runs by a key, with those that the careful drivers would have avoided."""
     names = list(dict.fromkeys(map(key, findings)))
     rows = [_row(name, [f for f in findings if key(f) == name]) for name in sorted(names)]
     headings = (what, "findings", "runs", *(answer.value for answer in Preventable), PREVENTABLE)
     return Table(f"By {what}", headings, tuple(rows), _row("all", findings) if len(rows) > 1 else ())
 
 
-def _row(name: str, findings: Sequence[Found]) -> tuple[str, ...]:
+def _row(name: str, findings: Sequence[FindingEntry]) -> tuple[str, ...]:
     answers = Counter(f.preventability for f in findings)
     ahead = sum(f.anticipation in _PREVENTED for f in findings)
     counts = (len(findings), sum(f.count for f in findings), *(answers[answer.value] for answer in Preventable), ahead)
@@ -116,7 +116,7 @@ def _row(name: str, findings: Sequence[Found]) -> tuple[str, ...]:
 
 
 def numbers(sources: Sequence[Source]) -> Iterator[Table]:
-    """Yield all numbers of each campaign."""
+    """Yield the tables with all numbers of each campaign."""
     for source in sources:
         campaign, driver = source.campaign, source.campaign.driver if len(sources) > 1 else ""
         yield Table(f"The campaign {driver}".strip(), ("", "value"), tuple(_figures(campaign)))
@@ -139,9 +139,9 @@ def _figures(campaign: Campaign) -> Iterator[tuple[str, str]]:
     yield "clips", str(campaign.clips)
     yield "children", str(campaign.children)
     yield "failing children", str(sum(campaign.failures.values()))
-    for who, answers in ((R157, campaign.preventability), (ANTICIPATING, campaign.anticipation)):
+    for driver, answers in ((R157, campaign.preventability), (ANTICIPATING, campaign.anticipation)):
         for answer, count in answers.items():
-            yield f"  {who}: {answer}", str(count)
+            yield f"  {driver}: {answer}", str(count)
     yield "simulated", _duration(campaign.simulated_s)
     yield "time it took", _duration(campaign.wall_s)
     if isinstance(others, dict) and others.get("within_0.1_m") is not None:
@@ -189,7 +189,7 @@ def _operator_table(campaign: Campaign, driver: str) -> Table:
 
 
 def _allocation_table(campaign: Campaign, driver: str) -> Table:
-    """Where the children went that were allocated in rounds: the clips that got most first."""
+    """Return the table of children by clip and round; the clips with most children come first."""
     rounds = sorted({child.round or 0 for clip in campaign.clip_runs for child in clip.children})
     rows = []
     for clip in sorted(campaign.clip_runs, key=lambda clip: (-len(clip.children), clip.clip)):
@@ -203,8 +203,8 @@ def _allocation_table(campaign: Campaign, driver: str) -> Table:
 
 
 def _case_row(case: CaseRun) -> tuple[str, ...]:
-    shown = _misses(case.near_misses or {})
-    return (case.test_case, ended(case), case.reason, str(case.risky_points), *shown)
+    measures = _misses(case.near_misses or {})
+    return (case.test_case, ended(case), case.reason, str(case.risky_points), *measures)
 
 
 def _duration(seconds: float) -> str:

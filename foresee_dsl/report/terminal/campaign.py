@@ -1,4 +1,4 @@
-"""The terminal: what a campaign found, a block a finding; then what broke; without either, what came nearest."""
+"""The terminal report of a campaign: a block for each finding, then what broke; without either, the nearest misses."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
 SHOWN = 30
-"""Findings that are printed. Ours: three screens; the page and `campaign.json` have all."""
+"""Maximum number of findings that are printed. Ours: three screens; the page and `campaign.json` have all."""
 NEAREST = 5
-"""Near misses that are printed."""
+"""Maximum number of near misses that are printed."""
 NAMED = 5
-"""Test cases that are named where many broke in the same way."""
+"""Maximum number of test cases that are named if many broke in the same way."""
 
 
 def save_campaign(file: Path, result: CampaignResult, out: Path, *, raw: bool = True) -> None:
-    """Write the report to a file: an SVG picture, HTML, or plain text, by the file's suffix."""
+    """Write the report to a file, as an SVG picture, HTML or plain text according to the file's suffix."""
     console = Console(record=True, width=100, file=io.StringIO(), highlight=False)
     print_campaign(console, result, out, raw=raw)
     texts = {
@@ -49,9 +49,9 @@ def save_campaign(file: Path, result: CampaignResult, out: Path, *, raw: bool = 
 
 
 def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: bool = False) -> None:
-    """Print the report of a campaign: headline, findings, what broke; then the raw numbers, if they are wanted.
+    """Print the report of a campaign: headline, findings, what broke; with `raw` also the raw numbers.
 
-    A path is a line of its own, which is never broken.
+    Each path is on a line of its own, which is never wrapped.
     """
     findings = sorted(result.findings, key=_triage)
     console.print()
@@ -84,7 +84,7 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
 
 
 def _triage(finding: Finding) -> tuple[int, int, str]:
-    """The order in which findings deserve a look: avoidable, undecided, unavoidable; then those of many failures."""
+    """Return the sort key of findings: avoidable, undecided, unavoidable; within these, many failures first."""
     answer = finding.preventability.verdict if finding.preventability else Preventable.UNKNOWN
     order = 0 if finding.avoidable else 2 if answer is Preventable.NO else 1
     return order, -finding.count, finding.name
@@ -98,9 +98,9 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
         text = Text(f"{counted(len(findings), 'finding')} from {counted(failing, 'failure')}", style="bold red")
         for name, counts in _answers(findings):
             text.append(f"; {name}: {counts}", "bold red" if bad else "bold")
-        asked = [finding.avoided for finding in findings if finding.avoided is not None]
-        if asked:
-            text.append(f"; {sum(map(bool, asked))} of {len(asked)} avoided by another driver", "bold")
+        avoided = [finding.avoided for finding in findings if finding.avoided is not None]
+        if avoided:
+            text.append(f"; {sum(map(bool, avoided))} of {len(avoided)} avoided by another driver", "bold")
         yield text
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
@@ -129,7 +129,7 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
 
 
 def _answers(findings: list[Finding]) -> Iterator[tuple[str, str]]:
-    """Yield each judge's name, and how often it answers what."""
+    """Yield each judge's name with the counts of its answers."""
     by_name: dict[str, list[AnyJudgement]] = {}
     for judgement in (judgement for finding in findings for judgement in finding.judgements):
         by_name.setdefault(judgement.name, []).append(judgement)
@@ -140,20 +140,22 @@ def _answers(findings: list[Finding]) -> Iterator[tuple[str, str]]:
 
 
 def _allocated(result: CampaignResult) -> str:
-    """Say how many children clips got, of those that are mutated, and how many were drawn near another."""
+    """Return in words how many children the mutated clips got, and how many children were drawn near another."""
     clips = [clip for clip in result.clips if clip.children]
     counts = Counter(len(clip.children) for clip in clips)
-    told = ", ".join(f"{count} to {counted(clips, 'clip')}" for count, clips in sorted(counts.items(), reverse=True))
+    allocation = ", ".join(
+        f"{count} to {counted(clips, 'clip')}" for count, clips in sorted(counts.items(), reverse=True)
+    )
     near = sum(bool(child.drawn_near) for clip in clips for child in clip.children)
-    return f"children where they paid: {told}; {near} were drawn near another"
+    return f"children where they paid: {allocation}; {near} were drawn near another"
 
 
 def _print_finding(console: Console, number: int, finding: Finding, out: Path) -> None:
     siblings = f"; {counted(len(finding.siblings), 'sibling')}" if finding.siblings else ""
     console.print(_indented(Text(safe(finding.story.sentence, WHOLE), style="bold"), f"{number:>3} "))
     console.print(_indented(Text(f"{finding.verdict.value}, {finding.story.contact.value}{siblings}")))
-    for found in finding.judgements:
-        words = f"{found.name}: ", (str(found.answer), "bold"), f": {safe(found.why, WHOLE)}"
+    for judgement in finding.judgements:
+        words = f"{judgement.name}: ", (str(judgement.answer), "bold"), f": {safe(judgement.why, WHOLE)}"
         console.print(_indented(Text.assemble(*words)))
     if finding.avoided is not None:
         console.print(_indented(Text(_who_avoids(finding))))
@@ -161,40 +163,40 @@ def _print_finding(console: Console, number: int, finding: Finding, out: Path) -
 
 
 def _who_avoids(finding: Finding) -> str:
-    """Say which other drivers avoid the representative's failure, and how."""
+    """Return in words which other drivers avoid the representative's failure, and how."""
     runs = finding.references
-    told = [run.told for run in runs if run.passes]
-    if not told:
+    avoiding = [run.told for run in runs if run.passes]
+    if not avoiding:
         others = f"; {counted(finding.avoided, 'sibling')} avoided" if finding.avoided else ""
         return f"fails with {', '.join(run.driver for run in runs)} too{others}"
-    return f"avoided: {'; '.join(told)}"
+    return f"avoided: {'; '.join(avoiding)}"
 
 
 def file_of(finding: Finding, out: Path) -> Path | str:
-    """Return what to open of a finding: its minimised file, else its own; of a test case the address."""
+    """Return the file of a finding to open: its minimised file, else its own; for a test case its address."""
     if isinstance(finding.representative, SeedOutcome):
         return finding.file
     return out / (finding.minimised or finding).file
 
 
 def _print_others(console: Console, result: CampaignResult, findings: list[Finding], out: Path) -> None:
-    """Print failures that have no story, which only older results have."""
-    told = {name for finding in findings for name in (finding.name, *finding.siblings)}
-    children = (child for child in result.to_open_first(SHOWN) if child.name not in told)
+    """Print failures without a story, which only results of older versions hold."""
+    listed = {name for finding in findings for name in (finding.name, *finding.siblings)}
+    children = (child for child in result.to_open_first(SHOWN) if child.name not in listed)
     others: list[tuple[str, Preventability | None, Path | str]] = [
         *((child.reason, child.preventability, out / child.file) for child in children),
         *((s.reason, s.preventability, s.id) for s in result.seeds if s.verdict.is_failure and s.story is None),
     ]
-    for reason, found, path in others:
+    for reason, preventability, path in others:
         console.print()
         console.print(_indented(Text(safe(reason, WHOLE))))
-        if found is not None:
-            console.print(_indented(Text(f"{R157}: {found.verdict.value}: {safe(found.why, WHOLE)}")))
+        if preventability is not None:
+            console.print(_indented(Text(f"{R157}: {preventability.verdict.value}: {safe(preventability.why, WHOLE)}")))
         _print_path(console, "    ", path)
 
 
 def _print_broken(console: Console, result: CampaignResult) -> None:
-    """Print what is neither passed nor a failure of the driving: crashes, hangs, late and invalid runs."""
+    """Print runs that neither passed nor failed by their driving: crashes, hangs, late and invalid runs."""
     driver = shlex.quote(result.settings.driver)
     cases = [seed for seed in result.seeds if not _passed(seed) and not seed.verdict.is_failure]
     if cases:
@@ -220,7 +222,7 @@ def _print_broken(console: Console, result: CampaignResult) -> None:
 
 
 def _print_breaking(console: Console, result: CampaignResult) -> None:
-    """Print the expectations that do not hold in runs whose verdict is `pass`, and in which runs."""
+    """Print the broken expectations of runs with the verdict `pass`, each with these runs."""
     names: dict[str, list[str]] = {}
     for run in result.breaking:
         for sentence in run.broken_expectations:
@@ -280,12 +282,12 @@ def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:
 
 
 def _nearest(near: NearMisses) -> tuple[float, str]:
-    """Return how near a run came, smaller is nearer, and in words."""
+    """Return the smallest gap of a run, m, and the gap and time to collision in words."""
     ttc, gap = near.ttc_s, near.distance_m
     if gap is None:
         return math.inf, ""
-    told = f"{gap.value:.2f} m from {safe(gap.actor)} at {gap.time_s:.2f} s"
-    return gap.value, told + (f", time to collision {ttc.value:.2f} s" if ttc is not None else "")
+    words = f"{gap.value:.2f} m from {safe(gap.actor)} at {gap.time_s:.2f} s"
+    return gap.value, words + (f", time to collision {ttc.value:.2f} s" if ttc is not None else "")
 
 
 def _passed(seed: SeedOutcome) -> bool:
@@ -297,7 +299,7 @@ def _broke(child: ChildOutcome) -> bool:
 
 
 def _indented(text: Text, first: str = "    ") -> Table:
-    """Return a text whose further lines, where the terminal is narrow, begin below its first word."""
+    """Return a text whose second and later lines, on a narrow terminal, begin below its first word."""
     grid = Table.grid()
     grid.add_column(width=len(first), no_wrap=True, style="dim")
     grid.add_column(overflow="fold")

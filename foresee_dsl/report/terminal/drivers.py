@@ -1,4 +1,4 @@
-"""The terminal's table of drivers over plain test cases."""
+"""The terminal report of `foresee assess`: how drivers do on plain test cases."""
 
 from __future__ import annotations
 
@@ -22,22 +22,25 @@ from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
 
 @contextmanager
 def runs_progress(console: Console, total: int) -> Iterator[Callable[[DriverRun], None]]:
-    """Show a progress bar on a terminal, nothing elsewhere; yield what is to be called with each run that is done."""
+    """Show a progress bar on a terminal, nothing elsewhere; yield a function to call with each finished run."""
     with bars(console, TextColumn("runs")) as progress:
         task = progress.add_task("runs", total=total)
         yield lambda _: progress.advance(task)
 
 
 def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: bool = False, of: int = 0) -> None:
-    """Print how many runs of each driver failed and how, the drivers' rows, and their rows by family.
+    """Print how many runs of each driver failed and how, then a table of drivers, and one of drivers by family.
 
-    It fits 80 columns. `of`: how many runs were asked for, where it ended at the first failure.
+    Args:
+        runs: the finished runs. failures: also list each failing run. of: number of runs that were planned; larger
+            than the number of `runs` if the first failure ended them.
     """
-    for driver, mine in groupby(runs, key=lambda one: one.driver):
+    for driver, mine in groupby(runs, key=lambda outcome: outcome.driver):
         listed = list(mine)
-        failed = [one for one in listed if not one.passed]
-        breaking = sum(one.verdict is Verdict.PASS for one in failed)
-        line = verdicts_line([one.verdict for one in listed], [one.reason for one in failed], breaking=breaking)
+        failed = [outcome for outcome in listed if not outcome.passed]
+        breaking = sum(outcome.verdict is Verdict.PASS for outcome in failed)
+        verdicts, reasons = [outcome.verdict for outcome in listed], [outcome.reason for outcome in failed]
+        line = verdicts_line(verdicts, reasons, breaking=breaking)
         console.print(Text.assemble((f"{safe(driver)}: ", "bold"), line), soft_wrap=True)
     if len(runs) < of:
         left = f"stopped at the first failure (--fail-fast): {of - len(runs)} were not run"
@@ -56,14 +59,14 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
         )
     )
     if failures:
-        told = set()
+        noted = set()
         for run in (run for run in runs if not run.passed):
             how = safe(without_verdict(run.verdict, run.reason), WHOLE)
             ended = ending(run.verdict, run.broken_expectations)
             text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {ended}: {how}"
             console.print(Text(text), soft_wrap=True)
-            if (run.driver, run.reason) not in told:  # once for each place in a driver's code
-                told.add((run.driver, run.reason))
+            if (run.driver, run.reason) not in noted:  # once for each place in a driver's code
+                noted.add((run.driver, run.reason))
                 print_notes(console, run.notes)
 
 

@@ -1,4 +1,4 @@
-"""A campaign while it runs: bars on a terminal, a line every few seconds elsewhere, and a log of every event."""
+"""The progress of a running campaign: bars on a terminal, a line every few seconds elsewhere, a log of all events."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from foresee_dsl.report.terminal.time_left import RUNS, TimeLeft
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 TITLES = {step.kind: step.title for step in RUNS}
-"""Of the kinds of run, which are what is shown."""
+"""Title of each kind of run; progress shows only these steps."""
 
 
 class Figures(Listener):
-    """How many runs of each kind there are and were done, and what children ended with."""
+    """Counts of a campaign's planned and finished runs by kind, and of its children's verdicts."""
 
     def __init__(
         self,
@@ -54,23 +54,23 @@ class Figures(Listener):
         self.total: Counter[str] = Counter()
         self.finished: Counter[str] = Counter()
         self.run_here: Counter[str] = Counter()
-        """Of `finished`, those that were not in the store."""
+        """The finished runs that were not in the store."""
         self.verdicts: Counter[str] = Counter()
         self.last_round: Round | None = None
-        """The last round of children that has begun, where they are allocated in rounds."""
+        """The last round of children that has begun; None if children are not allocated in rounds."""
 
     def round(self, begun: Round) -> None:
-        """Remember it."""
+        """Remember the round that begins."""
         self.last_round = begun
         self._left.round(begun)
 
     def planned(self, kind: str, count: int) -> None:
-        """Count them."""
+        """Count runs that are planned."""
         self.total[kind] += count
         self._left.planned(kind, count)
 
     def done(self, row: Row, *, new: bool = True) -> None:
-        """Count it."""
+        """Count a finished run."""
         self.finished[row.kind] += 1
         self.run_here[row.kind] += new
         self._left.done(row, new=new)
@@ -79,12 +79,12 @@ class Figures(Listener):
 
     @property
     def failures(self) -> dict[str, int]:
-        """How many children ended in which failure, in the order of the tables; kinds that occurred only."""
-        shown = (*FAILURES, Verdict.CRASH)
-        return {kind.value: self.verdicts[kind.value] for kind in shown if self.verdicts[kind.value]}
+        """Number of children by kind of failure, in the order of the tables, without kinds that did not occur."""
+        kinds = (*FAILURES, Verdict.CRASH)
+        return {kind.value: self.verdicts[kind.value] for kind in kinds if self.verdicts[kind.value]}
 
     def line(self) -> str:
-        """Return all of it in a line."""
+        """Return the counts, the rate and the time left in one line."""
         there = [kind for kind in TITLES if self.total[kind]]
         parts = [f"{TITLES[kind]} {self.finished[kind]}/{self.total[kind]}" for kind in there]
         if self.last_round is not None:
@@ -97,7 +97,7 @@ class Figures(Listener):
         return "; ".join((*parts, *([ahead] if (ahead := self.ahead()) else ())))
 
     def ahead(self) -> str:
-        """Return how much is done and how long the rest takes, "" while that cannot be told."""
+        """Return the share that is done and the time left in words, "" while they cannot be estimated."""
         left_s = self._left.left_s
         return f"{self._left.shown_share:.0%} done, about {duration(left_s)} left" if left_s is not None else ""
 
@@ -109,8 +109,8 @@ class FirstFailure(Listener):
         self.name = ""
 
     def done(self, row: Row, *, new: bool = True) -> None:  # noqa: ARG002 - as a listener is called
-        """Look at it."""
-        verdict = next((known for known in Verdict if known.value == row.verdict), Verdict.PASS)
+        """Remember the run's name if it is the first that failed."""
+        verdict = next((kind for kind in Verdict if kind.value == row.verdict), Verdict.PASS)
         problem = verdict is not Verdict.PASS if row.kind == "seed" else is_problem(verdict) or row.broken
         if not problem and row.kind in ("seed", "child"):
             run = decode(row.record, SeedOutcome if row.kind == "seed" else ChildOutcome)
@@ -120,7 +120,7 @@ class FirstFailure(Listener):
 
 
 class PlainProgress(Figures):
-    """A line every few seconds, on standard error; what did not go well at once."""
+    """Prints a line every few seconds, and each problem at once."""
 
     def __init__(
         self,
@@ -133,7 +133,7 @@ class PlainProgress(Figures):
         self._printed_s = clock()
 
     def done(self, row: Row, *, new: bool = True) -> None:
-        """Print now and then how far it is."""
+        """Print a problem at once, and the progress every `EVERY_S`."""
         super().done(row, new=new)
         if new and (problem := _problem(row)):
             self._print_line(problem)
@@ -161,26 +161,26 @@ class RichProgress(Figures):
         self._bars = {kind: self.bars.add_task(title, total=None, visible=False) for kind, title in TITLES.items()}
 
     def planned(self, kind: str, count: int) -> None:
-        """Lengthen its bar."""
+        """Lengthen the bar of this kind of run."""
         super().planned(kind, count)
         if kind in self._bars:
             self.bars.update(self._bars[kind], total=self.total[kind], visible=True)
 
     def done(self, row: Row, *, new: bool = True) -> None:
-        """Advance its bar, and print what did not go well."""
+        """Advance the bar of this kind of run, and print a problem."""
         super().done(row, new=new)
         if row.kind in self._bars:
             self.bars.update(self._bars[row.kind], completed=self.finished[row.kind])
         if ahead := self.ahead():
-            shown = round(self._left.shown_share * 100)
-            self.bars.update(self._all, visible=True, description=ahead, total=100, completed=shown)
+            percent = round(self._left.shown_share * 100)
+            self.bars.update(self._all, visible=True, description=ahead, total=100, completed=percent)
         if self.failures and row.kind == "child":
             self._describe_children()
         if new and (problem := _problem(row)):
             self.bars.console.print(f"  {problem}", style="dim", highlight=False, markup=False)
 
     def round(self, begun: Round) -> None:
-        """Name it beside the children's bar, and print where its children go."""
+        """Show the round beside the children's bar, and print where its children go."""
         super().round(begun)
         self._describe_children()
         self.bars.console.print(f"  {begun.told}", style="dim", highlight=False, markup=False)
@@ -196,16 +196,16 @@ class RichProgress(Figures):
 
 
 class _Rate(ProgressColumn):
-    """Runs a second, as of late."""
+    """Recent number of runs per second."""
 
     def render(self, task: Bar) -> Text:
         return Text(f"{task.speed:.1f}/s" if task.speed else "", style="dim")
 
 
 def bars(console: Console, *title: ProgressColumn, rate: ProgressColumn | None = None, left: bool = True) -> Progress:
-    """Return progress bars with these columns in front, and the time left where the totals are known.
+    """Return progress bars with these columns in front; with `left`, the time left is the last column.
 
-    Nothing is shown where the console is no terminal.
+    Nothing is shown if the console is not a terminal.
     """
     rates = () if rate is None else (rate,)
     columns = (BarColumn(bar_width=None), MofNCompleteColumn(), *rates, TimeElapsedColumn())
@@ -217,7 +217,7 @@ def bars(console: Console, *title: ProgressColumn, rate: ProgressColumn | None =
 
 
 class JsonLog(Listener):
-    """One JSON object a line for each event, in the order in which they happened; written through at once."""
+    """Writes each event as a JSON object on a line of its own, in the order of time, without delay."""
 
     def __init__(self, file: TextIO, clock: Callable[[], float] = time.time) -> None:
         self._file, self._clock = file, clock
@@ -255,9 +255,9 @@ def progress(
     log: Path | None,
     settings: CampaignSettings = CampaignSettings(),  # noqa: B008 - immutable
 ) -> tuple[list[Listener], JsonLog | None]:
-    """Return the listeners of a campaign, and the log; what has to be closed is put on the stack.
+    """Return the listeners of a campaign and its log; `stack` closes both.
 
-    Progress is shown on the console, which is standard error: standard output is the report's alone.
+    Progress is shown on the console, which must be standard error: standard output is reserved for the report.
 
     Raises:
         OSError: the log's file cannot be written.

@@ -1,4 +1,4 @@
-"""The terminal: where the time of a command went, by part of the tool, and whether the driver or the tool is slow."""
+"""The terminal report of a profile: the time of a command by part of the tool, and the share of the driver."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.tables import plain_table
 
 _LEAST = 0.0005
-"""Parts below this share of their group's time are in one row together. Ours: they would read 0.0 %."""
+"""Parts below this share of their group's time share one row. Ours: each would read 0.0 %."""
 
 
 def print_profile(console: Console, profile: Profile) -> None:
-    """Print a profile as a sentence about the driver, a table of the parts, and what was not measured."""
+    """Print a profile: a sentence about the driver, a table of the parts, and notes on what was not measured."""
     console.print()
     console.print(Text(driver_sentence(profile), style="bold"))
     of_runs = [part for part in profile.parts if part.share_of_runs is not None]
@@ -28,7 +28,7 @@ def print_profile(console: Console, profile: Profile) -> None:
 
 
 def driver_sentence(profile: Profile) -> str:
-    """Return who takes the time of a run, the driver or the tool."""
+    """Return a sentence on the driver's share of a run's time."""
     if profile.driver_share is None or profile.decision_ms is None:
         return "No decision of a driver was measured."
     name = safe(", ".join(profile.drivers), 60)
@@ -57,7 +57,7 @@ def _notes(profile: Profile) -> list[str]:
 
 
 def _rows(title: str, parts: Sequence[PartTime]) -> list[tuple[str, ...]]:
-    """Return a row for each part, those that took most first, small ones together; then one of them all."""
+    """Return a row for each part, the largest time first, one row for all small parts, and the row of the sum."""
     most = sorted(parts, key=lambda part: -part.wall_s)
     least_s = _LEAST * sum(part.wall_s for part in parts)
     rows = [_row(part.title, [part]) for part in most if part.wall_s >= least_s]
@@ -80,5 +80,5 @@ def _row(title: str, parts: Sequence[PartTime]) -> tuple[str, ...]:
 
 
 def _ms(value: float) -> str:
-    """Return milliseconds with two digits that say something."""
+    """Return milliseconds with at least two significant digits."""
     return f"{value:.0f}" if value >= 10 else f"{value:.1f}" if value >= 1 else f"{value:.2g}"

@@ -1,4 +1,4 @@
-"""The terminal: a campaign's raw numbers, by family and kind of failure; `--raw` shows them."""
+"""The terminal report of a campaign's raw numbers, by family and kind of failure (`--raw`)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FAMILY_TITLES = {
 
 
 def raw_numbers(result: CampaignResult) -> list[Text | Table]:
-    """Return the tables: what was run, how it failed, what was preventable, how true the clips are; 80 columns wide."""
+    """Return tables of 80 columns: runs, failures, preventable failures, and how well clips reproduce their parents."""
     total = result.row()
     rows = [*(result.row(family) for family in result.families), total]
     kinds = ", ".join(f"{kind.value} {kind.label}" for kind in COLLISIONS)
@@ -71,7 +71,7 @@ def _avoidable_table(result: CampaignResult) -> Table:
     by_kind, everything = [result.avoidable(kind) for kind in FAILURES], result.avoidable()
     return plain_table(
         ("", *(kind.value for kind in FAILURES), "all"),
-        ((answer.value, *(_dim_zero(found[answer]) for found in by_kind), f"[bold]{everything[answer]}[/bold]")
+        ((answer.value, *(_dim_zero(counts[answer]) for counts in by_kind), f"[bold]{everything[answer]}[/bold]")
          for answer in Preventable),
         title=f"\nFor {R157}",
         gap=1,
@@ -86,11 +86,12 @@ def _fidelity_line(result: CampaignResult) -> Text:
     clips = result.clips
     if not clips:
         return Text("\nNo clips.")
-    found = result.fidelity
+    fidelity = result.fidelity
     mutated = sum(bool(c.children) for c in clips)
     return Text(
         f"\nFidelity of the {len(clips)} unmutated clips with {result.settings.driver}, largest deviation from the "
-        f"parent's run:\n  other actors: {found.others_median_m:.2f} m in the median, {found.others_within:.1%} within "
-        f"0.1 m, {found.others_max_m:.2f} m at most\n  the ego: {found.ego_median_m:.2f} m in the median, "
-        f"{found.ego_max_m:.2f} m at most\n{mutated} of {len(clips)} clips were mutated.",
+        f"parent's run:\n  other actors: {fidelity.others_median_m:.2f} m in the median, "
+        f"{fidelity.others_within:.1%} within 0.1 m, {fidelity.others_max_m:.2f} m at most\n"
+        f"  the ego: {fidelity.ego_median_m:.2f} m in the median, "
+        f"{fidelity.ego_max_m:.2f} m at most\n{mutated} of {len(clips)} clips were mutated.",
     )

@@ -1,4 +1,4 @@
-"""A finding's review as text of 80 columns, and the boundary as a scale."""
+"""The review of a finding as text of 80 columns, with the boundary of its failure as a scale."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from foresee_dsl.report.safe_text import safe
 
 WIDTH = 80
 _SCALE = 50
-"""Columns of a scale: one for each hundredth of the usual half a unit."""
+"""Width of a scale, columns: one for each hundredth if the change is 0.5, as usual."""
 _SIBLINGS = 5
-"""Names of other failures that are listed. Ours: two or three lines; `--json` has all."""
+"""Maximum number of other failures that are listed. Ours: two or three lines; `--json` has all."""
 _LONGEST = 5000
-"""Characters of a path or a command: they stay whole."""
+"""Maximum length of a path or a command, characters: they are not cut."""
 _MARKS = {"passes": "o", "otherwise": "x", "fails": "X"}
 _MARGINS = {
     "distance_m": "{:.2f} m to {}",
@@ -27,7 +27,7 @@ _MARGINS = {
 
 
 def review_text(review: Review) -> str:
-    """Return a review for people."""
+    """Return a review as text for people."""
     return "\n".join(_lines(review)) + "\n"
 
 
@@ -95,13 +95,14 @@ def _boundary(small: Mapping[str, Any] | None) -> Iterator[str]:
 
 
 def scale(edge: Mapping[str, Any]) -> str:
-    """Return the values that were run, from `was` to the value as it was mutated, as marks on a line."""
+    """Return the values that were run, from the unmutated to the mutated value, as marks on a line."""
     marks, span = ["-"] * _SCALE, edge["first"] - edge["was"]
     order = list(_MARKS)
-    for tried in sorted(edge["tried"], key=lambda one: order.index(one["ended"])):  # failures over what passes
-        place = (tried["value"] - edge["was"]) / span if span else 0.0
+    # failures come last, so that they replace a pass at the same place
+    for run in sorted(edge["tried"], key=lambda run: order.index(run["ended"])):
+        place = (run["value"] - edge["was"]) / span if span else 0.0
         if 0 <= place <= 1:
-            marks[round(place * (_SCALE - 1))] = _MARKS[tried["ended"]]
+            marks[round(place * (_SCALE - 1))] = _MARKS[run["ended"]]
     return "".join(marks)
 
 
@@ -111,18 +112,20 @@ def _value(edge: Mapping[str, Any], value: float) -> str:
 
 def _others(others: Iterable[Mutation]) -> Iterator[str]:
     all_others = list(others)
-    passed = [one for one in all_others if one.verdict == "pass"]
+    passed = [mutation for mutation in all_others if mutation.verdict == "pass"]
     yield from ("", f"Other mutations of the same clip: {len(passed)} of {len(all_others)} withstood")
-    for one in all_others:
-        changes = "; ".join(one.changes) or "?"
-        yield from _wrapped(f"{one.name.rpartition('_')[2]}: {changes}", "  ", more="    ")
-        yield from _wrapped(_margins(one) if one.verdict == "pass" else one.reason, "      ")
+    for mutation in all_others:
+        changes = "; ".join(mutation.changes) or "?"
+        yield from _wrapped(f"{mutation.name.rpartition('_')[2]}: {changes}", "  ", more="    ")
+        yield from _wrapped(_margins(mutation) if mutation.verdict == "pass" else mutation.reason, "      ")
 
 
-def _margins(one: Mutation) -> str:
-    found = ((words, one.margins.get(name)) for name, words in _MARGINS.items())
-    texts = [words.format(near["value"], near["with"]) for words, near in found if near and near["value"] is not None]
-    return "passed: " + (", ".join(texts) if texts else "nobody came near")
+def _margins(mutation: Mutation) -> str:
+    near_misses = ((words, mutation.margins.get(name)) for name, words in _MARGINS.items())
+    texts = [
+        words.format(near["value"], near["with"]) for words, near in near_misses if near and near["value"] is not None
+    ]
+    return "passed: " + (", ".join(texts) if texts else "no actor came near")
 
 
 def _files(review: Review) -> Iterator[str]:
@@ -141,7 +144,7 @@ def _files(review: Review) -> Iterator[str]:
 
 
 def _wrapped(text: str, indent: str = "", *, more: str = "") -> list[str]:
-    """Return text in lines of 80 columns, each behind an indent, all but the first behind some more."""
+    """Return text in lines of 80 columns with an indent; the second and later lines are indented by `more` too."""
     whole = " ".join(safe(text, _LONGEST).split())
     return textwrap.wrap(
         whole, WIDTH, initial_indent=indent, subsequent_indent=indent + more, break_long_words=False,

@@ -1,4 +1,4 @@
-"""The terminal: single runs of test cases, with what their driver printed and raised."""
+"""The terminal report of single runs of test cases, with the driver's output and traceback."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from foresee_dsl.report.verdicts import WHOLE, changed_lines, counted, ending, v
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 _LINES = 30
-"""Lines of a driver's output that are printed. Ours: the verdict above stays on the screen."""
+"""Maximum number of printed lines of a driver's output. Ours: the verdict above stays on the screen."""
 
 
-def print_case_run(console: Console, one: CaseRun, trace: Path | None) -> None:
+def print_case_run(console: Console, run: CaseRun, trace: Path | None) -> None:
     """Print how one run ended: verdict and reason, what happened, what the driver raised and printed."""
-    text = Text.assemble(f"{safe(one.case.id, WHOLE)}: ", ending(one.verdict, one.broken_expectations))
-    text.append(f", {safe(without_verdict(one.verdict, one.reason), WHOLE)}")
-    if one.result is not None:
-        text.append(f" ({one.result.duration_s:.1f} s, {one.result.steps} steps)")
+    text = Text.assemble(f"{safe(run.case.id, WHOLE)}: ", ending(run.verdict, run.broken_expectations))
+    text.append(f", {safe(without_verdict(run.verdict, run.reason), WHOLE)}")
+    if run.result is not None:
+        text.append(f" ({run.result.duration_s:.1f} s, {run.result.steps} steps)")
     console.print(text, soft_wrap=True)
-    if one.result is not None:
-        # In a clip most triggers have no time to fire: that says nothing.
-        print_run_details(console, one.result, triggers=one.case.clip is None)
-    print_notes(console, one.notes)
+    if run.result is not None:
+        # A clip is too short for most triggers to fire, so an unfired one means nothing.
+        print_run_details(console, run.result, triggers=run.case.clip is None)
+    print_notes(console, run.notes)
     if trace is not None:
         console.print(Text(f"  trace {safe(trace, WHOLE)}", style="dim"), soft_wrap=True)
 
@@ -52,20 +52,20 @@ def print_notes(console: Console, notes: DriverNotes) -> None:
 
 
 def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: Mapping[str, Path]) -> None:
-    """Print several runs: how many failed and how, those that did with all that is known, and a table of all."""
-    failed = [one for one in runs if not one.passed]
-    breaking = sum(one.verdict is Verdict.PASS for one in failed)
-    headline = verdicts_line([one.verdict for one in runs], [one.reason for one in failed], breaking=breaking)
+    """Print several runs: how many failed and how, the failed runs in detail, and a table of all."""
+    failed = [run for run in runs if not run.passed]
+    breaking = sum(run.verdict is Verdict.PASS for run in failed)
+    headline = verdicts_line([run.verdict for run in runs], [run.reason for run in failed], breaking=breaking)
     console.print(headline, soft_wrap=True)
-    for one in failed:
+    for run in failed:
         console.print()
-        print_case_run(console, one, traces.get(one.case.id))
+        print_case_run(console, run, traces.get(run.case.id))
     console.print()
     rows = [
-        (safe(one.case.id, WHOLE), ending(one.verdict, one.broken_expectations).plain,
-         f"{one.result.time_s:.2f} s" if one.result else "", _held(one),
-         "yes" if one.notes.output.strip() else "")
-        for one in runs
+        (safe(run.case.id, WHOLE), ending(run.verdict, run.broken_expectations).plain,
+         f"{run.result.time_s:.2f} s" if run.result else "", _held(run),
+         "yes" if run.notes.output.strip() else "")
+        for run in runs
     ]  # fmt: skip
     headings = ("test case", "verdict", "at", "expectations", "printed")
     table = plain_table(headings, rows, align="<<>><")
@@ -79,11 +79,13 @@ def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: 
 
 
 def _print_never_fired(console: Console, runs: Sequence[CaseRun]) -> None:
-    """Print the triggers and steps that came in none of several cases of one file."""
-    ran = [one for one in runs if one.result is not None and one.case.clip is None]
-    by_file = {str(one.case.source): [other for other in ran if other.case.source == one.case.source] for one in ran}
+    """Print the triggers and steps that fired in none of the cases of a file, if it has several."""
+    complete = [run for run in runs if run.result is not None and run.case.clip is None]
+    by_file = {
+        str(run.case.source): [other for other in complete if other.case.source == run.case.source] for run in complete
+    }
     for of_file in by_file.values():
-        unfired = [{(u.index, u.where): u for u in one.result.unfired} for one in of_file if one.result is not None]
+        unfired = [{(u.index, u.where): u for u in run.result.unfired} for run in of_file if run.result is not None]
         always = [key for key in unfired[0] if len(unfired) > 1 and all(key in other for other in unfired)]
         if always:
             console.print(Text(f"in none of {len(of_file)} cases of {safe(of_file[0].case.source.name, WHOLE)}:"))
@@ -92,7 +94,7 @@ def _print_never_fired(console: Console, runs: Sequence[CaseRun]) -> None:
                 console.print(line, soft_wrap=True)
 
 
-def _held(one: CaseRun) -> str:
-    expectations = one.result.expectations if one.result is not None else ()
+def _held(run: CaseRun) -> str:
+    expectations = run.result.expectations if run.result is not None else ()
     broken = sum(not expectation.held for expectation in expectations)
     return f"{broken} BROKEN" if broken else f"{len(expectations)} held" if expectations else ""

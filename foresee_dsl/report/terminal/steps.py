@@ -1,4 +1,4 @@
-"""The steps of a command that may take long: a spinner on a terminal, a line now and then elsewhere."""
+"""Progress of a command in steps: a spinner on a terminal, a line every few seconds elsewhere."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from contextlib import contextmanager
 from rich.console import Console
 
 EVERY_S = 5.0
-"""Between two lines where there is no terminal. Ours: twelve a minute can be read in a CI log."""
+"""Time between two lines without a terminal, s. Ours: twelve lines a minute can be read in a CI log."""
 
 
 @contextmanager
 def steps(console: Console) -> Iterator[Callable[[str], None]]:
-    """Yield what is to be called at the beginning of each step, with what the step does.
+    """Yield a function to call at the beginning of each step, with the step's description.
 
-    A step is shown at once on a terminal. Elsewhere a line is printed every few seconds, where the step is not that of
-    the line before: a command that ends within that time prints nothing.
+    A terminal shows a step at once. Elsewhere the current step is checked every `EVERY_S` and printed if it has
+    changed; a command that ends sooner prints nothing.
     """
     if console.is_terminal:
         from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -37,7 +37,7 @@ def steps(console: Console) -> Iterator[Callable[[str], None]]:
 
 
 class _Lines(threading.Thread):
-    """Prints the step that runs, in a thread of its own: most steps are one call that takes long."""
+    """Prints the current step from a thread of its own, because most steps are a single long call."""
 
     def __init__(self, print_line: Callable[[str], None]) -> None:
         super().__init__(daemon=True)
@@ -51,7 +51,7 @@ class _Lines(threading.Thread):
         self._step = step
 
     def run(self) -> None:
-        """Print what is new."""
+        """Print the current step every `EVERY_S` if it has changed, until `end`."""
         while not self._over.wait(EVERY_S):
             step = self._step
             if step != self._printed:
@@ -59,6 +59,6 @@ class _Lines(threading.Thread):
                 self._print_line(f"{time.monotonic() - self._began_s:.0f} s: {step}")
 
     def end(self) -> None:
-        """Stop."""
+        """Stop the thread and wait for its end."""
         self._over.set()
         self.join()

@@ -1,4 +1,4 @@
-"""The terminal: tables, times, and what happened in a run."""
+"""Tables and times for the terminal, and the details of a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def plain_table(
 ) -> Table:
     """Return a table without lines, with `gap` spaces between columns.
 
-    `align`: a sign for each column, `<` or `>`; by default the first is left-aligned, the others right-aligned.
+    `align`: `<` or `>` for each column; by default the first column is left-aligned, the others are right-aligned.
     """
     table = Table(
         title=title or None, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, gap, 0, 0)
@@ -35,15 +35,15 @@ def plain_table(
 
 
 def duration(seconds: float) -> str:
-    """Return minutes and seconds as `m:ss`, with hours in front where there are any."""
+    """Return a duration as `m:ss`, or `h:mm:ss` from one hour on."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
 def print_run_details(console: Console, result: RunResult, *, triggers: bool = True) -> None:
-    """Print the contact that a run ended with, how near it came to others, and which expectations held; with `triggers`
-    also which of them never fired."""
+    """Print the contact that ended a run, its near misses and its expectations; with `triggers` also the triggers that
+    never fired."""
     for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):
         console.print(Text(safe(detail), style="dim"), soft_wrap=True)
     for expectation in result.expectations:
@@ -71,27 +71,27 @@ _NEAR = (
     ("pet_s", "PET", "{:.2f} s"),
     ("drac_mps2", "braking", "{:.1f} m/s^2 needed"),
 )
-"""The measures of near misses: field, what it is called, and how its value is written."""
+"""The measures of near misses: field, title, and format of the value."""
 
 
 def _near_lines(near: NearMisses) -> list[str]:
     lines = []
-    for name, called, form in _NEAR:
-        found: NearMiss | None = getattr(near, name)
-        if found is None:
+    for name, title, form in _NEAR:
+        near_miss: NearMiss | None = getattr(near, name)
+        if near_miss is None:
             continue
-        value = form.format(found.value) if math.isfinite(found.value) else "none would have been enough"
-        lines.append(f"  {called:<9} {value} at {found.time_s:.2f} s, {found.actor}")
+        value = form.format(near_miss.value) if math.isfinite(near_miss.value) else "none would have been enough"
+        lines.append(f"  {title:<9} {value} at {near_miss.time_s:.2f} s, {near_miss.actor}")
     return lines
 
 
 def _expectation_line(expectation: ExpectationResult) -> Text:
-    """Return whether it held, as written (its label is part of that), by how much, and what decided."""
+    """Return an expectation with its label, whether it held, its margin, and the condition that decided."""
     mark = Text("  held    ", style="green") if expectation.held else Text("  BROKEN  ", style="red")
     mark.append(safe(expectation.text), style="default")
     if expectation.margin is not None:
         margin = f"{expectation.margin:.2f} {expectation.unit}".rstrip()
-        alone = expectation.text.endswith(f" {expectation.decides}")  # then it need not be written twice
+        alone = expectation.text.endswith(f" {expectation.decides}")  # then the text already contains the condition
         mark.append(f"  (by {margin})" if alone else f"  (by {margin}: {expectation.decides})", style="dim")
     return mark
 

@@ -1,4 +1,4 @@
-"""How much of a campaign is done, and how long the rest takes: with what is likely to follow from what is known."""
+"""Estimates how much of a campaign is done and how long the rest takes, including runs that are not planned yet."""
 
 from __future__ import annotations
 
@@ -24,30 +24,35 @@ def _run_above(step: type[AnyStep]) -> str:
 
 
 RUNS = tuple(step for step in STEPS if step.drives)
-"""The kinds of run, each after the one that it follows from."""
+"""The steps that run test cases, clips or mutants, each after the step on which it depends."""
 _ABOVE = {step.kind: _run_above(step) for step in RUNS}
-"""The kind of run that each follows from; "" of the first."""
+"""For each kind of run the kind on which it depends; "" for the first."""
 USUAL_SHARE = {"clip": 0.69, "child": 0.92}
-"""How many of the runs that may follow from a run at most do follow, where the step's own `share` does not tell. Ours:
+"""Share of the maximum number of runs per run above that usually takes place; it replaces the step's own `share`. Ours:
 the bundled library with `pdm`, 120 test cases, 332 clips, 1220 children."""
 _WEIGHT = 12
-"""So many runs count as much as what is usual. Ours: the first few say little, fifty say nearly all."""
+"""The usual values have the weight of this many measured runs. Ours: a few runs change the estimate little, after fifty
+they nearly determine it."""
 _FAILING = 0.1
-"""The share of children that fail, until it is seen: a step's `share` is meant for it. Ours, as above."""
+"""Assumed share of children that fail, until runs have shown it; a step's `share` refers to it. Ours, as above."""
 _ALIKE_FROM, _ALIKE_POWER = 64, 0.36
-"""From so many failures on their findings grow with this power of them, as most tell a story that is known. Ours: the
-bundled library with `pdm`, 64 failures with 24 findings to be made smaller, 1,985 with 82."""
+"""From this number of failures on, the number of findings grows with this power of it, because most failures repeat a
+story. Ours: the bundled library with `pdm`, 64 failures with 24 findings to be minimised, 1,985 with 82."""
 _SHOWN_FROM = 0.02
+"""Share of the work from which on an estimate is shown (ours)."""
 _SMOOTH = 0.1
+"""Weight of the newest estimate of the whole duration in the running average, each `_EVERY_S` (ours)."""
 _EVERY_S = 0.5
+"""Wall time between two updates of that average, s (ours)."""
 _NEARLY = 0.9
+"""Share of the work from which on the time left is at least that of the remaining work at the average rate (ours)."""
 
 
 class TimeLeft:
     """An estimate that changes little from one moment to the next."""
 
     def __init__(self, settings: CampaignSettings, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin now."""
+        """Start the clock."""
         self._clock, self._began_s = clock, clock()
         at_most = {step.kind: step.at_most(settings) for step in RUNS}
         if "child" in at_most:
@@ -55,27 +60,27 @@ class TimeLeft:
         self._usual = {step.kind: at_most[step.kind] * USUAL_SHARE.get(step.kind, step.share) for step in RUNS}
         self._in_rounds = settings.allocation == "adaptive"
         self._children = 0
-        """Where children are allocated in rounds: how many there will be, once it is known."""
-        self._known: Counter[str] = Counter()
+        """Total number of children in all rounds, 0 until a later round states it or without rounds."""
+        self._planned: Counter[str] = Counter()
         self._finished: Counter[str] = Counter()
         self._failed: Counter[str] = Counter()
         self._here: Counter[str] = Counter()
         self._wall_s: defaultdict[str, float] = defaultdict(float)
         self._whole_s = 0.0
         self.shown_share = 0.0
-        """The share of the time that is over, by the last `left_s`; it never falls."""
+        """Share of the whole time that has passed, by the last `left_s`; it never falls."""
         self._looked_s = self._began_s
 
     def planned(self, kind: str, count: int) -> None:
-        """So many more runs of a kind are known of."""
-        self._known[kind] += count
+        """Count further planned runs of a kind."""
+        self._planned[kind] += count
 
     def round(self, begun: Round) -> None:
-        """A later round of children begins."""
+        """Take the total number of children from a round that begins."""
         self._children = max(self._children, begun.total)
 
     def done(self, row: Row, *, new: bool) -> None:
-        """One of them is done; `new`: it took its time now."""
+        """Count a finished run; `new`: it was run now and not taken from the store."""
         self._finished[row.kind] += 1
         self._failed[row.kind] += row.verdict in FAILURES
         if new:
@@ -84,7 +89,7 @@ class TimeLeft:
 
     @property
     def share(self) -> float:
-        """The share of the work that is done, 0 to 1."""
+        """Share of the work that is done, 0 to 1."""
         done, whole = 0.0, 0.0
         of_kind: dict[str, float] = {}
         for step in RUNS:
@@ -93,20 +98,20 @@ class TimeLeft:
             if above:
                 ahead = max(0.0, expected - self._finished[above])
                 seen = self._finished[above]
-                each = (self._known[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
+                each = (self._planned[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
                 if kind == "child" and self._in_rounds:
-                    # Later rounds are given out when the ones before are over: until then what is usual counts.
-                    expected = max(self._known[kind], self._children or expected * self._usual[kind])
+                    # A later round is planned only after the one before; until then the usual number counts.
+                    expected = max(self._planned[kind], self._children or expected * self._usual[kind])
                 elif not step.after_all:
-                    expected = self._known[kind] + ahead * each
-                elif self._known[kind]:
-                    expected = float(self._known[kind])
-                else:  # it comes when all runs above are done, for those that failed
+                    expected = self._planned[kind] + ahead * each
+                elif self._planned[kind]:
+                    expected = float(self._planned[kind])
+                else:  # this step comes after all runs above, and only for those that failed
                     failing = (self._failed[above] + _FAILING * _WEIGHT) / (seen + _WEIGHT)
                     alike = max(1.0, expected * failing / _ALIKE_FROM) ** (_ALIKE_POWER - 1)
                     expected *= failing * self._usual[kind] / _FAILING * alike
             else:
-                expected = float(self._known[kind])
+                expected = float(self._planned[kind])
             each_s = (self._wall_s[kind] + step.usual_s * _WEIGHT) / (self._here[kind] + _WEIGHT)
             done += self._here[kind] * each_s
             whole += max(0.0, expected - (self._finished[kind] - self._here[kind])) * each_s
@@ -115,7 +120,7 @@ class TimeLeft:
 
     @property
     def left_s(self) -> float | None:
-        """Wall time until the end; None while too little is done to tell."""
+        """Estimated wall time until the end, s; None while less than `_SHOWN_FROM` is done."""
         now_s, share = self._clock(), self.share
         if share < _SHOWN_FROM:
             return None
@@ -125,7 +130,7 @@ class TimeLeft:
         elif (looks := (now_s - self._looked_s) / _EVERY_S) >= 1:
             self._whole_s += (1 - (1 - _SMOOTH) ** looks) * (took_s / share - self._whole_s)
             self._looked_s = now_s
-        # Near the end what is left counts, not the average over the whole.
+        # Near the end the remaining work counts more than the average over the whole campaign.
         left_s = max(took_s * (1 - share) / share if share > _NEARLY else 0.0, self._whole_s - took_s, 0.0)
         self.shown_share = max(self.shown_share, took_s / (took_s + left_s) if took_s else 0.0)
         return left_s

@@ -1,4 +1,4 @@
-"""What became of a suite's tests, for the terminal: first what cannot be told, then what is not as expected."""
+"""The terminal report of `foresee verify`: the results of a suite's tests by status, then the counts."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ _WIDTH = max(len(status.label) for status in Status) + 2
 def print_verification(console: Console, rechecks: Sequence[Recheck], written: Sequence[Path] | None = None) -> None:
     """Print each test that is not as expected, then the counts.
 
-    `written`: the files whose expected results were written anew; None where that was not asked for.
+    `written`: the files whose expected results were updated; None without `--update`.
     """
     if not rechecks:
         console.print("no tests there: `foresee keep` writes mutants with what is expected of them", soft_wrap=True)
         return
-    for one in sorted(rechecks, key=lambda one: (_ORDER[one.status], one.file)):
-        line = Text.assemble((f"{one.status.label:<{_WIDTH}}", one.status.style), one.file)
-        if one.status is not Status.AS_EXPECTED:
-            line.append("".join(f"\n{'':{_WIDTH}}{text}" for text in (*_was(one), f"now       {one.now}")))
-        if one.note:
-            line.append(f"\n{'':{_WIDTH}}{one.note}", style="dim")
+    for recheck in sorted(rechecks, key=lambda recheck: (_ORDER[recheck.status], recheck.file)):
+        line = Text.assemble((f"{recheck.status.label:<{_WIDTH}}", recheck.status.style), recheck.file)
+        if recheck.status is not Status.AS_EXPECTED:
+            line.append("".join(f"\n{'':{_WIDTH}}{text}" for text in (*_was(recheck), f"now       {recheck.now}")))
+        if recheck.note:
+            line.append(f"\n{'':{_WIDTH}}{recheck.note}", style="dim")
         console.print(line, soft_wrap=True)
-    counts = Counter(one.status for one in rechecks)
-    told = (f"{counts[status]} {status.label}" for status in Status if counts[status])
-    console.print(Text(", ".join(told), style="bold"), soft_wrap=True)
+    counts = Counter(recheck.status for recheck in rechecks)
+    parts = (f"{counts[status]} {status.label}" for status in Status if counts[status])
+    console.print(Text(", ".join(parts), style="bold"), soft_wrap=True)
     _print_next(console, counts, written)
 
 
-def _was(one: Recheck) -> tuple[str, ...]:
-    """The line about what is expected; none of a stale test, of which nothing was compared."""
-    if one.status is Status.STALE:
+def _was(recheck: Recheck) -> tuple[str, ...]:
+    """Return the line about the expected result; none for a stale test, which was not compared."""
+    if recheck.status is Status.STALE:
         return ()
-    if one.was == in_words(None):
-        return (f"expected  nothing is recorded for {one.driver}",)
-    return (f"expected  {one.was} ({one.driver})",)
+    if recheck.was == in_words(None):
+        return (f"expected  nothing is recorded for {recheck.driver}",)
+    return (f"expected  {recheck.was} ({recheck.driver})",)
 
 
 def _print_next(console: Console, counts: Counter[Status], written: Sequence[Path] | None) -> None:
-    """Say what to do now."""
+    """Print how to record the results, or the files in which they were recorded."""
     if written is None:
         if any(counts[status] for status in Status if status.can_be_recorded):
             console.print("`--update` writes these results as what is expected from now on", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Since when the ego's sensors see the opponent without a break, and what hid it before."""
+"""Since when the ego's sensors have seen the opponent without a break, and what hid it before."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.wording import full_name
 
 LOOKS_BACK_S = 10.0
-"""So long before the end the sensors are asked. Ours: the time to collision of nearly everything that matters is
-shorter, and a clip is 10 s long at most by default."""
+"""The search goes back this far from the end, s. Ours: nearly all relevant times to collision are shorter, and a clip
+is 10 s long at most by default."""
 BLINK_S = 0.25
-"""A shorter loss of sight does not count. Ours: a post between the two hides a walker for two or three frames."""
+"""A shorter loss of sight is ignored, s. Ours: a post between the two hides a walker for two or three frames."""
 _BEAM_M = 0.1
 
 
 @dataclass(frozen=True)
-class Seen:
-    """The opponent in the ego's sensors.
+class Sighting:
+    """When the ego's sensors saw the opponent.
 
     Attributes:
-        since_s: from when on it is seen until the end, s; None where it is not seen at the end.
-        from_start: it was seen as far back as was looked.
-        hidden_by: what hid it just before, in words; "" for nothing (it was out of range, or not there yet).
+        since_s: time from which it is visible without a break until the end, s; None if it is not visible at the end.
+        from_start: it is visible in the whole searched part of the run.
+        hidden_by: what hid it just before, in words; "" if nothing did (it was out of range or absent).
     """
 
     since_s: float | None
@@ -37,12 +37,12 @@ class Seen:
     hidden_by: str = ""
 
     def before_s(self, end_s: float) -> float:
-        """Return for how long it was seen until a time; 0 for not at all."""
+        """Return how long it was visible without a break before a time, s; 0 if it was not."""
         return 0.0 if self.since_s is None else max(end_s - self.since_s, 0.0)
 
 
-def seen(facts: Facts, actor: int) -> Seen:
-    """Ask the sensors of the drivers under test, without their noise, backwards from the end."""
+def sighting_of(facts: Facts, actor: int) -> Sighting:
+    """Return when an actor was visible to the sensors of the drivers under test, without their noise."""
     trace, sight = facts.trace, sight_of(facts.trace, facts.bundle)
     first = max(0, facts.last - round(LOOKS_BACK_S / STEP_S))
     since, blind = None, 0
@@ -54,14 +54,15 @@ def seen(facts: Facts, actor: int) -> Seen:
         if blind * STEP_S >= BLINK_S:
             break
     if since is None:
-        return Seen(None, False, hidden_by(facts, actor, facts.last))
+        return Sighting(None, False, hidden_by(facts, actor, facts.last))
     if blind * STEP_S < BLINK_S:
-        return Seen(round(since * STEP_S, 6), True)
-    return Seen(round(since * STEP_S, 6), False, hidden_by(facts, actor, since - 1))
+        return Sighting(round(since * STEP_S, 6), True)
+    return Sighting(round(since * STEP_S, 6), False, hidden_by(facts, actor, since - 1))
 
 
 def hidden_by(facts: Facts, actor: int, frame: int) -> str:
-    """Return what stands between the ego and an actor at a frame, "" for nothing: the nearest to the actor."""
+    """Return what hides an actor from the ego at a frame, in words: of several things the nearest to the actor; "" if
+    nothing does."""
     (x, y), (ox, oy) = facts.xy(0, frame), facts.xy(actor, frame)
     if math.isnan(ox):
         return ""
