@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.panels import Strip
-    from foresee_dsl.report.show.sources import Shown, Wish
+    from foresee_dsl.report.show.sources import ShownRun, Wish
 
 _BOTH_WIDE = 110
 """Columns from which on two moments of a mutant and its parent fit side by side."""
@@ -115,7 +115,7 @@ def show(
             _print_page(console, page, picture)
         for file in (png, svg):
             if file is not None:
-                _write(file, page.strips, page.shown.story.sentence, as_png=file is png)
+                _write(file, page.strips, page.run.story.sentence, as_png=file is png)
 
 
 def _one_file(targets: list[str], *files: Path | None) -> None:
@@ -131,7 +131,7 @@ def _console() -> Console:
     return harmless_console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
 
 
-def _page(shown: Shown, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
+def _page(shown: ShownRun, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
     from foresee_dsl.report.show.moments import LEAST, MOST
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.sources import parent_of
@@ -158,13 +158,13 @@ def _print_page(console: Console, page: Page, picture: Picture) -> None:
 
 
 def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: float | None) -> None:
-    from foresee_dsl.report.show.steps import step_lines, watched
+    from foresee_dsl.report.show.steps import recorded_steps, step_lines
     from foresee_dsl.report.show.walk import Walk, walk
     from foresee_dsl.simulate.trace import STEP_S
 
     by_keys = console.is_terminal and sys.stdin.isatty() and os.name == "posix"
     with console.status("driving again ...") if by_keys else nullcontext():
-        steps, same = watched(page.shown, from_s, to_s, every_s or (STEP_S if by_keys else 0.5))
+        steps, same = recorded_steps(page.run, from_s, to_s, every_s or (STEP_S if by_keys else 0.5))
     if not same:
         typer.echo(
             "this run differs from the kept trace: the driver has changed (`--fresh` takes the new run)", err=True
@@ -177,7 +177,7 @@ def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: flo
         console.print(line, soft_wrap=True)
     for one in steps:
         console.print()
-        for line in step_lines(one, page.shown.trace, page.strips[-1].opponent, width if console.is_terminal else 0):
+        for line in step_lines(one, page.run.trace, page.strips[-1].opponent, width if console.is_terminal else 0):
             console.print(line, soft_wrap=True)
 
 

@@ -1,4 +1,4 @@
-// Shows pictures as they come. Its host is an editor's web view (messages) or `foresee draw --watch` (server-sent events).
+// Shows each picture that it receives. Its host is an editor's web view (messages) or `foresee draw --watch` (server-sent events).
 'use strict';
 
 (() => {
@@ -8,8 +8,8 @@
   const colours = new CSSStyleSheet();
   document.adoptedStyleSheets = [...document.adoptedStyleSheets, colours];
   const wish = { case: '', whole: false, width: 0 };
-  let zoom = null; // the part of the map that is shown, as a viewBox, or null for all
-  let shown = ''; // what the last picture was of
+  let zoom = null; // the visible part of the map, as a viewBox; null for the whole map
+  let shown = ''; // title of the last picture
   let events = null;
 
   const post = (message) => {
@@ -33,7 +33,7 @@
     at('fit').hidden = zoom === null;
   };
 
-  // The new drawing takes the old one's place in one step, so that nothing flashes.
+  // The new drawing replaces the old one in one step, so that the page does not flicker.
   const draw = (state) => {
     if (state.style !== undefined && state.style !== draw.style) {
       colours.replaceSync(state.style);
@@ -51,7 +51,7 @@
     zoomed();
   };
 
-  // Where a mistake has a place in the last good picture, it is marked there.
+  // An error with a place in the last complete picture is marked there.
   const mark = (mistakes) => {
     for (const node of picture.querySelectorAll('.mistaken')) node.classList.remove('mistaken');
     let first = 0;

@@ -65,7 +65,7 @@ const parts = all('.part');
 const wide = () => window.matchMedia('(min-width: 821px)').matches;
 const route = () => {
   let id = '';
-  try { id = decodeURIComponent(location.hash.slice(1)); } catch { /* not one of ours */ }
+  try { id = decodeURIComponent(location.hash.slice(1)); } catch { /* the hash is not an id of this page */ }
   if (document.querySelector('#findings.single') && !parts.some((one) => one.id === id && one.id !== 'findings')) [id] = articles.keys();
   const chosen = articles.has(id);
   const part = chosen ? 'findings' : parts.some((one) => one.id === id) ? id : 'findings';
@@ -81,7 +81,7 @@ const route = () => {
     if (current) open(current.id); else if (first) open(first.id);
   }
   if (part !== 'findings' && player) player.pause();
-  if (!chosen || !wide()) { // after the browser went to the finding itself
+  if (!chosen || !wide()) { // the browser has scrolled to the finding
     requestAnimationFrame(() => setTimeout(() => window.scrollTo(0, 0), 0));
   }
   if (player) player.draw();
@@ -234,7 +234,7 @@ window.addEventListener('beforeprint', () => {
   }
 });
 
-// What tests and people at the console ask.
+// Access for tests and for users of the browser's console.
 window.foresee = {
   get player() { return player; },
   get current() { return current && current.id; },

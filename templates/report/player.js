@@ -162,7 +162,7 @@ class Player {
     });
   }
 
-  // So many frames on or back.
+  // Move by a number of frames, forward or back.
   go(frames) {
     this.pause();
     this.seek(this.run.timeOf(Math.max(0, Math.min(this.run.frames - 1, this.run.nearest(this.time) + frames))));

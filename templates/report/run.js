@@ -1,16 +1,16 @@
-// A run as the page carries it: decoded, and asked for any moment.
+// Decodes a run of the page, and returns its state at any time.
 
 const sums = (list, count) => {
   const values = new Float64Array(count);
   let value = 0;
   for (let k = 0; k < count; k += 1) {
-    value += k < list.length ? list[k] : 0; // one value only: it stays the same
+    value += k < list.length ? list[k] : 0; // a single value means that it is constant
     values[k] = value;
   }
   return values;
 };
 
-// A line or an outline: [x, y, dx, dy, ...] in cm to [[x, y], ...] in m.
+// Converts a line or an outline from [x, y, dx, dy, ...] in cm to [[x, y], ...] in m.
 const pointsOf = (list) => {
   const points = [];
   let x = 0;
@@ -45,7 +45,7 @@ class Run {
 
   timeOf(frame) { return Math.min(frame * this.step, this.end); }
 
-  // The frame before a time, and how far it is on the way to the next.
+  // The frame before a time, and the share of the interval to the next frame that has passed.
   place(time) {
     const at = Math.max(0, Math.min(time, this.end));
     const frame = Math.max(0, Math.min(Math.floor(at / this.step + 1e-6), this.frames - 2));
@@ -59,7 +59,7 @@ class Run {
     return Math.min(share < 0.5 ? frame : frame + 1, this.frames - 1);
   }
 
-  // Where an actor or a ghost is at a time: m, rad, m/s; null where it is not there.
+  // The pose of an actor or a ghost at a time: m, rad, m/s; null if it is absent.
   pose(way, time) {
     const [frame, share] = this.place(time);
     const at = share > 0.999 ? frame + 1 : frame;
@@ -85,7 +85,7 @@ class Run {
     return seen;
   }
 
-  // A curve's values by frame; null where there is none.
+  // A curve's values by frame; null for a frame without a value.
   gaps(list) { return list.map((value) => (value < 0 ? null : value / 100)); }
 
   speeds(way) {

@@ -7,7 +7,7 @@ const colours = () => {
   return Object.fromEntries(NAMES.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 };
 const SIGNAL = { r: '#e5342b', y: '#f2b200', u: '#f2b200', g: '#1fa34a', s: '#1fa34a', o: '#8a8f98' };
-const EYE_M = 1.6; // the height of the ego's sensors: what is lower hides nothing in this picture
+const EYE_M = 1.6; // height of the ego's sensors, m: lower bodies hide nothing in this picture
 const REACH_M = 80;
 const RAYS = 540;
 
@@ -22,7 +22,7 @@ const lined = (lines, close) => {
 
 const LINES = ['marking', 'edge_line', 'stop_line'];
 
-// What lies on the ground, by layer: the shapes that every picture of a road shares.
+// The shapes on the ground, by layer, as in all pictures of a road.
 class Ground {
   constructor(raw) {
     this.paths = {};
@@ -63,7 +63,7 @@ class Ground {
   }
 }
 
-// The outline of what a line of sight from a point reaches: buildings and tall bodies end it.
+// The outline of the area that is visible from a point: buildings and tall bodies limit it.
 const sightOutline = (x, y, walls) => {
   const near = walls.filter(([ax, ay, bx, by]) => Math.min(Math.hypot(ax - x, ay - y), Math.hypot(bx - x, by - y),
     Math.hypot((ax + bx) / 2 - x, (ay + by) / 2 - y)) < REACH_M + 40);
@@ -98,7 +98,7 @@ const drawBody = (ctx, pose, actor, colour, { filled, dashed, pixel, halo }) => 
     ctx.strokeStyle = halo;
     ctx.lineWidth = pixel;
     ctx.stroke(path);
-    if (actor.kind !== 'obstacle' && actor.kind !== 'pedestrian') { // the windscreen says where its front is
+    if (actor.kind !== 'obstacle' && actor.kind !== 'pedestrian') { // the windscreen shows which end is the front
       const front = { ...pose, x: pose.x + Math.cos(pose.heading) * length * 0.2, y: pose.y + Math.sin(pose.heading) * length * 0.2 };
       ctx.fillStyle = halo;
       ctx.globalAlpha *= 0.55;
@@ -157,7 +157,7 @@ const drawSignals = (ctx, run, time, pixel) => {
   }
 };
 
-// Everything at a moment. `view`: {x, y, scale (px/m)}; `show`: {ghosts, sight}.
+// Draws the scene at a time. `view`: {x, y, scale (px/m)}; `show`: {ghosts, sight}.
 const drawScene = (canvas, run, ground, time, view, show, c) => {
   const ratio = window.devicePixelRatio || 1;
   const width = canvas.clientWidth || canvas.width;
@@ -213,7 +213,7 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
   }
   run.actors.forEach((actor, k) => {
     const pose = poses[k];
-    if (pose && actor.kind === 'pedestrian') { // half a metre of a person is a few pixels: a disc makes it found
+    if (pose && actor.kind === 'pedestrian') { // a person of 0.5 m is a few pixels wide: a disc makes it visible
       ctx.globalAlpha = 0.25;
       ctx.fillStyle = colourOf(run, actor, c);
       ctx.beginPath();
@@ -300,14 +300,14 @@ const drawScale = (ctx, height, view, c) => {
   ctx.fillText(`${metres} m`, 16, height - 15);
 };
 
-// The moment that matters: the contact, else when the two were nearest, else the end.
+// The time of the contact, else of the smallest gap, else of the end.
 const keyTime = (run) => {
   if (run.contact) return run.contact[0];
   const there = run.raw.gap.filter((value) => value >= 0);
   return there.length ? run.timeOf(run.raw.gap.indexOf(Math.min(...there))) : run.end;
 };
 
-// A view in which ego and opponent are seen during the last seconds before the contact (or the end).
+// A view that contains ego and opponent during the last seconds before the contact (or the end).
 const fitted = (run, canvas) => {
   const key = keyTime(run);
   let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];

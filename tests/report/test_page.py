@@ -18,7 +18,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.png import png_of_svg
 from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.page import Page
-from foresee_dsl.report.show.sources import Shown
+from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.terminal_pictures import Pictures, encoded, sixel, way_of
 from foresee_dsl.report.strip import svg_of
 from foresee_dsl.simulate.runner import run
@@ -36,26 +36,26 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> TestCase:
 
 
 @pytest.fixture(scope="module")
-def shown(case: TestCase) -> Shown:
+def shown(case: TestCase) -> ShownRun:
     result = run(compile_test_case(case), LaneKeeper(10.0), meta={"driver": "keeper"})
-    return Shown("hidden_walker.foresee", case, result.trace, "keeper", 0)
+    return ShownRun("hidden_walker.foresee", case, result.trace, "keeper", 0)
 
 
 @pytest.fixture(scope="module")
-def slower(case: TestCase) -> Shown:
+def slower(case: TestCase) -> ShownRun:
     """The same with a driver that is slower: the parent, as it were."""
     result = run(compile_test_case(case), LaneKeeper(7.0), meta={"driver": "keeper"})
-    return Shown("parent.foresee", case, result.trace, "keeper", 0)
+    return ShownRun("parent.foresee", case, result.trace, "keeper", 0)
 
 
 @pytest.mark.parametrize("width", [80, 160])
-def test_the_page_of_a_run(shown: Shown, width: int, golden: Golden) -> None:
+def test_the_page_of_a_run(shown: ShownRun, width: int, golden: Golden) -> None:
     page = Page(shown, None)
     assert all(len(line.plain) <= width for line in page.lines(width, wrap=True))
     golden(_drawn(page, width), CASES / f"page_{width}.txt")
 
 
-def test_parent_and_child_stand_side_by_side(shown: Shown, slower: Shown, golden: Golden) -> None:
+def test_parent_and_child_stand_side_by_side(shown: ShownRun, slower: ShownRun, golden: Golden) -> None:
     page = Page(shown, slower)
     golden(_drawn(page, 80), CASES / "beside_the_parent.txt")
     assert any("ego is" in line.plain and "faster" in line.plain for line in page.head(80, wrap=True))
@@ -66,7 +66,7 @@ def _drawn(page: Page, width: int) -> str:
     return "".join(f"{line.plain.rstrip()}\n" for line in (*page.timeline(width), *page.pictures(width)))
 
 
-def test_what_was_measured_is_what_happened(shown: Shown, case: TestCase) -> None:
+def test_what_was_measured_is_what_happened(shown: ShownRun, case: TestCase) -> None:
     found = measure(shown.trace, compile_test_case(case), "walker")
     assert found.gap_m[-1] == 0.0
     assert (found.gap_m[:-1] > 0).all()
@@ -77,7 +77,7 @@ def test_what_was_measured_is_what_happened(shown: Shown, case: TestCase) -> Non
 
 
 @pytest.mark.parametrize("name", ["\x1b[31mwalker\x1b[0m", "\u202ewalker", "<script>" * 100, "w" * 10_000])
-def test_hostile_names_are_harmless(shown: Shown, name: str) -> None:
+def test_hostile_names_are_harmless(shown: ShownRun, name: str) -> None:
     trace = shown.trace
     actors = tuple(replace(a, id=name) if a.id == "walker" else a for a in trace.actors)
     events = tuple(replace(e, detail={**e.detail, "with": name}) if "with" in e.detail else e for e in trace.events)
@@ -87,7 +87,7 @@ def test_hostile_names_are_harmless(shown: Shown, name: str) -> None:
         assert not [sign for sign in line.plain if unicodedata.category(sign) in ("Cc", "Cf")]
 
 
-def test_a_shorter_parent_is_shown_as_far_as_it_goes(shown: Shown, slower: Shown) -> None:
+def test_a_shorter_parent_is_shown_as_far_as_it_goes(shown: ShownRun, slower: ShownRun) -> None:
     t = slower.trace
     cut = Trace(**{**{n: getattr(t, n) for n in Trace.__dataclass_fields__}, "time_s": t.time_s[:40],
                    "states": t.states[:40], "lanes": t.lanes[:40], "along": t.along[:40], "stages": t.stages[:40],
@@ -99,13 +99,13 @@ def test_a_shorter_parent_is_shown_as_far_as_it_goes(shown: Shown, slower: Shown
 # ---- pictures ------------------------------------------------------------------------------------------------------
 
 
-def _image(shown: Shown) -> Any:
+def _image(shown: ShownRun) -> Any:
     image = pytest.importorskip("PIL.Image")
     pytest.importorskip("resvg_py", reason="resvg-py is not installed")
     return image.open(io.BytesIO(png_of_svg(svg_of(Page(shown, None).strips, ""))))
 
 
-def test_the_png_shows_ego_and_opponent_in_their_colours(shown: Shown) -> None:
+def test_the_png_shows_ego_and_opponent_in_their_colours(shown: ShownRun) -> None:
     picture = np.asarray(_image(shown).convert("RGB"))
     for colour in ((0x1F, 0x6F, 0xD6), (0xD7, 0x26, 0x3D)):
         assert (picture == colour).all(axis=2).sum() > 50
@@ -120,7 +120,7 @@ def test_sixels_decode_to_the_picture() -> None:
     assert np.array_equal(_decoded(text, 13, 20), pixels)
 
 
-def test_the_opponent_is_red_in_sixels_too(shown: Shown) -> None:
+def test_the_opponent_is_red_in_sixels_too(shown: ShownRun) -> None:
     picture = _image(shown)
     found = _decoded(sixel(picture), picture.height, picture.width).astype(int)
     red = (found[..., 0] > 180) & (found[..., 1] < 90) & (found[..., 2] < 110)

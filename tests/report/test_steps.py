@@ -16,8 +16,8 @@ import pytest
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.show.page import Page
-from foresee_dsl.report.show.sources import Shown
-from foresee_dsl.report.show.steps import Step, step_lines, watched
+from foresee_dsl.report.show.sources import ShownRun
+from foresee_dsl.report.show.steps import Step, recorded_steps, step_lines
 from foresee_dsl.report.show.walk import Walk
 from tests.support.hidden_walker import hidden_walker
 
@@ -28,13 +28,13 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> TestCase:
 
 
 @pytest.fixture(scope="module")
-def shown(case: TestCase) -> Shown:
-    return Shown("hidden_walker.foresee", case, run_test_case(case, "pdm", 0).trace, "pdm", 0)
+def shown(case: TestCase) -> ShownRun:
+    return ShownRun("hidden_walker.foresee", case, run_test_case(case, "pdm", 0).trace, "pdm", 0)
 
 
 @pytest.fixture(scope="module")
-def steps(shown: Shown) -> tuple[Step, ...]:
-    found, same = watched(shown)
+def steps(shown: ShownRun) -> tuple[Step, ...]:
+    found, same = recorded_steps(shown)
     assert same, "asking for reasons must change nothing"
     return found
 
@@ -43,14 +43,14 @@ def steps(shown: Shown) -> tuple[Step, ...]:
 def test_asking_for_reasons_changes_nothing(case: TestCase, driver: str) -> None:
     if driver == "frenetix":
         pytest.importorskip("frenetix")
-    shown = Shown("hidden_walker.foresee", case, run_test_case(case, driver, 0).trace, driver, 0)
-    found, same = watched(shown)
+    shown = ShownRun("hidden_walker.foresee", case, run_test_case(case, driver, 0).trace, driver, 0)
+    found, same = recorded_steps(shown)
     assert same
     assert all(step.reasons for step in found)
     assert len({reason.rule for step in found for reason in step.reasons}) > (driver == "idm")
 
 
-def test_the_walker_is_why_it_brakes(steps: tuple[Step, ...], shown: Shown) -> None:
+def test_the_walker_is_why_it_brakes(steps: tuple[Step, ...], shown: ShownRun) -> None:
     braking = [step for step in steps if step.control.brake > 0.5 and step.ego.speed_mps > 1]
     assert braking
     text = "\n".join(line.plain for line in step_lines(braking[2], shown.trace, "walker", 80))
@@ -58,7 +58,7 @@ def test_the_walker_is_why_it_brakes(steps: tuple[Step, ...], shown: Shown) -> N
     assert "walker (pedestrian)" in text
 
 
-def test_an_unseen_opponent_is_named(steps: tuple[Step, ...], shown: Shown) -> None:
+def test_an_unseen_opponent_is_named(steps: tuple[Step, ...], shown: ShownRun) -> None:
     hidden = [s for s in steps if 0.5 < s.time_s < 3.0 and all(seen.kind != "pedestrian" for seen in s.actors)]
     assert hidden
     lines = [line.plain for line in step_lines(hidden[0], shown.trace, "walker", 80)]
@@ -66,17 +66,17 @@ def test_an_unseen_opponent_is_named(steps: tuple[Step, ...], shown: Shown) -> N
     assert max(map(len, lines)) <= 80
 
 
-def test_only_the_steps_that_were_asked_for(shown: Shown) -> None:
-    found, _ = watched(shown, 1.0, 2.0, 0.5)
+def test_only_the_steps_that_were_asked_for(shown: ShownRun) -> None:
+    found, _ = recorded_steps(shown, 1.0, 2.0, 0.5)
     assert [round(step.time_s, 2) for step in found] == [1.0, 1.5, 2.0]
 
 
-def test_a_driver_that_says_nothing_is_shown_too(steps: tuple[Step, ...], shown: Shown) -> None:
+def test_a_driver_that_says_nothing_is_shown_too(steps: tuple[Step, ...], shown: ShownRun) -> None:
     silent = Step(**{**{n: getattr(steps[0], n) for n in Step.__dataclass_fields__}, "reasons": ()})
     assert any("does not say why" in line.plain for line in step_lines(silent, shown.trace, "", 80))
 
 
-def test_keys_walk_through_the_run(steps: tuple[Step, ...], shown: Shown) -> None:
+def test_keys_walk_through_the_run(steps: tuple[Step, ...], shown: ShownRun) -> None:
     tour = Walk(Page(shown, None), steps)
     assert tour.after(0, b"\x1b[C") == 1
     assert tour.after(1, b"\x1b[D") == 0

@@ -1,4 +1,4 @@
-"""A live page, and what it gets: the picture of a text as it is now, or what is wrong with the text and where."""
+"""The live page of a scenario and its data: the current picture, or the errors in the text with their places."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from foresee_dsl.report.picture.subject import Mistake
 from foresee_dsl.report.picture.svg import style_of, svg_of
 
 NARROWEST, WIDEST = 280.0, 2400.0
-"""Widths that are drawn: of the smallest phone, and of a large screen (ours)."""
+"""Smallest and largest width of a picture, px: of a small phone and of a large screen (ours)."""
 
 
 def answer(
@@ -29,9 +29,11 @@ def answer(
 ) -> dict[str, Any]:
     """Return a picture as plain data.
 
-    Keys: `svg` and `style` (without `svg` there is no picture: the last one stays, greyed), `title`, `cases`, `case`,
-    `mistakes` (message, path, line, column, each 1-based; line 0 where none is known), `files` (what it was made from).
-    A case that is gone is answered with the first.
+    Keys: `svg` and `style` (`svg` is None if there is no picture; the page then greys the last one), `title`, `cases`,
+    `case`, `mistakes` (message, path, line and column, counted from 1; line 0 without a place), `files` (all files that
+    were read).
+
+    If the file no longer has the case, its first case is drawn.
     """
     width = min(max(width, NARROWEST), WIDEST)
     for address in dict.fromkeys((f"{file}::{case}" if case else str(file), str(file))):
@@ -67,10 +69,11 @@ def _mistake(mistake: Mistake) -> dict[str, Any]:
     return _plain(mistake.message, place.path.as_posix(), place.line, place.column)
 
 
-def _diagnostic(found: Diagnostic) -> dict[str, Any]:
-    message = f"{found.message}: {found.help}" if found.help else found.message
-    path = absolute(Path(found.path)).as_posix() if found.path else ""
-    return _plain(message, path, *((found.span.line, found.span.column) if found.span is not None else ()))
+def _diagnostic(diagnostic: Diagnostic) -> dict[str, Any]:
+    message = f"{diagnostic.message}: {diagnostic.help}" if diagnostic.help else diagnostic.message
+    path = absolute(Path(diagnostic.path)).as_posix() if diagnostic.path else ""
+    place = (diagnostic.span.line, diagnostic.span.column) if diagnostic.span is not None else ()
+    return _plain(message, path, *place)
 
 
 def _plain(message: str, path: str = "", line: int = 0, column: int = 0) -> dict[str, Any]:
@@ -78,9 +81,9 @@ def _plain(message: str, path: str = "", line: int = 0, column: int = 0) -> dict
 
 
 def page_of(nonce: str, *, title: str, connect: str) -> str:
-    """Return the page; it loads nothing, and asks for pictures at the address `connect` ("": its host sends them).
+    """Return the page, which loads no other files and requests pictures at `connect` ("": its host sends them).
 
-    Its scripts and styles have the nonce, which its content security policy names.
+    Its content security policy allows only the scripts and styles with the nonce.
     """
     folder = data_folder("templates") / "draw"
     return rendered(

@@ -1,4 +1,4 @@
-"""Which part of the world a picture shows, and the way from metres to its pixels."""
+"""Chooses the part of the world that a picture shows, and converts metres to its pixels."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from foresee_dsl.report.ground import Bounds
 from foresee_dsl.report.picture.subject import FloatArray, Subject, Way
 
 MARGIN_M, MARGIN_SHARE = 12.0, 0.06
-"""Free room around what concerns the actors, m and as a share. Ours: three lanes, and more where much is shown."""
+"""Free margin around the relevant points: at least this many metres, and this share of the larger side. Ours: three
+lanes, and more in a large picture."""
 LEAST_M = 60.0
-"""A picture shows at least so much to a side. Ours: a junction with its approaches."""
+"""Smallest side of a picture, m. Ours: a junction with its approaches."""
 SNAP_M = 10.0
-"""Sides are multiples of it (five times where much is shown): a picture that is typed at stands still while an actor
-moves by a metre (ours)."""
+"""Sides are multiples of this, m (of five times this in a large picture). Ours: while a user edits a text, the picture
+stands still if an actor moves by a metre."""
 FLATTEST, TALLEST = 0.5, 1.1
-"""Height over width. Ours: both fit a screen beside a text and a phone held upright."""
+"""Smallest and largest ratio of height to width. Ours: both fit a screen beside a text, and an upright phone."""
 _ZONE_REACH_M = 60.0
-"""A trigger place that is larger is not wholly shown (ours)."""
+"""A trigger place with a larger side need not be wholly in the picture, m (ours)."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A map of so many pixels, and what of the world it shows: `left`, `top` m, and `scale` pixels a metre."""
+    """A map of `width` by `height` pixels, its left and top sides in the world, m, and its `scale`, pixels per m."""
 
     width: float
     height: float
@@ -44,12 +45,12 @@ class Frame:
         return (points - (self.left, self.top)) * (self.scale, -self.scale)
 
     def point(self, x: float, y: float) -> tuple[float, float]:
-        """Return one point."""
+        """Return a point of the world in pixels."""
         return (x - self.left) * self.scale, (self.top - y) * self.scale
 
 
 def frame_of(subject: Subject, width: float, *, whole: bool) -> Frame:
-    """Return the frame of a picture of a width: around what concerns the actors, or around the whole network."""
+    """Return the frame of a picture `width` pixels wide: around the actors and their ways, or the whole network."""
     points = [np.array(p) for p in _whole(subject)] if whole or not subject.bodies else list(_concerned(subject))
     if not points:
         points = [np.zeros((1, 2))]
@@ -96,7 +97,7 @@ def _concerned(subject: Subject) -> Iterator[FloatArray]:
 
 
 def _rings(subject: Subject) -> Iterator[FloatArray]:
-    """Yield the outlines of the roundabouts that a way in the picture leads through: each is shown whole."""
+    """Yield the outlines of the roundabouts that a visible way passes; a picture shows them as a whole."""
     ways = [part_of(way) for way in subject.ways]
     for ring in subject.network.rings.values():
         outline = np.array(ring.polygon)
@@ -106,7 +107,7 @@ def _rings(subject: Subject) -> Iterator[FloatArray]:
 
 
 def part_of(way: Way) -> FloatArray:
-    """Return so much of a way as should be in the picture, [N, 2] m."""
+    """Return the first part of a way, which should be in the picture, [N, 2] m."""
     steps = np.hypot(*np.diff(way.points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     return way.points[: max(int(np.searchsorted(along, way.matters_m)) + 1, 1)]

@@ -1,4 +1,4 @@
-"""Draws an address: what the command, the live page and the language server ask for."""
+"""Draws the file or case at an address, for the command line, the live page and the language server."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from foresee_dsl.report.picture.subject import Mistake, Subject
 
 @dataclass(frozen=True)
 class Drawing:
-    """A picture, and what is said beside it."""
+    """A picture with its subject."""
 
     subject: Subject
     sheet: Sheet
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
-        """What is wrong in it."""
+        """The errors in the subject's text."""
         return self.subject.mistakes
 
 
@@ -36,12 +36,12 @@ def draw(
     """Draw a scenario, case, clip, mutant or network.
 
     Args:
-        address: `FILE[::CASE]`. overlay: texts that stand for those on the disk, by absolute path.
-        width: px. whole: the whole network. live: letters for exactly this width, not for any.
+        address: `FILE[::CASE]`. overlay: texts that replace those on the disk, by absolute path.
+        width: px. whole: show the whole network. live: letters for exactly this width, not for all widths.
         allow_outside: see `loading.load_test_case`.
 
     Raises:
-        InputError: a mistake in a text. CompileError: the network cannot be built.
+        InputError: an error in a text. CompileError: the network cannot be built.
     """
     subject = read_subject(address, overlay, allow_outside=allow_outside)
     return Drawing(subject, sheet_of(subject, width=width, whole=whole, sizes=LIVE_SIZES if live else FILE_SIZES))

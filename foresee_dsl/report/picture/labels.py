@@ -1,4 +1,4 @@
-"""Places names so that they cover neither each other nor the bodies, as near to what they name as there is room."""
+"""Places names near their objects so that they cover neither each other nor the bodies."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 LETTER = 0.66
-"""A letter's width over the font's size. Ours: the mean of DejaVu Sans in bold, a wide one."""
+"""Width of a letter divided by the font's size. Ours: the mean of DejaVu Sans Bold, a wide font."""
 LINE = 1.25
-"""A line's height over the font's size."""
+"""Height of a line divided by the font's size."""
 _RINGS = (1.0, 2.2, 3.6, 5.2)
-"""How far from what it names a label is tried, in lines. Ours: farther than five lines nobody finds what it names."""
+"""Distances of a label from its object that are tried, in lines. Ours: farther away a reader cannot relate them."""
 _CHUNK = 1.0
-"""A slanted name is held to be a row of boxes as long as they are high (ours)."""
+"""Length divided by height of the boxes that approximate a slanted name (ours)."""
 
 
 class Box(NamedTuple):
@@ -25,13 +25,13 @@ class Box(NamedTuple):
     bottom: float
 
     def touches(self, other: Box) -> bool:
-        """Whether two boxes overlap."""
+        """Return whether two boxes overlap."""
         return (
             self.left < other.right and other.left < self.right and self.top < other.bottom and other.top < self.bottom
         )
 
     def inside(self, other: Box) -> bool:
-        """Whether it lies within another."""
+        """Return whether it lies within another box."""
         return (
             self.left >= other.left
             and self.right <= other.right
@@ -46,12 +46,12 @@ class Box(NamedTuple):
 
 
 def width_of(text: str, size: float) -> float:
-    """Return about how wide a text is in a font's size."""
+    """Return the approximate width of a text in a font's size, px."""
     return LETTER * size * len(text)
 
 
 class Room:
-    """What is taken of a map so far."""
+    """The occupied boxes of a map."""
 
     def __init__(self, whole: Box) -> None:
         self.whole = whole
@@ -63,16 +63,19 @@ class Room:
         self._taken += boxes
 
     def spare(self, *boxes: Box) -> None:
-        """Mark boxes that labels keep clear of where there is another place (ways)."""
+        """Mark boxes that labels avoid if there is another place (ways)."""
         self._better_free += boxes
 
     def free(self, box: Box) -> bool:
-        """Whether a box is within the map and nothing is in it."""
+        """Return whether a box is within the map and not taken."""
         return box.inside(self.whole) and not any(box.touches(taken) for taken in self._taken)
 
     def beside(self, thing: Box, width: float, height: float, *, insist: bool) -> Box | None:
-        """Take the nearest free place for a label beside a thing; without one the nearest place where it is insisted
-        on, else None (also where only places are free that are too far off for a label without a line to it)."""
+        """Take the nearest free place for a label beside a thing, and return it.
+
+        With `insist`, also distant places are tried, which need a line to the thing, and if none is free the place that
+        covers the fewest boxes is taken. Without it, None is returned if no near place is free.
+        """
         there = list(_around(thing, width, height, _RINGS if insist else _RINGS[:2]))
         free = [box for box in there if self.free(box)]
         clear = (box for box in free if not any(box.touches(way) for way in self._better_free))
@@ -99,7 +102,7 @@ class Room:
 
 
 def _around(thing: Box, width: float, height: float, rings: Sequence[float]) -> Iterator[Box]:
-    """Yield places beside a thing, nearer ones first: right, left, above, below, and between them."""
+    """Yield places beside a thing, near ones first: right, left, above, below, and the diagonals."""
     x, y = thing.middle
     wide, high = (thing.right - thing.left) / 2, (thing.bottom - thing.top) / 2
     for ring in rings:
@@ -111,18 +114,18 @@ def _around(thing: Box, width: float, height: float, rings: Sequence[float]) -> 
 
 
 def _pushed(box: Box, whole: Box) -> Box:
-    """Return a box moved so that it is within another."""
+    """Return a box moved into another one."""
     dx = max(whole.left - box.left, 0.0) or min(whole.right - box.right, 0.0)
     dy = max(whole.top - box.top, 0.0) or min(whole.bottom - box.bottom, 0.0)
     return Box(box.left + dx, box.top + dy, box.right + dx, box.bottom + dy)
 
 
 def wrapped(text: str, size: float, width: float, lines: int) -> Sequence[str]:
-    """Return a text in lines of a width, at most so many; the last one ends in `…` where there is more."""
+    """Return a text in at most `lines` lines of a width; if it is longer, the last line ends with `…`."""
     import textwrap
 
     letters = max(int(width / (LETTER * 0.9 * size)), 8)
-    found = textwrap.wrap(text, letters, break_long_words=True, break_on_hyphens=False)
-    if len(found) > lines:
-        found = [*found[: lines - 1], f"{found[lines - 1][: letters - 1].rstrip()}…"]
-    return found
+    rows = textwrap.wrap(text, letters, break_long_words=True, break_on_hyphens=False)
+    if len(rows) > lines:
+        rows = [*rows[: lines - 1], f"{rows[lines - 1][: letters - 1].rstrip()}…"]
+    return rows

@@ -1,4 +1,4 @@
-"""The colours of a picture, for light and dark surroundings, by what is drawn."""
+"""The colours of a picture for light and dark surroundings, by the kind of thing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Paint(NamedTuple):
-    """How one kind of thing is painted: fill and line in the light ("" for none), then in the dark; opacity of both."""
+    """Colours of one kind of thing: fill and line in light surroundings ("" for none), then in dark ones; opacity."""
 
     fill: str
     line: str
@@ -77,4 +77,4 @@ PAINTS: Mapping[str, Paint] = MappingProxyType(
         **{f"{tone}{end}": paint for tone, pair in _TONES.items() for end, paint in _tone(*pair).items()},
     }
 )
-"""By the class of the shape or text."""
+"""Paints by the class of the shape or text."""

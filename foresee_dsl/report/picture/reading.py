@@ -1,4 +1,4 @@
-"""From an address to what its picture shows: a test case placed as far as it can be, or a network alone."""
+"""Reads the subject of a picture from an address: a test case, placed as far as possible, or a network alone."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
 from foresee_dsl.report.ground import stop_line
 from foresee_dsl.report.picture.subject import (
-    SHOWN,
+    SIGNAL_COLOURS,
     TONES,
     Body,
     FloatArray,
@@ -32,7 +32,7 @@ from foresee_dsl.report.picture.subject import (
     Mistake,
     Name,
     Patch,
-    Shown,
+    SignalColour,
     Subject,
     TextPlace,
     Tone,
@@ -42,27 +42,34 @@ from foresee_dsl.report.picture.text_places import TextPlaces, place_of
 from foresee_dsl.report.picture.zones import where_is, zones_of
 
 ALONE_M = 60.0
-"""So much of a route matters where it meets nobody's. Ours: four seconds at 50 km/h."""
+"""The first part of a route that should be visible if it does not meet another route, m. Ours: 4 s at 50 km/h."""
 MEET_M = 12.0
-"""Two routes meet where they come so near. Ours: the width of a junction of two lanes."""
+"""Two routes meet where their distance is less than half of this, m. Ours: the width of a junction of two lanes."""
 BEYOND_M = 15.0
-"""So far behind the meeting a route still matters. Ours: three car lengths."""
+"""A route should be visible up to this far behind the place where it meets another, m. Ours: three car lengths."""
 _ROUND = 48
-"""Corners of a slippery patch's outline (ours: of 5 m radius, it is within 1 cm of the circle)."""
+"""Number of corners of a slippery patch's outline. Ours: at a radius of 5 m it is within 1 cm of the circle."""
 _STEP_M = 2.0
-"""Between the points of a route that is drawn (ours: a bend of 10 m radius is 5 cm off)."""
+"""Distance between the drawn points of a route, m. Ours: in a bend of 10 m radius the line is 5 cm off."""
 _PART = re.compile(r"(_back)?(#[0-9]+)?$")
-"""What netconvert and the language add to a road's name."""
-_COLOURS: Mapping[str, Shown] = {"G": "green", "g": "green", "y": "amber", "Y": "amber", "u": "amber", "r": "red"}
+"""Suffixes that netconvert and the language add to a road's name."""
+_COLOURS: Mapping[str, SignalColour] = {
+    "G": "green",
+    "g": "green",
+    "y": "amber",
+    "Y": "amber",
+    "u": "amber",
+    "r": "red",
+}
 
 
 def read_subject(address: str, overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True) -> Subject:
-    """Return what the picture of an address shows; of a scenario with cases without one named, its first case.
+    """Return the subject of the picture of an address; for a scenario with cases, if none is named, of the first case.
 
-    `overlay`: texts that stand for those on the disk, by absolute path (an editor's).
+    `overlay`: texts of an editor that replace those on the disk, by absolute path.
 
     Raises:
-        InputError: a mistake in a text, with its place. CompileError: the network cannot be built.
+        InputError: an error in a text, with its place. CompileError: the network cannot be built.
     """
     project = Project(allow_outside=allow_outside, overlay=overlay)
     file, case = a.parse_address(address)
@@ -86,7 +93,7 @@ def read_subject(address: str, overlay: Mapping[Path, str] | None = None, *, all
 
 
 def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), chosen: str = "") -> Subject:
-    """Return what the picture of a test case shows, also where some of it cannot be placed."""
+    """Return the subject of a test case's picture; actors that cannot be placed are left out and reported."""
     sketch = sketch_case(case)
     texts = TextPlaces(project, case)
     bodies = _bodies(case, sketch, texts, project)
@@ -157,7 +164,7 @@ def _bodies(case: TestCase, sketch: Sketch, texts: TextPlaces, project: Project)
     background = _background(case, project)
     named = {actor.name for actor in case.scenario.actors if actor.name not in background}
     before = _before(case, project)
-    found = []
+    bodies = []
     tones = 0
     for actor in sketch.actors:
         tone: Tone = "traffic"
@@ -170,7 +177,7 @@ def _bodies(case: TestCase, sketch: Sketch, texts: TextPlaces, project: Project)
         corners = np.array(footprint(actor))
         old = before.get(actor.id)
         moved = old is not None and float(np.abs(old - corners).max()) > 0.05
-        found.append(
+        bodies.append(
             Body(
                 name=actor.id,
                 about=f"{actor.model.name}, {_speed(actor)}",
@@ -183,11 +190,11 @@ def _bodies(case: TestCase, sketch: Sketch, texts: TextPlaces, project: Project)
                 mistake=wrong.get(actor.id, ""),
             )
         )
-    return tuple(found)
+    return tuple(bodies)
 
 
 def _background(case: TestCase, project: Project) -> frozenset[str]:
-    """Return the actors of a clip or mutant that were background traffic, and are not what it is about."""
+    """Return the actors of a clip or mutant that were background traffic and are neither changed nor its risk."""
     document = case.document
     folder = Path(document.path).parent if document is not None else Path()
     while document is not None and isinstance(document.model, m.Clip | m.Mutant):
@@ -215,7 +222,7 @@ def _speed(actor: PlacedActor) -> str:
 
 
 def _before(case: TestCase, project: Project) -> dict[str, FloatArray]:
-    """Return where a mutant's actors were in the clip that it changes."""
+    """Return the footprints that a mutant's actors have in its clip, before the mutation."""
     if case.mutant is None:
         return {}
     try:
@@ -283,26 +290,26 @@ def _ways(sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Itera
 
 
 def _later_ways(case: TestCase, sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Iterator[Way]:
-    """Yield the paths that triggers lead actors along."""
+    """Yield the paths that actors follow after a trigger."""
     for number, when in enumerate(case.scenario.all(m.When)):
         for action in all_actions(when.actions):
             if not isinstance(action, m.FollowsPath) or action.actor not in tones:
                 continue
-            found = [where_is(place, sketch) for place in action.points]
-            points = [xy for xy in found if xy is not None]
+            places = [where_is(place, sketch) for place in action.points]
+            points = [xy for xy in places if xy is not None]
             if len(points) > 1:
                 text = texts.trigger(m.When, number)
                 yield Way(action.actor, "path", tones[action.actor], np.array(points), 1e6, text)
 
 
 def _matters(points: FloatArray, others: list[FloatArray], *, ego: bool) -> float:
-    """Return how much of a route should be in the picture: to where it last meets another's that matters, m."""
+    """Return the length of a route's first part that should be visible, m: until it has met all other ways."""
     import shapely
 
     line = shapely.LineString(points)
     furthest = ALONE_M if ego or not others else ALONE_M / 2
     for other in others:
-        # where the two run side by side, the first metres are enough
+        # if the two run side by side, the first metres are enough
         near = shapely.intersection(line, shapely.buffer(shapely.LineString(other), MEET_M / 2))
         if near.is_empty:
             continue
@@ -317,7 +324,7 @@ def _matters(points: FloatArray, others: list[FloatArray], *, ego: bool) -> floa
 def _heads(
     network: RoadNetwork, signals: Mapping[str, Signal], stages: Mapping[str, tuple[str, float]]
 ) -> Iterator[Head]:
-    """Return what signals show at the start: each lane the best that any of its movements has, and crossings."""
+    """Yield the signal heads at the start; a lane shows the best colour of its movements (green, amber, red)."""
     states: dict[str, str] = {}
     for name, signal in signals.items():
         stage, elapsed = stages.get(name, (signal.stages[0] if signal.stages else "", 0.0))
@@ -326,19 +333,19 @@ def _heads(
         except KeyError:
             continue
         states[signal.tls] = signal.phases[phase].state
-    shown: dict[str, list[Shown]] = {}
+    colours_of: dict[str, list[SignalColour]] = {}
     for movement in network.movements:
         state = states.get(movement.tls or "")
         if state is not None and 0 <= movement.link < len(state):
-            shown.setdefault(movement.from_lane, []).append(_COLOURS.get(state[movement.link], "off"))
-    for lane_id, colours in shown.items():
+            colours_of.setdefault(movement.from_lane, []).append(_COLOURS.get(state[movement.link], "off"))
+    for lane_id, colours in colours_of.items():
         lane = network.lanes.get(lane_id)
         if lane is not None and not lane.internal and "car" in lane.kinds:
-            yield Head(stop_line(lane), next(colour for colour in SHOWN if colour in colours))
+            yield Head(stop_line(lane), next(colour for colour in SIGNAL_COLOURS if colour in colours))
 
 
 def _stops(model: m.Network | Path, network: RoadNetwork) -> Iterator[Name]:
-    """Yield the bus stops of a network that is written in the language."""
+    """Yield the names of the bus stops of a network that is written in the language."""
     for item in model.body if isinstance(model, m.Network) else ():
         stop = network.stops.get(item.name) if isinstance(item, m.BusStop) else None
         if isinstance(item, m.BusStop) and stop is not None and stop.outline:

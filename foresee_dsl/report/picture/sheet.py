@@ -1,4 +1,4 @@
-"""A sheet: a subject as shapes and texts in pixels, which the SVG, the PNG and the live page have in common."""
+"""A sheet: the shapes and texts of a picture in pixels, from which the SVG, the PNG and the live page are drawn."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from foresee_dsl.report.picture.subject import Body, FloatArray, Name, Patch, Su
 from foresee_dsl.report.safe_text import shortened
 
 WIDTH = 720.0
-"""Width of a picture in a file. Ours: a page's column; a phone shows it at half the size, with larger letters."""
+"""Width of a picture in a file, px. Ours: a page's column; a phone shows it at half the size, with larger letters."""
 PAD = 14.0
 _LONGEST_NAME = 22
 _SMALLEST_PX = 15.0
-"""A body that is shorter gets a disc, so that it is found. Ours: what a finger's tip and an eye find."""
+"""A shorter body gets a disc behind it, px. Ours: the size that an eye notices and a fingertip hits."""
 _DISC_PX = 10.0
 _LINES_MOST = 6
-"""Lines of a mutant's changes and of mistakes under the title (ours)."""
+"""Maximum number of a mutant's changes, and of errors, that are listed under the title (ours)."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of letters, px: of names and text, smaller ones, and the title; and how much room each is given."""
+    """Sizes of letters, px: names and text, small text, title."""
 
     text: float = 13.0
     small: float = 11.5
     title: float = 16.0
     room: float = 1.45
-    """For a phone: letters are so much larger there, and names are placed for it."""
+    """Factor by which letters are larger on a phone; names are placed for the larger letters."""
 
 
 FILE_SIZES, LIVE_SIZES = Sizes(), Sizes(room=1.0)
@@ -44,7 +44,7 @@ FILE_SIZES, LIVE_SIZES = Sizes(), Sizes(room=1.0)
 
 @dataclass(frozen=True)
 class Shape:
-    """Outlines (closed) or lines in one paint; `width` of the line, and dashes, px."""
+    """Outlines (closed) or lines in one paint; `width` and `dash` of the line, px."""
 
     paint: str
     rings: tuple[FloatArray, ...]
@@ -55,7 +55,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Words:
-    """A line of text: its place is its middle's height, and its left end, middle or right end."""
+    """A line of text; `x` is its left end, middle or right end by `anchor`, `y` its middle, px."""
 
     paint: str
     text: str
@@ -69,7 +69,7 @@ class Words:
 
 @dataclass(frozen=True)
 class Part:
-    """What belongs together: of a body, a trigger place, a name; `place`: where it is written."""
+    """The shapes and words of one object, such as a body or a trigger place; `place`: where it is written."""
 
     kind: str
     shapes: tuple[Shape, ...] = ()
@@ -81,7 +81,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A whole picture: `parts` are in the map's pixels, `around` in the sheet's."""
+    """A whole picture; `parts` are in the map's pixels, `around` in the sheet's pixels."""
 
     width: float
     height: float
@@ -98,8 +98,8 @@ def sheet_of(subject: Subject, *, width: float = WIDTH, whole: bool = False, siz
     """Return the sheet of a subject.
 
     Args:
-        subject: what is shown. width: of the sheet, px. whole: the whole network, not what concerns the actors alone.
-        sizes: of letters: `FILE_SIZES` for a file that is shown at any width, `LIVE_SIZES` for exactly this one.
+        subject: the contents. width: width of the sheet, px. whole: show the whole network, not only the actors' part.
+        sizes: letters: `FILE_SIZES` for a file that is shown at any width, `LIVE_SIZES` for exactly this width.
     """
     head, top = _header(subject, width, sizes)
     frame = frame_of(subject, width - 2 * PAD, whole=whole)
@@ -138,7 +138,7 @@ def _header(subject: Subject, width: float, sizes: Sizes) -> tuple[list[Part], f
     return [Part("header", words=tuple(words))], y + PAD / 2
 
 
-_KEYS = (  # what the legend explains: the kind of part, the paint, whether it is a line, dashes, the words
+_KEYS = (  # entries of the legend: kind of part, paint, whether it is a line, dashes, words
     ("way-route", "ego-way", True, (), "route"),
     ("way-path", "a0-way", True, (5.0, 4.0), "path off the lanes"),
     ("zone", "zone-line", True, (5.0, 3.0), "trigger place"),
@@ -160,7 +160,7 @@ def _legend(parts: tuple[Part, ...], width: float, top: float, sizes: Sizes) -> 
     there = {part.kind for part in parts}
     px = sizes.small * sizes.room
     x, y = PAD, top + px * LINE / 2
-    found: list[Part] = []
+    keys: list[Part] = []
     for kind, paint, line, dash, text in _KEYS:
         if kind not in there:
             continue
@@ -169,9 +169,9 @@ def _legend(parts: tuple[Part, ...], width: float, top: float, sizes: Sizes) -> 
             x, y = PAD, y + px * 1.6
         mark = np.array([(x, y), (x + 18, y)]) if line else _rectangle(x + 1, y - 5, x + 17, y + 5)
         shape = Shape(paint, (mark,), closed=not line, width=3.0 if line else 1.0, dash=dash)
-        found.append(Part("key", (shape,), (Words("quiet", text, x + 24, y, "small"),)))
+        keys.append(Part("key", (shape,), (Words("quiet", text, x + 24, y, "small"),)))
         x += wide + 14
-    return found, (y + px * LINE / 2 + PAD if found else top)
+    return keys, (y + px * LINE / 2 + PAD if keys else top)
 
 
 def _rectangle(left: float, top: float, right: float, bottom: float) -> FloatArray:
@@ -183,12 +183,12 @@ def _rectangle(left: float, top: float, right: float, bottom: float) -> FloatArr
 
 @lru_cache(maxsize=12)
 def _ground(network: RoadNetwork, frame: Frame) -> tuple[Part, ...]:
-    """Return the roads of a frame; kept, as they are the same while a scenario is typed."""
+    """Return the roads of a frame; cached, because they do not change while a user edits a scenario."""
     left, bottom, right, top = frame.bounds
     ground = ground_of(network, within(frame.bounds))
-    # how wide lines are: true to scale, but neither thicker than a pencil's nor too thin to see
+    # lines are true to scale, but neither thicker than a pencil line nor too thin to see
     marking = min(max(0.15 * frame.scale, 0.5), 1.6)
-    found = []
+    layers = []
     for layer, shape in ground.items():
         cut = shapely.clip_by_rect(shape, left - 1, bottom - 1, right + 1, top + 1)
         if cut.is_empty:
@@ -202,15 +202,15 @@ def _ground(network: RoadNetwork, frame: Frame) -> tuple[Part, ...]:
         dash = (max(1.5 * frame.scale, 2.5),) * 2 if layer is Layer.MARKING else ()
         width = marking * (2 if layer is Layer.STOP_LINE else 1)
         if rings:
-            found.append(Part(layer.value, (Shape(layer.value, rings, not lined, width, dash),)))
-    return tuple(found)
+            layers.append(Part(layer.value, (Shape(layer.value, rings, not lined, width, dash),)))
+    return tuple(layers)
 
 
-# ---- what is on it --------------------------------------------------------------------------------------------------
+# ---- the contents of the map ----------------------------------------------------------------------------------------
 
 
 class _Map:
-    """Makes the parts of one map; names are placed one after the other, the important ones first."""
+    """Builds the parts of a map; names are placed one after the other, in the order of importance."""
 
     def __init__(self, subject: Subject, frame: Frame, sizes: Sizes) -> None:
         self._subject, self._frame, self._sizes = subject, frame, sizes
@@ -219,7 +219,7 @@ class _Map:
         self._window = shapely.box(0, 0, frame.width, frame.height)
 
     def parts(self) -> list[Part]:
-        """Return all parts, back to front."""
+        """Return all parts in the order of drawing, from back to front."""
         bodies = [body for body in self._subject.bodies if self._sees(body)]
         for body in bodies:
             self._room.take(self._box(body))
@@ -234,11 +234,11 @@ class _Map:
         before = [self._before(body) for body in bodies if body.before is not None]
         heads = [self._head(k) for k in range(len(self._subject.heads))]
         shown_heads = [head for head in heads if head is not None]
-        found = [*patches, *ways, *zones, *shown_heads, *names, *before, *reversed(named), *mistakes, corner]
-        return [part for part in found if part is not None]
+        parts = [*patches, *ways, *zones, *shown_heads, *names, *before, *reversed(named), *mistakes, corner]
+        return [part for part in parts if part is not None]
 
     def _spare_ways(self) -> None:
-        """Keep names off the ways, where there is another place."""
+        """Mark the ways, so that names avoid them if there is another place."""
         for way in self._subject.ways:
             line = shapely.LineString(self._frame.pixels(way.points))
             for mark in np.arange(0.0, min(line.length, 3000.0), 8.0).tolist():
@@ -259,7 +259,7 @@ class _Map:
     def _words(
         self, paint: str, text: str, thing: Box, *, size: str, insist: bool
     ) -> tuple[Words | None, Shape | None]:
-        """Return a label beside a thing, and the line that leads to it where it is farther away."""
+        """Return a label beside a thing, and the line to the thing if the label is not close to it."""
         px = getattr(self._sizes, size) * self._sizes.room
         box = self._room.beside(thing, width_of(text, px) + 4, px * LINE, insist=insist)
         if box is None:
@@ -300,7 +300,7 @@ class _Map:
             name, changes = shortened(body.name, _LONGEST_NAME), "".join(f", {change}" for change in body.changes)
             paint, thing = f"{body.tone}-name", self._box(body)
             label, leader = self._words(paint, name + changes, thing, size="text", insist=not changes)
-            if label is None:  # there is no room for the changes, which the title has too
+            if label is None:  # no room for the changes, which the title lists too
                 label, leader = self._words(paint, name, thing, size="text", insist=True)
             words = (label,) if label is not None else ()
             shapes = [leader, *shapes] if leader is not None else shapes
@@ -309,7 +309,7 @@ class _Map:
         return Part(kind, tuple(shapes), words, title, body.name, body.text)
 
     def _before(self, body: Body) -> Part:
-        assert body.before is not None  # noqa: S101 - only such bodies come here
+        assert body.before is not None  # noqa: S101 - the caller passes only such bodies
         shape = Shape("before", (self._frame.pixels(body.before),), width=1.3, dash=(3.0, 3.0))
         return Part("before", (shape,), title=f"{body.name} before the change", name=body.name)
 
@@ -324,7 +324,7 @@ class _Map:
         shapes.append(Shape("zone-line", rings, zone.closed, width, dash))
         x, y = self._frame.point(*zone.at)
         thing = Box(x - 5, y - 5, x + 5, y + 5)
-        if zone.closed:  # its name stands at its rim
+        if zone.closed:  # the name of a small place stands at its edge
             low, high = np.vstack(rings).min(axis=0).tolist(), np.vstack(rings).max(axis=0).tolist()
             small = max(high[0] - low[0], high[1] - low[1]) < 160
             thing = Box(low[0], low[1], high[0], high[1]) if small else thing
@@ -395,7 +395,7 @@ class _Map:
         return None
 
     def _mistakes(self) -> list[Part]:
-        found = []
+        marks = []
         for number, mistake in enumerate(self._subject.mistakes[:_LINES_MOST], start=1):
             if mistake.at is None:
                 continue
@@ -404,8 +404,8 @@ class _Map:
             label, _ = self._words("mistake-name", str(number), thing, size="text", insist=True)
             ring = Shape("mistake", (_disc(x, y, 16.0),), width=2.4)
             words = (label,) if label is not None else ()
-            found.append(Part("mistake", (ring,), words, mistake.message, "", mistake.text))
-        return found
+            marks.append(Part("mistake", (ring,), words, mistake.message, "", mistake.text))
+        return marks
 
     def _scale_and_north(self) -> Part:
         frame = self._frame
@@ -427,7 +427,7 @@ class _Map:
 
 
 def _rank(body: Body) -> int:
-    """Names are placed in this order: the ego's first, then the others', then nobody's."""
+    """Return the order in which names are placed: the ego's, then other moving actors', then those of things."""
     return 0 if body.tone == "ego" else 2 if body.tone in ("thing", "traffic") else 1
 
 
@@ -441,7 +441,7 @@ def _disc(x: float, y: float, radius: float) -> FloatArray:
 
 
 def _arrow(line: FloatArray, size: float = 9.0) -> FloatArray:
-    """Return the arrow's head at a line's end."""
+    """Return an arrowhead at a line's end."""
     end = line[-1]
     back = next((p for p in line[::-1] if np.hypot(*(end - p)) > size / 2), line[0])
     way = end - back

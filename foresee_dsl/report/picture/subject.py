@@ -1,4 +1,4 @@
-"""What a picture shows, in metres: bodies, ways, trigger places, signals, names, mistakes; and the texts of all."""
+"""The contents of a picture, m: bodies, ways, trigger places, signals, names and errors, with their places in texts."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 Tone = Literal["ego", "a0", "a1", "a2", "a3", "a4", "a5", "thing", "traffic"]
-"""Whose colour: the ego's, one of six that others get in turn, that of things that stand, of background traffic."""
+"""A colour: of the ego, one of six for other actors in turn, of standing things, or of background traffic."""
 TONES: tuple[Tone, ...] = ("a0", "a1", "a2", "a3", "a4", "a5")
 
 
-Shown = Literal["green", "amber", "red", "off"]
-"""What a signal shows."""
-SHOWN: tuple[Shown, ...] = ("green", "amber", "red", "off")
+SignalColour = Literal["green", "amber", "red", "off"]
+"""The colour of a signal."""
+SIGNAL_COLOURS: tuple[SignalColour, ...] = ("green", "amber", "red", "off")
 
 
 @dataclass(frozen=True)
 class TextPlace:
-    """Where something is written: the file (absolute), its first line and column (1-based), and its last line."""
+    """The place of an item in a text: absolute path, first line and column, last line (counted from 1)."""
 
     path: Path
     line: int
@@ -37,13 +37,14 @@ class TextPlace:
 
 @dataclass(frozen=True)
 class Body:
-    """Somebody at the start.
+    """The footprint of an actor at the start.
 
     Attributes:
-        name: the actor's. about: model and speed, for a tooltip. kind: the model's class.
-        corners: [4, 2] m: front left, rear left, rear right, front right. text: where it is written.
-        changes: what a mutant changes about it, in a few words each. before: where it was without them, or None.
-        mistake: what is wrong with it, "" for nothing.
+        name: the actor's name. about: its model and speed, for a tooltip. kind: the model's class.
+        corners: [4, 2] m: front left, rear left, rear right, front right. text: its place in the text.
+        changes: the changes of a mutant to it, in a few words each.
+        before: its corners without these changes; None if they are the same.
+        mistake: the error in its statements; "" if there is none.
     """
 
     name: str
@@ -65,7 +66,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Way:
-    """Where somebody goes: [N, 2] m, along a route or a path; `matters_m`: so much of it should be in the picture."""
+    """The route or path of an actor, [N, 2] m; the picture should show its first `matters_m` metres."""
 
     actor: str
     kind: Literal["route", "path"]
@@ -78,7 +79,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Zone:
-    """Where a trigger or an expectation looks: outlines (closed) or a line across a way, [N, 2] m, and what it says."""
+    """The place of a condition: outlines (closed) or a line across a way, [N, 2] m; `label`: the condition."""
 
     label: str
     outlines: tuple[FloatArray, ...]
@@ -89,15 +90,15 @@ class Zone:
 
 @dataclass(frozen=True)
 class Head:
-    """What a signal shows at the start to a lane or a crossing: a line across it, [2, 2] m."""
+    """The signal head of a lane or crossing: its colour at the start, and a line across the lane, [2, 2] m."""
 
     line: FloatArray
-    colour: Shown
+    colour: SignalColour
 
 
 @dataclass(frozen=True)
 class Name:
-    """The name of a junction (at a point) or a road (along its middle line, [N, 2] m)."""
+    """The name of a junction (`line` is a point) or a road (`line` is its middle line), [N, 2] m."""
 
     kind: Literal["junction", "road"]
     text: str
@@ -105,12 +106,12 @@ class Name:
     matters: bool
     place: TextPlace | None = None
     note: str = ""
-    """Behind the name: a signal's stage."""
+    """Text behind the name: the stage of the junction's signal."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """What is wrong, where in the text, and where in the picture (None: nowhere)."""
+    """An error, with its place in the text and its point in the picture, m; None if it has none."""
 
     message: str
     text: TextPlace | None
@@ -119,7 +120,7 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Patch:
-    """A slippery patch: its outline, [N, 2] m, its name, and what tyres hold there."""
+    """A slippery patch: its name, its outline, [N, 2] m, and its friction coefficient."""
 
     name: str
     outline: FloatArray
@@ -129,12 +130,11 @@ class Patch:
 
 @dataclass(frozen=True)
 class Subject:
-    """All of it.
+    """The contents of a picture.
 
     Attributes:
-        title: the test case's address, or the network's name. about: its `doc`. changes: a mutant's, a line each.
-        cases: the cases of the file, in order; `case`: the one that is shown.
-        files: every file that was read for it.
+        title: the test case's address, or the network's name. about: its `doc`. changes: a mutant's change lines.
+        cases: the cases of the file, in order. case: the case that is drawn. files: all files that were read.
     """
 
     title: str

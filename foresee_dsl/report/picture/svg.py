@@ -1,4 +1,4 @@
-"""A sheet as an SVG document that stands on its own, or to be put into a page that has the colours."""
+"""A sheet as an SVG document, either complete or for a page that defines the colours."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from foresee_dsl.report.picture.sheet import Shape, Sheet
 
 
 def svg_of(sheet: Sheet, *, styled: bool = True, scheme: Literal["", "light", "dark"] = "") -> str:
-    """Return a sheet as SVG; without `styled` it has no colours of its own (`style_of` gives them).
+    """Return a sheet as SVG; without `styled` the document does not define its colours (`style_of` returns them).
 
-    `scheme`: its colours; "": those that its surroundings prefer.
+    `scheme`: light or dark colours; "": the scheme that the viewer prefers.
     """
     return rendered(
         "draw/picture.svg",
@@ -29,7 +29,7 @@ def svg_of(sheet: Sheet, *, styled: bool = True, scheme: Literal["", "light", "d
 
 
 def style_of(sheet: Sheet) -> str:
-    """Return the colours and letters of a sheet as CSS: for light and dark surroundings, and for a phone."""
+    """Return the colours and letter sizes of a sheet as CSS, for light and dark surroundings and for phones."""
     return _style(sheet.sizes.text, sheet.sizes.small, sheet.sizes.title, sheet.sizes.room)
 
 
@@ -41,7 +41,7 @@ def _style(text: float, small: float, title: float, room: float) -> str:
 
 
 def _path(shape: Shape) -> str:
-    """Return a shape as SVG writes a path, in tenths of a pixel."""
+    """Return a shape as an SVG path, rounded to tenths of a pixel."""
     end = "Z" if shape.closed else ""
     rings = (" ".join(f"{number(x, 1)} {number(y, 1)}" for x, y in ring.tolist()) for ring in shape.rings)
     return "".join(f"M{ring}{end}" for ring in rings)

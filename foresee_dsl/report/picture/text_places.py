@@ -1,4 +1,4 @@
-"""Where the actors, triggers, junctions and roads of a test case are written, across the files that it is made of."""
+"""Finds the places of a test case's actors, triggers, junctions and roads in all files on which it is built."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from foresee_dsl.report.picture.subject import TextPlace
 
 
 class TextPlaces:
-    """Finds them; files are read by way of the project that loaded the test case, so each once."""
+    """Finds the places of items; uses the project that loaded the test case, so that each file is read once."""
 
     def __init__(self, project: Project, case: TestCase) -> None:
         self._documents = _chain(project, case)
         self._network = _network(project, case)
 
     def actor(self, name: str) -> TextPlace | None:
-        """Return where an actor is written; of a mutant, first its `change`."""
+        """Return the place of an actor; in a mutant, of its first `change` if there is one."""
         for document in self._documents:
             for item in document.model.body:
                 named = isinstance(item, m.Ego | m.Actor) and item.name == name
@@ -30,15 +30,15 @@ class TextPlaces:
         return None
 
     def trigger(self, kind: type[m.When | m.Expect], number: int) -> TextPlace | None:
-        """Return where the trigger (or expectation) of that number is written; None where the files have others."""
+        """Return the place of the trigger or expectation with an index; None if the files have fewer."""
         for document in self._documents:
-            found = [item for item in document.model.body if isinstance(item, kind)]
-            if number < len(found):
-                return place_of(document, found[number])
+            items = [item for item in document.model.body if isinstance(item, kind)]
+            if number < len(items):
+                return place_of(document, items[number])
         return None
 
     def patch(self, name: str) -> TextPlace | None:
-        """Return where a slippery patch is written."""
+        """Return the place of a slippery patch."""
         for document in self._documents:
             for item in document.model.body:
                 if isinstance(item, m.Slippery) and item.name == name:
@@ -46,47 +46,47 @@ class TextPlaces:
         return None
 
     def network_item(self, name: str) -> TextPlace | None:
-        """Return where a junction or a road is written."""
+        """Return the place of a junction or a road."""
         if self._network is None:
             return None
         document, network = self._network
         items = (item for item in network.body if isinstance(item, m.Junction | m.Road))
-        found = next((item for item in items if item.name == name), None)
-        return place_of(document, found) if found is not None else None
+        named = next((item for item in items if item.name == name), None)
+        return place_of(document, named) if named is not None else None
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Every file that was looked at."""
-        found: dict[Path, None] = {}
+        """All files that were read."""
+        files: dict[Path, None] = {}
         for document in (*self._documents, *((self._network[0],) if self._network is not None else ())):
-            one: Document | None = document
-            while one is not None:
-                found[absolute(Path(one.path))] = None
-                one = one.base
-        return tuple(found)
+            source: Document | None = document
+            while source is not None:
+                files[absolute(Path(source.path))] = None
+                source = source.base
+        return tuple(files)
 
 
 def place_of(document: Document, item: m.Item) -> TextPlace | None:
-    """Return where an item of a document is written: there, or in the one that it extends."""
-    one = document
-    while (span := one.spans.get((id(item), ""))) is None:
-        if one.base is None:
+    """Return the place of an item of a document: in the document, or in one that it extends."""
+    source = document
+    while (span := source.spans.get((id(item), ""))) is None:
+        if source.base is None:
             return None
-        one = one.base
-    return TextPlace(absolute(Path(one.path)), span.line, span.column, span.end_line)
+        source = source.base
+    return TextPlace(absolute(Path(source.path)), span.line, span.column, span.end_line)
 
 
 def _chain(project: Project, case: TestCase) -> tuple[Document, ...]:
-    """Return the documents of a test case, nearest first: a mutant's, its clip's."""
+    """Return the documents of a test case, the mutant's before its clip's."""
     if case.document is None:
         return ()
-    found = [case.document]
-    while isinstance(model := found[-1].model, m.Mutant):
+    documents = [case.document]
+    while isinstance(model := documents[-1].model, m.Mutant):
         try:
-            found.append(project.document(Path(found[-1].path).parent / model.parent))
+            documents.append(project.document(Path(documents[-1].path).parent / model.parent))
         except InputError:
             break
-    return tuple(found)
+    return tuple(documents)
 
 
 def _network(project: Project, case: TestCase) -> tuple[Document, m.Network] | None:

@@ -1,4 +1,4 @@
-"""`foresee draw --watch`: a page of this machine alone that shows the picture again on every save."""
+"""`foresee draw --watch`: a local page that updates the picture whenever a file is saved."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from foresee_dsl.report.picture.draw import draw
 from foresee_dsl.report.picture.svg import svg_of
 
 LOCAL = "127.0.0.1"
-"""Only this machine may connect: the page shows what its files say."""
+"""Only this machine may connect, because the page shows the contents of its files."""
 _LOOK_S = 0.15
-"""Files are looked at so often. Ours: less than a blink, and a thousandth of a core for some files."""
+"""Time between two checks of the files, s. Ours: less than a blink, and a thousandth of a core for some files."""
 _ALIVE_S = 15.0
-"""A line without a meaning is sent so often, which says whether the page is still there."""
+"""Time after which an empty event is sent, s (ours); sending it fails if the page was closed."""
 
 
 @dataclass
-class Watched:
-    """A file, what its picture was made from, and the answers of the last state of these files."""
+class WatchedFile:
+    """A file with all files on which its picture depends, and the answers for their current state."""
 
     file: Path
     case: str
@@ -42,36 +42,36 @@ class Watched:
     _lock: Lock = field(default_factory=Lock)
 
     def state(self) -> tuple[tuple[int, int] | None, ...]:
-        """Return what says whether anything has changed: times and sizes of the files."""
+        """Return the modification times and sizes of the files, which change when a file is saved."""
         return tuple(_stamp(file) for file in (self.file, *self._files))
 
     def answer(self, case: str, width: float, *, whole: bool) -> dict[str, Any]:
-        """Return the picture of the present files, made once for each wish."""
+        """Return the picture of the current files, computed once for each combination of arguments."""
         with self._lock:
             if (now := self.state()) != self._state:
                 self._answers.clear()
             key = (case, width, whole)
             if key not in self._answers:
-                self._answers[key] = made = answer(
+                self._answers[key] = reply = answer(
                     self.file, case=case, width=width, whole=whole, allow_outside=self.allow_outside
                 )
-                self._files = tuple(map(Path, made["files"])) if made["svg"] else self._files
-                self._state = self.state() if made["svg"] else now
+                self._files = tuple(map(Path, reply["files"])) if reply["svg"] else self._files
+                self._state = self.state() if reply["svg"] else now
             return self._answers[key]
 
 
 def watch(
     address: str, *, svg: Path | None, whole: bool, port: int, allow_outside: bool, say: Callable[[str], None]
 ) -> None:
-    """Serve the picture of an address until the process is ended; `svg`: a file that is written again too.
+    """Serve the picture of an address until the process ends; `svg`: a file that is updated too.
 
     Raises:
-        InputError: there is no such file. ForeseeError: the port is taken.
+        InputError: the file does not exist. ForeseeError: the port cannot be used.
     """
     file, case = a.parse_address(address)
     if not a.is_file(file):
         raise a.missing(file)
-    watched = Watched(a.absolute(file), case or "", whole, allow_outside)
+    watched = WatchedFile(a.absolute(file), case or "", whole, allow_outside)
     token = secrets.token_urlsafe(24)
     try:
         server = ThreadingHTTPServer((LOCAL, port), _handler(watched, token))
@@ -87,11 +87,11 @@ def watch(
         server.serve_forever(poll_interval=0.2)
 
 
-def _rewrite(watched: Watched, address: str, svg: Path, allow_outside: bool, say: Callable[[str], None]) -> None:
-    """Write the file again whenever its text has changed."""
+def _rewrite(watched: WatchedFile, address: str, svg: Path, allow_outside: bool, say: Callable[[str], None]) -> None:
+    """Write the SVG file again whenever a file of the picture has changed."""
     last: object = None
     while True:
-        watched.answer(watched.case, 720.0, whole=watched.whole)  # so that all files that matter are known
+        watched.answer(watched.case, 720.0, whole=watched.whole)  # finds all files of the picture
         if (now := watched.state()) != last:
             last = now
             try:
@@ -106,15 +106,15 @@ def _rewrite(watched: Watched, address: str, svg: Path, allow_outside: bool, say
 
 def _stamp(file: Path) -> tuple[int, int] | None:
     try:
-        found = file.stat()
+        status = file.stat()
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_size
+    return status.st_mtime_ns, status.st_size
 
 
-def _handler(watched: Watched, token: str) -> type[BaseHTTPRequestHandler]:
+def _handler(watched: WatchedFile, token: str) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
-        """Answers with the page and its events, to who knows the token, under this machine's own names."""
+        """Serves the page and its events to requests with the token that address this machine by its own names."""
 
         protocol_version = "HTTP/1.1"
         server_version = "foresee"
@@ -123,10 +123,10 @@ def _handler(watched: Watched, token: str) -> type[BaseHTTPRequestHandler]:
         def do_GET(self) -> None:
             """Answer a request."""
             parts = urlsplit(self.path)
-            _, given, *rest = (*parts.path.split("/"), "", "")
+            _, path_token, *rest = (*parts.path.split("/"), "", "")
             host = (self.headers.get("Host") or "").rpartition(":")[0]
-            # another site's page may name this port under its own host: that is no request of ours
-            if host not in (LOCAL, "localhost") or not secrets.compare_digest(given.encode(), token.encode()):
+            # a page of another site may reach this port under its own host name: such a request is refused
+            if host not in (LOCAL, "localhost") or not secrets.compare_digest(path_token.encode(), token.encode()):
                 self._send(404, "text/plain; charset=utf-8", b"nothing is here\n")
             elif rest[0] == "events":
                 self._events({key: values[-1] for key, values in parse_qs(parts.query).items()})
@@ -164,10 +164,10 @@ def _handler(watched: Watched, token: str) -> type[BaseHTTPRequestHandler]:
             spoke_s = time.monotonic()
             try:
                 while True:
-                    made = watched.answer(case, width, whole=whole)
-                    if made is not sent:
-                        sent = made
-                        self.wfile.write(f"data: {json.dumps(made)}\n\n".encode())
+                    reply = watched.answer(case, width, whole=whole)
+                    if reply is not sent:
+                        sent = reply
+                        self.wfile.write(f"data: {json.dumps(reply)}\n\n".encode())
                         self.wfile.flush()
                         spoke_s = time.monotonic()
                     elif time.monotonic() - spoke_s > _ALIVE_S:
@@ -179,6 +179,6 @@ def _handler(watched: Watched, token: str) -> type[BaseHTTPRequestHandler]:
                 return  # the page was closed
 
         def log_message(self, format: str, *args: object) -> None:
-            """Say nothing: the address holds the token."""
+            """Log nothing, because the address contains the token."""
 
     return Handler

@@ -1,4 +1,4 @@
-"""Trigger places: where the conditions of triggers and expectations look, as outlines and lines in metres."""
+"""Trigger places: the places in conditions of triggers and expectations, as outlines and lines, m."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 ACROSS_M = 3.0
-"""Half the length of a line across a way. Ours: beyond a lane's sides, and short of the next street."""
+"""Half the length of a line across a way, m. Ours: beyond a lane's sides, and short of the next street."""
 _LEAST_MPS = 1.0
-"""The speed that `eta` takes at least (see `Measure`)."""
+"""Smallest speed that `eta` assumes, m/s (see `Measure`)."""
 
 
 def zones_of(case: TestCase, sketch: Sketch, texts: TextPlaces) -> tuple[Zone, ...]:
-    """Return the trigger places of a test case; a condition without a place gives none."""
+    """Return the trigger places of a test case; conditions without a place are left out."""
     actors = {actor.id: actor for actor in sketch.actors}
-    found: dict[tuple[str, tuple[float, float]], Zone] = {}
+    zones: dict[tuple[str, tuple[float, float]], Zone] = {}
     for number, when in enumerate(case.scenario.all(m.When)):
         text = texts.trigger(m.When, number)
         thens = (a.condition for a in all_actions(when.actions) if isinstance(a, m.Then) and a.condition is not None)
         for condition in (when.condition, *thens):
             for zone in _of_condition(condition, sketch, actors, text):
-                found.setdefault((zone.label, zone.at), zone)
+                zones.setdefault((zone.label, zone.at), zone)
     for number, expect in enumerate(case.scenario.all(m.Expect)):
         for zone in _of_condition(expect.condition, sketch, actors, texts.trigger(m.Expect, number)):
-            found.setdefault((zone.label, zone.at), zone)
-    return tuple(found.values())
+            zones.setdefault((zone.label, zone.at), zone)
+    return tuple(zones.values())
 
 
 def _of_condition(
@@ -63,7 +63,7 @@ def _of_condition(
 def _measured(
     part: m.Comparison, left: m.Measure, actors: Mapping[str, PlacedActor], text: TextPlace | None
 ) -> Iterator[Zone]:
-    """The place of `distance(a, b) < 5 m` and of `a.eta(j) < 4 s`."""
+    """Yield the place of a comparison such as `distance(a, b) < 5 m` or `a.eta(j) < 4 s`."""
     actor, other = actors.get(left.actor or ""), word_of(left.other) if left.other is not None else ""
     if not isinstance(part.right, m.Quantity):
         return
@@ -77,7 +77,7 @@ def _measured(
     speed = max(actor.cruise_mps, _LEAST_MPS) if left.what == "eta" else 1.0
     s = passage.entry_s - si_of(part.right) * speed
     if s <= line.project(actor.x, actor.y)[0]:
-        return  # it holds from the beginning: no place to show
+        return  # the condition holds from the beginning, so it has no place
     x, y, heading = line.at(s)
     aside_x, aside_y = -math.sin(heading) * ACROSS_M, math.cos(heading) * ACROSS_M
     across = np.array(((x + aside_x, y + aside_y), (x - aside_x, y - aside_y)))
@@ -85,7 +85,7 @@ def _measured(
 
 
 def _thing(of: m.Item, sketch: Sketch, actors: Mapping[str, PlacedActor]) -> BaseGeometry | None:
-    """Return the shape that a distance is to."""
+    """Return the shape to which a distance is measured; None if it is unknown."""
     if isinstance(of, m.Named):
         name = word_of(of.name)
         if name in actors:
@@ -97,10 +97,10 @@ def _thing(of: m.Item, sketch: Sketch, actors: Mapping[str, PlacedActor]) -> Bas
 
 
 def where_is(place: m.Item, sketch: Sketch) -> tuple[float, float] | None:
-    """Return where a place of a condition or action is; None for one that is only known while it runs."""
+    """Return the point of a place in a condition or action, m; None if it is known only during a run."""
     if isinstance(place, m.Point):
         return si_of(place.x), si_of(place.y)
-    return next((xy for known, xy in sketch.places.items() if known == place), None)
+    return next((xy for written, xy in sketch.places.items() if written == place), None)
 
 
 def _box(actor: PlacedActor) -> BaseGeometry:

@@ -1,8 +1,8 @@
 """`foresee show`: one run as sentences, a timeline and a strip of pictures.
 
-`sources` finds what is to be shown (and simulates it where no trace is kept), `measures` computes what the timeline
-shows, `moments` picks those of the strip, `panels` puts the map and the road users of a moment into a window. A panel
-is drawn by `characters` (terminal) or, through the shapes of `drawing`, as SVG or PNG; `terminal_pictures` sends a PNG
-to a terminal. `differences` compares a mutant's run with its clip's, `steps` replays what the driver saw and said, and
-`page` lays all of it out.
+`sources` finds the run (and simulates it if there is no trace), `measures` computes the values of the timeline,
+`moments` chooses the moments of the strip, `panels` puts the map and the actors of a moment into a window. A panel is
+drawn by `characters` (terminal) or, through the shapes of `drawing`, as SVG or PNG; `terminal_pictures` sends a PNG to
+a terminal. `differences` compares the runs of a mutant and its clip, `steps` replays the driver's observations and
+reasons, and `page` combines all of it.
 """

@@ -1,6 +1,6 @@
-"""A panel in characters: the map in braille dots, the ego in blocks; readable without colours too.
+"""A panel in characters: the map in braille dots, the ego in blocks; it is readable without colours.
 
-A character is two dots wide and four high, and about twice as high as wide: so the dots are squares.
+A character has two by four dots and is about twice as high as wide, so the dots are square.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ if TYPE_CHECKING:
 BoolArray = NDArray[np.bool_]
 
 WIDEST, NARROWEST = 40, 26
-"""Columns of a panel with its frame. Ours: a road of two lanes is six dots wide in a window of 24 m."""
+"""Largest and smallest width of a panel with its frame, columns. Ours: in a window of 24 m a road of two lanes is at
+least six dots wide."""
 PAIR_WIDEST = 32
-"""Columns of a panel beside that of the parent's run. Ours: with wider ones two moments do not fit on a screen."""
+"""Largest width of a panel beside the parent's, columns. Ours: with wider panels two moments do not fit on a screen."""
 _GAP = 1
-"""Columns between panels; they have frames."""
+"""Columns between two panels."""
 _BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
-"""Bits of the dots of a braille sign, by row and column (Unicode 2800 and following)."""
+"""Bits of the dots of a braille character, by row and column (Unicode 2800 and following)."""
 _QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
-"""By the sum of upper left 1, upper right 2, lower left 4, lower right 8."""
+"""Block characters by the sum of upper left 1, upper right 2, lower left 4 and lower right 8."""
 _EGO_NOSES, _OTHER_NOSES = "▶◥▲◤◀◣▼◢", "→↗↑↖←↙↓↘"
-"""By eighths of a turn, counter-clockwise from the right."""
+"""Signs for the direction of a vehicle, by eighths of a turn, counter-clockwise from the right."""
 _NOSE_DOTS = 4.0
-"""Vehicles that are shorter on the screen get no nose."""
+"""A vehicle shorter than this on the screen gets no direction sign, dots."""
 _POINT_DOTS = 3.0
-"""Somebody who is smaller on the screen is one sign."""
+"""An actor shorter than this on the screen is drawn as a single sign, dots."""
 _POINTS = {Role.EGO: "◆", Role.OPPONENT: "●", Role.OTHER: "o", Role.PARKED: "·", Role.GHOST: "○"}
 STYLES: dict[Layer | Role, str] = {
     Layer.ROAD: "dim",
@@ -59,7 +60,7 @@ STYLES: dict[Layer | Role, str] = {
 
 
 def strip_lines(strip: Strip, width: int) -> Iterator[Text]:
-    """Yield the lines of a strip in a width."""
+    """Yield the lines of a strip for a screen `width` columns wide."""
     if not strip.panels:
         return
     per_row, wide = layout(len(strip.panels), width)
@@ -87,7 +88,7 @@ def _row(panels: Sequence[Panel], wide: int) -> Iterator[Text]:
 
 
 def layout(count: int, width: int) -> tuple[int, int]:
-    """Return how many panels of `count` go in a row, and the columns of each, for a screen's width."""
+    """Return the number of panels per row, and the columns of each, for a number of panels and a screen's width."""
     fit = max(1, min((width + _GAP) // (NARROWEST + _GAP), count))
     rows = math.ceil(count / fit)
     per_row = math.ceil(count / rows)
@@ -109,7 +110,7 @@ def panel_lines(panel: Panel, width: int) -> list[Text]:
 
 
 def canvas(panel: Panel, columns: int, rows: int) -> list[Text]:
-    """Return what is in a panel's frame."""
+    """Return the rows of characters inside a panel's frame."""
     screen = _Screen(panel.side_m, columns, rows)
     screen.lines(Layer.ROAD, panel.ground.get(Layer.ROAD))
     screen.lines(Layer.MARKING, panel.ground.get(Layer.MARKING), dashes_m=panel.side_m / 12)
@@ -117,14 +118,14 @@ def canvas(panel: Panel, columns: int, rows: int) -> list[Text]:
     screen.checked(Layer.CROSSING, panel.ground.get(Layer.CROSSING))
     screen.checked(Layer.SLIPPERY, panel.ground.get(Layer.SLIPPERY))
     screen.shaded(Layer.BUILDING, panel.ground.get(Layer.BUILDING))
-    # Who is small is drawn last: at a contact the ego would cover a pedestrian.
+    # Small actors are drawn last, because at a contact the ego would cover a pedestrian.
     for footprint in sorted(panel.footprints, key=screen.is_point):
         screen.footprint(footprint)
     return screen.text()
 
 
 class _Screen:
-    """Dots, and signs that cover them; later ones cover earlier ones."""
+    """A screen of dots, and of signs that replace the dots of a character; later ones cover earlier ones."""
 
     def __init__(self, side_m: float, columns: int, rows: int) -> None:
         self._columns, self._rows = columns, rows
@@ -138,7 +139,7 @@ class _Screen:
         self._y_m = self._top_m - (y + 0.5) / self._per_m
 
     def lines(self, name: Layer, shape: BaseGeometry | None, dashes_m: float = 0.0) -> None:
-        """Draw the lines of a shape (the outlines of its polygons), but not where it is cut by the window."""
+        """Draw the lines of a shape (the outlines of its polygons), except along the edges of the window."""
         if shape is None:
             return
         dots = np.zeros(self._x_m.shape, np.bool_)
@@ -158,57 +159,57 @@ class _Screen:
             self._draw(self._inside(shape) & ((rows + columns) % 2 == 0), STYLES[name])
 
     def shaded(self, name: Layer, shape: BaseGeometry | None) -> None:
-        """Fill a shape with shading, a character where most of its dots are inside."""
+        """Fill a shape with shading: each character of which at least half the dots are inside."""
         if shape is not None:
             full = self._inside(shape).reshape(self._rows, 4, self._columns, 2).sum(axis=(1, 3)) >= 4
             self._signs[full], self._styles[full] = "░", STYLES[name]
 
-    def is_point(self, one: Footprint) -> bool:
-        """Say whether somebody is drawn as one sign."""
-        return float(np.hypot(*(one.corners[0] - one.corners[1]))) * self._per_m < _POINT_DOTS
+    def is_point(self, footprint: Footprint) -> bool:
+        """Return whether an actor is drawn as a single sign."""
+        return float(np.hypot(*(footprint.corners[0] - footprint.corners[1]))) * self._per_m < _POINT_DOTS
 
-    def footprint(self, one: Footprint) -> None:
-        """Draw somebody: the ego in blocks, the opponent filled, all others as outlines."""
-        style = STYLES[one.role]
-        length = float(np.hypot(*(one.corners[0] - one.corners[1]))) * self._per_m
-        if self.is_point(one):
-            self._sign(one.middle, _POINTS[one.role], style)
+    def footprint(self, body: Footprint) -> None:
+        """Draw an actor: the ego in blocks, the opponent filled, all others as outlines."""
+        style = STYLES[body.role]
+        length = float(np.hypot(*(body.corners[0] - body.corners[1]))) * self._per_m
+        if self.is_point(body):
+            self._sign(body.middle, _POINTS[body.role], style)
             return
-        outline = np.vstack([one.corners, one.corners[:1]])
+        outline = np.vstack([body.corners, body.corners[:1]])
         edge = np.zeros(self._x_m.shape, np.bool_)
         self._put(edge, self._along(outline))
-        inside = self._inside(shapely.Polygon(one.corners))
-        if one.role is Role.EGO:
+        inside = self._inside(shapely.Polygon(body.corners))
+        if body.role is Role.EGO:
             dots = inside if inside.any() else edge
             self._blocks(dots, style)
-        elif one.role is Role.OPPONENT:
+        elif body.role is Role.OPPONENT:
             self._draw(inside | edge, style, over=True)
         else:
             self._draw(edge, style, over=True)
         if (
             length >= _NOSE_DOTS
-            and one.kind not in ("obstacle", "pedestrian")
-            and one.role in (Role.EGO, Role.OPPONENT)
+            and body.kind not in ("obstacle", "pedestrian")
+            and body.role in (Role.EGO, Role.OPPONENT)
         ):
-            noses = _EGO_NOSES if one.role is Role.EGO else _OTHER_NOSES
-            front = (one.corners[0] + one.corners[3]) / 2
-            nose = front + (one.middle - front) * min(2.0 / length, 1.0)
-            self._sign(nose, noses[round(one.heading_rad / (math.pi / 4)) % 8], style)
+            noses = _EGO_NOSES if body.role is Role.EGO else _OTHER_NOSES
+            front = (body.corners[0] + body.corners[3]) / 2
+            nose = front + (body.middle - front) * min(2.0 / length, 1.0)
+            self._sign(nose, noses[round(body.heading_rad / (math.pi / 4)) % 8], style)
 
     def text(self) -> list[Text]:
-        """Return the rows."""
-        found = []
+        """Return the rows of the screen."""
+        rows = []
         for row in range(self._rows):
             signs = (sign or (chr(0x2800 + bits) if bits else " ")
                      for sign, bits in zip(self._signs[row], self._bits[row].tolist(), strict=True))  # fmt: skip
             line = Text()
             for style, part in groupby(zip(self._styles[row], signs, strict=True), key=itemgetter(0)):
                 line.append("".join(sign for _, sign in part), style=style or None)
-            found.append(line)
-        return found
+            rows.append(line)
+        return rows
 
     def _along(self, points: FloatArray) -> FloatArray:
-        """Return marks on a line, less than a dot apart: [N, 3] x, y, length along it, m."""
+        """Return points on a line less than a dot apart: [N, 3], x, y and distance along the line, m."""
         steps = np.hypot(*np.diff(points, axis=0).T)
         along = np.concatenate([[0.0], np.cumsum(steps)])
         marks = np.linspace(0.0, along[-1], max(math.ceil(along[-1] * self._per_m * 2), 2))
@@ -217,21 +218,21 @@ class _Screen:
     def _put(self, dots: BoolArray, marks: FloatArray) -> None:
         column = np.floor((marks[:, 0] + self._left_m) * self._per_m).astype(int)
         row = np.floor((self._top_m - marks[:, 1]) * self._per_m).astype(int)
-        known = (column >= 0) & (column < dots.shape[1]) & (row >= 0) & (row < dots.shape[0])
-        dots[row[known], column[known]] = True
+        within = (column >= 0) & (column < dots.shape[1]) & (row >= 0) & (row < dots.shape[0])
+        dots[row[within], column[within]] = True
 
     def _inside(self, shape: BaseGeometry) -> BoolArray:
-        found: BoolArray = shapely.contains_xy(shape, self._x_m, self._y_m)
-        return found
+        inside: BoolArray = shapely.contains_xy(shape, self._x_m, self._y_m)
+        return inside
 
     def _cells(self, dots: BoolArray) -> NDArray[np.int64]:
-        """Return the braille bits of dots, a number a character."""
+        """Return the braille bits of the dots, one number for each character."""
         parts = dots.reshape(self._rows, 4, self._columns, 2)
         bits: NDArray[np.int64] = np.einsum("ricj,ij->rc", parts.astype(np.int64), np.array(_BRAILLE))
         return bits
 
     def _draw(self, dots: BoolArray, style: str, *, over: bool = False) -> None:
-        """Add dots to the characters; `over`: what was in these is covered."""
+        """Add dots to the characters; with `over`, they replace the former contents of these characters."""
         bits = self._cells(dots)
         touched = bits > 0
         if over:
@@ -259,7 +260,7 @@ _SWATCHES = {Role.EGO: "█▲", Role.OPPONENT: "⣿", Role.OTHER: "⣏⣹", Rol
 
 
 def legend_lines(strips: Sequence[Strip], width: int) -> Iterator[Text]:
-    """Yield what the signs mean, on as many lines as that takes."""
+    """Yield the legend of the signs, in lines of at most `width` columns."""
     entries: list[Text] = []
     for role, name in legend_of(strips):
         entries.append(Text.assemble((f"{_SWATCHES[role]} {_POINTS[role]}", STYLES[role]), f" {name}"))

@@ -1,4 +1,4 @@
-"""From which moment a mutant's run differs from its clip's: which actor, and how much."""
+"""Compares a mutant's run with its clip's: which actors differ, from when on, and by how much."""
 
 from __future__ import annotations
 
@@ -11,20 +11,22 @@ import numpy as np
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
 DIFFERS_M, DIFFERS_MPS, DIFFERS_RAD = 0.05, 0.05, 0.01
-"""What is less is the same for people. Ours: a twentieth of a metre in a picture is under a pixel."""
+"""Smaller differences in place (m), speed (m/s) and heading (rad) are ignored. Ours: 0.05 m in a picture is less than a
+pixel."""
 VISIBLE_M = 0.3
-"""Ours: in a window of 16 m it is a dot of a panel in characters."""
+"""Distance from which on two panels differ visibly, m. Ours: one dot of a panel in characters, at 16 m a side."""
 _MOST = 6
-"""Actors that are named. Ours: more are background."""
+"""Maximum number of actors that are named. Ours: the others are background."""
 
 
 @dataclass(frozen=True)
 class Departure:
-    """When an actor is first somewhere else (or faster, or turned) than in the parent's run.
+    """The first deviation of an actor from the parent's run.
 
     Attributes:
-        actor: the id. time_s: when. largest_m, largest_at_s: the largest distance between both while both runs go on.
-        how: in words: what differs first. model: the models' names where these differ, else "".
+        actor: id of the actor. time_s: time of the first deviation, s. how: that deviation in words.
+        largest_m, largest_at_s: largest distance between both runs, m, and its time, s, while both last.
+        model: the names of both models; "" if they are the same.
     """
 
     actor: str
@@ -36,29 +38,31 @@ class Departure:
 
 
 def departures(parent: Trace, child: Trace) -> tuple[Departure, ...]:
-    """Return the actors that go other ways in the child's run, the first to do so first."""
+    """Return the actors that move differently in the child's run, in the order in which they begin to."""
     frames = min(parent.frames, child.frames)
     columns = {info.id: k for k, info in enumerate(parent.actors)}
-    found = []
+    listed = []
     for k, info in enumerate(child.actors):
         if info.id not in columns:
-            found.append(Departure(info.id, 0.0, 0.0, 0.0, "is only in this run"))
+            listed.append(Departure(info.id, 0.0, 0.0, 0.0, "is only in this run"))
             continue
         column = columns[info.id]
         model = parent.actors[column].model
-        one = _departure(parent, child, column, k, frames)
+        departure = _departure(parent, child, column, k, frames)
         if model != info.model:
-            how, largest, at = ("", 0.0, 0.0) if one is None else (one.how, one.largest_m, one.largest_at_s)
-            one = Departure(info.id, 0.0, largest, at, how, f"{model} => {info.model}")
-        if one is not None:
-            found.append(one)
+            how, largest, at = (
+                ("", 0.0, 0.0) if departure is None else (departure.how, departure.largest_m, departure.largest_at_s)
+            )
+            departure = Departure(info.id, 0.0, largest, at, how, f"{model} => {info.model}")
+        if departure is not None:
+            listed.append(departure)
     gone = columns.keys() - {info.id for info in child.actors}
-    found += [Departure(name, 0.0, 0.0, 0.0, "is not in this run") for name in sorted(gone)]
-    return tuple(sorted(found, key=lambda one: (one.time_s, one.actor != "ego", one.actor)))
+    listed += [Departure(name, 0.0, 0.0, 0.0, "is not in this run") for name in sorted(gone)]
+    return tuple(sorted(listed, key=lambda departure: (departure.time_s, departure.actor != "ego", departure.actor)))
 
 
 def parts_from(parent: Trace, child: Trace) -> float:
-    """Return from when on two pictures of both runs differ: somebody is `VISIBLE_M` away; infinite for never, s."""
+    """Return the time from which on pictures of both runs differ, s: an actor is `VISIBLE_M` away; infinite if none."""
     frames = min(parent.frames, child.frames)
     ids = {info.id: k for k, info in enumerate(parent.actors)}
     pairs = [(ids[info.id], k) for k, info in enumerate(child.actors) if info.id in ids]
@@ -93,14 +97,18 @@ def _departure(parent: Trace, child: Trace, a: int, b: int, frames: int) -> Depa
     return Departure(name, float(child.time_s[first]), float(far[largest]), float(child.time_s[largest]), how)
 
 
-def in_words(found: Sequence[Departure]) -> tuple[str, ...]:
-    """Return a sentence an actor: who departs first, then the others in the order in which they do."""
+def in_words(departing: Sequence[Departure]) -> tuple[str, ...]:
+    """Return a sentence for each deviating actor, in the order in which they deviate."""
     lines = []
-    for one in found[:_MOST]:
-        model = f"is another model ({one.model})" if one.model else ""
-        how = ", and ".join(part for part in (model, one.how) if part)
-        grows = f", up to {one.largest_m:.1f} m away at {one.largest_at_s:.2f} s" if one.largest_m > DIFFERS_M else ""
-        lines.append(f"from {one.time_s:.2f} s {one.actor} {how}{grows}")
-    if len(found) > _MOST:
-        lines.append(f"and {len(found) - _MOST} more")
-    return tuple(lines) or ("nobody moves in another way: both runs are the same",)
+    for departure in departing[:_MOST]:
+        model = f"is another model ({departure.model})" if departure.model else ""
+        how = ", and ".join(part for part in (model, departure.how) if part)
+        grows = (
+            f", up to {departure.largest_m:.1f} m away at {departure.largest_at_s:.2f} s"
+            if departure.largest_m > DIFFERS_M
+            else ""
+        )
+        lines.append(f"from {departure.time_s:.2f} s {departure.actor} {how}{grows}")
+    if len(departing) > _MOST:
+        lines.append(f"and {len(departing) - _MOST} more")
+    return tuple(lines) or ("all actors move in the same way: both runs are the same",)

@@ -1,4 +1,4 @@
-"""A panel as shapes to fill and lines to draw, back to front: what the SVG and the PNG of a strip have in common."""
+"""The shapes and lines of a panel from back to front, from which the SVG and the PNG of a strip are drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from foresee_dsl.report.show.panels import Footprint, Panel, Role
 
 
 class Style(NamedTuple):
-    """How something is drawn: colours as `#rrggbb` ("" for none), the line's width in metres, and dashes or not."""
+    """The style of a shape: colours as `#rrggbb` ("" for none), width of the line, m, and whether it is dashed."""
 
     fill: str
     line: str
@@ -22,7 +22,7 @@ class Style(NamedTuple):
 
 
 GRASS = "#e4ebdc"
-"""Where nothing else lies."""
+"""Colour of the background."""
 STYLES: dict[Layer | Role, Style] = {
     Layer.FOOTWAY: Style("#d3d0c8", "", 0.0),
     Layer.ROAD: Style("#8d9299", "#5f646b", 0.2),
@@ -41,7 +41,7 @@ STYLES: dict[Layer | Role, Style] = {
     Role.OPPONENT: Style("#d7263d", "#5e0d19", 0.15),
     Role.EGO: Style("#1f6fd6", "#0b2c57", 0.15),
 }
-"""Ours. Ego and opponent also differ in lightness, for people and printers that see no colours."""
+"""Styles by layer or role (ours). Ego and opponent also differ in lightness, for colour-blind readers and printers."""
 NAMES = {
     Role.EGO: "ego",
     Role.OPPONENT: "opponent",
@@ -50,18 +50,19 @@ NAMES = {
     Role.GHOST: "in the parent's run",
 }
 SCREEN = 0.35
-"""A vehicle has a bar across, the windscreen, this share of its length behind its front: so one sees where it heads."""
+"""Distance of the windscreen, a line across a vehicle, from its front, as a share of the length; it shows which end is
+the front."""
 LEAST_M = 0.9
-"""A pedestrian is drawn at least this wide. Ours: 0.5 m would be a pixel or two."""
+"""Smallest side of a drawn footprint, m. Ours: a pedestrian of 0.5 m would be one or two pixels wide."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """One thing to draw.
+    """Shapes to draw in one style.
 
     Attributes:
-        name: the layer or role. style: of it. rings: [N, 2] points each, m; filled by the even-odd rule.
-        closed: outlines, else lines. title: who it is, for a tooltip; "" for the map.
+        name: the layer or role. style: its style. rings: [N, 2] points of each shape, m; filled by the even-odd rule.
+        closed: the shapes are outlines, not lines. title: the actor's id, for a tooltip; "" for the map.
     """
 
     name: Layer | Role
@@ -72,8 +73,8 @@ class Drawn:
 
 
 def drawing(panel: Panel) -> tuple[Drawn, ...]:
-    """Return what a panel shows, back to front."""
-    return (*_ground(panel), *(one for footprint in panel.footprints for one in _footprint(footprint)))
+    """Return the shapes of a panel from back to front."""
+    return (*_ground(panel), *(shape for footprint in panel.footprints for shape in _footprint(footprint)))
 
 
 def _ground(panel: Panel) -> Iterator[Drawn]:

@@ -1,4 +1,4 @@
-"""What the timeline shows: speeds, accelerations, the gap, the time to collision and who sees whom, frame by frame."""
+"""The values of the timeline at each frame: speeds, accelerations, gap, time to collision, mutual visibility."""
 
 from __future__ import annotations
 
@@ -24,20 +24,21 @@ BoolArray = NDArray[np.bool_]
 
 
 SIGNAL_AHEAD_M = 60.0
-"""A signal farther ahead is not shown. Ours: from 50 km/h one brakes for it from here on."""
+"""A signal farther ahead is not shown, m. Ours: at 50 km/h a driver begins to brake at this distance."""
 SIGNAL_BEHIND_M = 3.0
-"""An ego that stands a little over the line still waits for it."""
+"""A signal is shown until the ego's front is this far behind the stop line, m: an ego may stop a little beyond it."""
 
 
 @dataclass(frozen=True)
 class Measures:
-    """The ego and its opponent, a value a frame; NaN (or False) where the opponent is absent, or there is none.
+    """Values of the ego and its opponent at each frame, [T]; NaN (or False) if the opponent is absent.
 
     Attributes:
-        time_s: [T]. ego_mps, other_mps: speeds. ego_mps2, other_mps2: accelerations.
-        gap_m: between the footprints. ttc_s: time to collision along the paths, infinite where none lies ahead.
-        ego_sees: the opponent is in range of the ego's sensors, and nothing hides it.
-        other_sees: the same for somebody with the ego's sensors in the opponent's place.
+        time_s: time. ego_mps, other_mps: speeds. ego_mps2, other_mps2: accelerations.
+        gap_m: distance between the footprints.
+        ttc_s: time to collision along the actors' paths; infinite if they do not meet.
+        ego_sees: the opponent is in range of the ego's sensors and not hidden.
+        other_sees: the ego would be visible to the same sensors at the opponent's place.
     """
 
     time_s: FloatArray
@@ -52,7 +53,7 @@ class Measures:
 
 
 def measure(trace: Trace, bundle: SumoBundle, opponent: str) -> Measures:
-    """Return what happened between the ego and an opponent ("": nobody) in a run of a compiled test case."""
+    """Return the values of a run of a compiled test case; `opponent`: id of an actor, "" for none."""
     states = trace.states
     ego = trace.time_s, states[:, 0, SPEED], states[:, 0, ACCELERATION]
     if not opponent:
@@ -73,23 +74,23 @@ def measure(trace: Trace, bundle: SumoBundle, opponent: str) -> Measures:
 
 
 def signal_ahead(trace: Trace, case: TestCase) -> list[str]:
-    """Return for each frame what the next signal on the ego's way shows (`red`, `amber`, `green`), "" for none near."""
+    """Return the colour of the next signal on the ego's route at each frame; "" if none is near."""
     facts = Facts.of(trace, case)
     line, info = facts.bundle.scene.ego.line, trace.actors[0]
     if line is None or not trace.signals:
         return [""] * trace.frames
     signalled = [passage for passage in line.passages if passage.movement.tls is not None]
-    found = []
+    colours = []
     for frame, (x, y, heading) in enumerate(trace.states[:, 0][:, [X, Y, HEADING]].tolist()):
         here = line.project(x + info.front_m * math.cos(heading), y + info.front_m * math.sin(heading))[0]
         ahead = (p for p in signalled if -SIGNAL_BEHIND_M <= p.entry_s - here <= SIGNAL_AHEAD_M)
         passage = next(ahead, None)
-        found.append(facts.colour(passage.movement, frame) if passage is not None else "")
-    return found
+        colours.append(facts.colour(passage.movement, frame) if passage is not None else "")
+    return colours
 
 
-def _sees(trace: Trace, bundle: SumoBundle, observer: int, seen: int) -> BoolArray:
-    """Return at which frames a sensor on an actor has another one in sight."""
+def _sees(trace: Trace, bundle: SumoBundle, observer: int, target: int) -> BoolArray:
+    """Return at which frames sensors on the observer see the target, [T]; both are columns of the trace."""
     others = [k for k in range(len(trace.actors)) if k != observer]
     sight = Sight(
         Bodies.of(_models(bundle, trace, others)),
@@ -97,12 +98,12 @@ def _sees(trace: Trace, bundle: SumoBundle, observer: int, seen: int) -> BoolArr
         STANDARD,
         Air(bundle.scene.rain, bundle.scene.fog, bundle.scene.sun),
     )
-    wanted, found = others.index(seen), np.zeros(trace.frames, np.bool_)
+    index, visible = others.index(target), np.zeros(trace.frames, np.bool_)
     poses = trace.states[:, :, [X, Y, HEADING]]
-    for frame in np.flatnonzero(~np.isnan(poses[:, observer, 0]) & ~np.isnan(poses[:, seen, 0])).tolist():
+    for frame in np.flatnonzero(~np.isnan(poses[:, observer, 0]) & ~np.isnan(poses[:, target, 0])).tolist():
         x, y, heading = poses[frame, observer].tolist()
-        found[frame] = wanted in sight.seen(x, y, heading, poses[frame, others])
-    return found
+        visible[frame] = index in sight.seen(x, y, heading, poses[frame, others])
+    return visible
 
 
 def _models(bundle: SumoBundle, trace: Trace, columns: Sequence[int]) -> list[ModelSpec]:

@@ -1,4 +1,4 @@
-"""Which moments of a run are worth a picture: start, opponent seen, reaction, near contact, contact."""
+"""Chooses the moments of a run for its strip: start, opponent visible, reaction, shortly before contact, contact."""
 
 from __future__ import annotations
 
@@ -11,27 +11,28 @@ from foresee_dsl.report.show.measures import BoolArray, FloatArray, Measures
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 BRAKES_MPS2 = 2.0
-"""The ego brakes: more than this for `LASTS_S`. Ours: lifting the foot is under 1 m/s^2, comfortable braking 2."""
+"""The ego brakes if it decelerates more than this for `LASTS_S`, m/s^2. Ours: releasing the accelerator gives under 1,
+comfortable braking 2."""
 STARTS_MPS = 0.3
-"""Somebody who stood walks or drives. Ours: over the drift of a standing vehicle in SUMO."""
+"""An actor that stood sets off when it is faster than this, m/s. Ours: more than a standing vehicle drifts in SUMO."""
 STANDS_MPS = 0.1
-"""SUMO's threshold of halting."""
+"""An actor slower than this stands, m/s: SUMO's threshold for a halting vehicle."""
 LASTS_S = 0.2
-"""Ours: what is shorter is noise."""
+"""A braking must last at least this long, s. Ours: shorter ones are noise."""
 BEFORE_CONTACT_S = 1.0
-"""How long before a contact it is called near. Ours: the last moment at which a driver still could react."""
+"""Time before the contact of the last picture before it, s. Ours: the last moment at which a driver could react."""
 APART_S = 0.25
-"""Moments that are nearer share one picture. Ours: at 50 km/h that is less than a car's length."""
+"""Moments closer than this share a picture, s. Ours: at 50 km/h a car moves by less than its length."""
 TEXTS = 2
-"""What a picture's caption names at most: the most important ones."""
+"""Maximum number of events in a picture's caption; the most important ones are named."""
 MOST, LEAST = 6, 4
-"""Pictures of a strip."""
+"""Largest and smallest number of pictures in a strip."""
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A moment that gets a picture: its letter in the strip and in the timeline, its frame, and what happens."""
+    """A moment with a picture: its letter in strip and timeline, its frame, its time, s, and its events in words."""
 
     letter: str
     frame: int
@@ -39,103 +40,106 @@ class Snapshot:
     text: str
 
 
-def snapshots(trace: Trace, found: Measures, opponent: str, *, most: int = MOST) -> tuple[Snapshot, ...]:
-    """Return the moments of a run that are most worth a picture, in the order of time; at least `LEAST`.
+def snapshots(trace: Trace, measures: Measures, opponent: str, *, most: int = MOST) -> tuple[Snapshot, ...]:
+    """Return the most important moments of a run in the order of time, `LEAST` to `most` of them if it is long enough.
 
     Args:
-        trace: the run. found: what was measured of it. opponent: its id, "" for none. most: how many at most.
+        trace: the run. measures: its values. opponent: id of the opponent, "" for none. most: maximum number.
     """
     last = trace.frames - 1
-    end = _end(trace, found)
-    wanted: list[tuple[int, int, str]] = [(0, 0, "start"), (0, end, _ending(trace, found, end))]  # rank, frame, text
+    end = _end(trace, measures)
+    candidates: list[tuple[int, int, str]] = [
+        (0, 0, "start"),
+        (0, end, _ending(trace, measures, end)),
+    ]  # rank, frame, text
     if end < last:
-        wanted.append((5, last, "end"))
-    if (seen := _first(found.ego_sees, 1)) is not None:
-        wanted.append((1, seen, "now seen" if found.ego_sees[:1].any() else "first seen"))
-    if (moves := _begins(found.other_mps, STARTS_MPS)) is not None:
-        wanted.append((3, moves, "sets off"))
-    after = _reaction_from(found, seen, moves)
-    if (brakes := _first(_lasting(found.ego_mps2 < -BRAKES_MPS2), after, end + 1)) is not None:
-        wanted.append((2, brakes, "ego brakes"))
-    if (stands := _first(found.ego_mps < STANDS_MPS, 1)) is not None and found.ego_mps[0] >= STANDS_MPS:
-        wanted.append((4, stands, "ego stands"))
+        candidates.append((5, last, "end"))
+    if (seen := _first(measures.ego_sees, 1)) is not None:
+        candidates.append((1, seen, "now seen" if measures.ego_sees[:1].any() else "first seen"))
+    if (moves := _begins(measures.other_mps, STARTS_MPS)) is not None:
+        candidates.append((3, moves, "sets off"))
+    after = _reaction_from(measures, seen, moves)
+    if (brakes := _first(_lasting(measures.ego_mps2 < -BRAKES_MPS2), after, end + 1)) is not None:
+        candidates.append((2, brakes, "ego brakes"))
+    if (stands := _first(measures.ego_mps < STANDS_MPS, 1)) is not None and measures.ego_mps[0] >= STANDS_MPS:
+        candidates.append((4, stands, "ego stands"))
     near = end - round(BEFORE_CONTACT_S / STEP_S)
     if opponent and near > 0:
-        wanted.append((2, near, f"{BEFORE_CONTACT_S:g} s before"))
-    return _numbered(trace, _filled(_spaced(wanted, most), end))
+        candidates.append((2, near, f"{BEFORE_CONTACT_S:g} s before"))
+    return _numbered(trace, _filled(_spaced(candidates, most), end))
 
 
-def _end(trace: Trace, found: Measures) -> int:
-    """Return the frame of the contact, or of the smallest gap."""
-    gaps = found.gap_m
+def _end(trace: Trace, measures: Measures) -> int:
+    """Return the frame of the end; of a run that passed, the frame of the smallest gap."""
+    gaps = measures.gap_m
     if trace.meta.get("verdict") != "pass" or not np.isfinite(gaps).any():
         return trace.frames - 1
     return int(np.nanargmin(gaps))
 
 
-def _ending(trace: Trace, found: Measures, end: int) -> str:
+def _ending(trace: Trace, measures: Measures, end: int) -> str:
     hit = next((event.what for event in reversed(trace.events) if event.what in ("collision", "off_road")), "")
     if hit:
         return "contact" if hit == "collision" else "off the road"
-    return "nearest" if np.isfinite(found.gap_m[end]) else "end"
+    return "nearest" if np.isfinite(measures.gap_m[end]) else "end"
 
 
-def _reaction_from(found: Measures, *events: int | None) -> int:
-    """Return the frame from which braking is a reaction: when the opponent is in sight, or sets off in sight."""
-    known = [frame for frame in events if frame is not None]
-    return min(known) if known and not found.ego_sees[:1].any() else 1
+def _reaction_from(measures: Measures, *events: int | None) -> int:
+    """Return the frame from which on braking may be a reaction: the opponent becomes visible or sets off."""
+    frames = [frame for frame in events if frame is not None]
+    return min(frames) if frames and not measures.ego_sees[:1].any() else 1
 
 
 def _first(holds: BoolArray, start: int, stop: int | None = None) -> int | None:
-    """Return the first frame from `start` on at which something holds that did not hold before it."""
+    """Return the first frame, from `start` and before `stop`, at which a condition begins to hold; None without one."""
     rising = np.flatnonzero(holds[1:] & ~holds[:-1]) + 1 if len(holds) > 1 else np.empty(0, np.intp)
     within = rising[(rising >= start) & (rising < (len(holds) if stop is None else stop))]
     return int(within[0]) if within.size else None
 
 
 def _lasting(holds: BoolArray) -> BoolArray:
-    """Return where something holds that goes on for `LASTS_S`."""
+    """Return the frames from which on a condition holds for at least `LASTS_S`."""
     count = round(LASTS_S / STEP_S)
-    found = holds.copy()
+    lasting = holds.copy()
     for shift in range(1, count):
-        found[: len(holds) - shift] &= holds[shift:]
-        found[len(holds) - shift :] = False
-    return found
+        lasting[: len(holds) - shift] &= holds[shift:]
+        lasting[len(holds) - shift :] = False
+    return lasting
 
 
 def _begins(speeds: FloatArray, least: float) -> int | None:
-    """Return the frame at which somebody who stood at first moves."""
+    """Return the frame at which an actor that stands at the start sets off; None if it does not."""
     if not len(speeds) or not speeds[0] < STANDS_MPS:
         return None
     return _first(speeds > least, 1)
 
 
-def _spaced(wanted: list[tuple[int, int, str]], most: int) -> list[tuple[int, str]]:
-    """Return the most important ones, none too near to a more important one; its words are added to that."""
-    kept: dict[int, list[str]] = {}
-    for _, frame, text in sorted(wanted, key=lambda one: one[0]):
-        near = next((other for other in kept if abs(other - frame) * STEP_S < APART_S), None)
+def _spaced(candidates: list[tuple[int, int, str]], most: int) -> list[tuple[int, str]]:
+    """Return the most important moments; one that is close to a more important one adds its words to that."""
+    moments: dict[int, list[str]] = {}
+    for _, frame, text in sorted(candidates, key=lambda candidate: candidate[0]):
+        near = next((other for other in moments if abs(other - frame) * STEP_S < APART_S), None)
         if near is not None:
-            kept[near] = [*kept[near], text][:TEXTS]
-        elif len(kept) < most:
-            kept[frame] = [text]
-    return sorted((frame, ", ".join(texts)) for frame, texts in kept.items())
+            moments[near] = [*moments[near], text][:TEXTS]
+        elif len(moments) < most:
+            moments[frame] = [text]
+    return sorted((frame, ", ".join(texts)) for frame, texts in moments.items())
 
 
-def _filled(found: list[tuple[int, str]], end: int) -> list[tuple[int, str]]:
-    """Return at least `LEAST` moments: the middle of the longest pause until the contact is added."""
-    while len(found) < LEAST:
-        before = [frame for frame, _ in found if frame <= end]
+def _filled(moments: list[tuple[int, str]], end: int) -> list[tuple[int, str]]:
+    """Return at least `LEAST` moments, by adding the middle of the longest interval before the contact."""
+    while len(moments) < LEAST:
+        before = [frame for frame, _ in moments if frame <= end]
         pauses = [(b - a, (a + b) // 2) for a, b in pairwise(before)]
         pause, middle = max(pauses, default=(0, 0))
         if pause * STEP_S < 2 * APART_S:
             break
-        found = sorted([*found, (middle, "")])
-    return found
+        moments = sorted([*moments, (middle, "")])
+    return moments
 
 
-def _numbered(trace: Trace, found: list[tuple[int, str]]) -> tuple[Snapshot, ...]:
+def _numbered(trace: Trace, moments: list[tuple[int, str]]) -> tuple[Snapshot, ...]:
     return tuple(
         Snapshot(_LETTERS[k % len(_LETTERS)], frame, float(trace.time_s[frame]), text)
-        for k, (frame, text) in enumerate(found)
+        for k, (frame, text) in enumerate(moments)
     )

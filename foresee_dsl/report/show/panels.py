@@ -1,4 +1,4 @@
-"""Panels: the map and the road users of one moment in a window around ego and opponent, up being the ego's way."""
+"""Panels: the map and the actors of a moment in a window around ego and opponent, with the ego's way or north up."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ if TYPE_CHECKING:
 Up = Literal["ego", "north"]
 
 SIDES_M = (16.0, 24.0, 32.0, 48.0, 64.0, 96.0)
-"""Sides of windows. Ours: the smallest shows a crossing of two lanes, the largest what sensors reach in a town."""
+"""Sides of windows, m. Ours: the smallest shows a crossing of two lanes, the largest the range of sensors in a town."""
 MARGIN_M = 5.0
-"""Free space around ego and opponent within the window. Ours: a lane and a half."""
+"""Free space around ego and opponent within the window, m. Ours: one and a half lanes."""
 TOGETHER_M = 80.0
-"""An opponent that is farther away is not in the window. Ours: the range at which sensors see a car."""
+"""A more distant opponent is not in the window, m. Ours: the range at which sensors see a car."""
 AHEAD_SHARE = 0.2
-"""Without an opponent the ego is this share of the window behind its middle: what is ahead matters."""
+"""Without an opponent, the ego is this share of the window's side behind its middle, so that more of the road ahead is
+visible (ours)."""
 PARKED_MPS = 0.1
-"""An actor that is never faster is parked (or an obstacle)."""
+"""An actor that is never faster than this is parked or an obstacle, m/s."""
 
 
 class Role(StrEnum):
-    """Who a footprint is of, in the order of drawing; a ghost is where somebody was in the parent's run."""
+    """Roles of footprints, in the order of drawing; a ghost is an actor's footprint in the parent's run."""
 
     PARKED = "parked"
     OTHER = "other"
@@ -47,11 +48,12 @@ class Role(StrEnum):
 
 @dataclass(frozen=True)
 class Footprint:
-    """Somebody in a panel.
+    """The footprint of an actor in a panel.
 
     Attributes:
-        actor: the id. kind: the model's class. corners: [4, 2] m in the panel: front left, rear left, rear right and
-            front right. heading_rad: counter-clockwise from the panel's right. speed_mps: now.
+        actor: the actor's id. kind: the model's class.
+        corners: [4, 2] m in the panel: front left, rear left, rear right and front right.
+        heading_rad: heading, counter-clockwise from the panel's right. speed_mps: speed at the moment.
     """
 
     role: Role
@@ -63,14 +65,14 @@ class Footprint:
 
     @property
     def middle(self) -> FloatArray:
-        """The centre, [2] m in the panel."""
+        """The middle of the footprint, [2] m in the panel."""
         middle: FloatArray = self.corners.mean(axis=0)
         return middle
 
 
 @dataclass(frozen=True)
 class Window:
-    """Where a panel is in the world: its middle and side, m, and by how much the world is turned, rad."""
+    """The part of the world in a panel: its middle and side, m, and the angle by which it is turned, rad."""
 
     x: float
     y: float
@@ -79,18 +81,18 @@ class Window:
 
     @property
     def bounds(self) -> Bounds:
-        """Around the window in any direction."""
+        """Bounds that contain the window in any orientation, m."""
         reach = self.side_m * math.sqrt(0.5) + 1.0
         return self.x - reach, self.y - reach, self.x + reach, self.y + reach
 
     def points(self, world: FloatArray) -> FloatArray:
-        """Return [N, 2] points of the world in the panel."""
+        """Return points of the world in the panel, [N, 2] m."""
         cos, sin = math.cos(self.turn_rad), math.sin(self.turn_rad)
         dx, dy = world[:, 0] - self.x, world[:, 1] - self.y
         return np.column_stack([cos * dx - sin * dy, sin * dx + cos * dy])
 
     def shape(self, world: BaseGeometry) -> BaseGeometry:
-        """Return a shape of the world in the panel, cut to the window."""
+        """Return a shape of the world in the panel, clipped to the window."""
         turned = shapely.transform(world, self.points)
         half = self.side_m / 2
         return shapely.clip_by_rect(turned, -half, -half, half, half)
@@ -98,12 +100,12 @@ class Window:
 
 @dataclass(frozen=True)
 class Panel:
-    """One moment: x to the right and y up, m, from the middle of a square window.
+    """A moment in a square window; x points to the right and y up, m, from the window's middle.
 
     Attributes:
-        snapshot: the moment. window: where it is in the world.
-        ground: by layer, cut to the window. footprints: in the order in which they are drawn.
-        ego_mps, gap_m: the ego's speed, and the gap to the opponent (NaN: none).
+        snapshot: the moment. window: the part of the world in the panel.
+        ground: shapes by layer, clipped to the window. footprints: the actors in the order of drawing.
+        ego_mps, gap_m: the ego's speed, and the gap to the opponent (NaN without one).
     """
 
     snapshot: Snapshot
@@ -115,18 +117,18 @@ class Panel:
 
     @property
     def side_m(self) -> float:
-        """Side of the window."""
+        """Side of the window, m."""
         return self.window.side_m
 
     @property
     def north_rad(self) -> float:
-        """Where north is, counter-clockwise from the right."""
+        """Direction of north, counter-clockwise from the panel's right."""
         return math.pi / 2 + self.window.turn_rad
 
 
 @dataclass(frozen=True)
 class Strip:
-    """The panels of one run; `opponent`: its id, "" for none."""
+    """The panels of a run; `opponent`: id of the opponent, "" for none."""
 
     title: str
     opponent: str
@@ -140,15 +142,15 @@ class Strip:
 
     @property
     def roles(self) -> tuple[Role, ...]:
-        """The roles that occur."""
-        found = {footprint.role for panel in self.panels for footprint in panel.footprints}
-        return tuple(role for role in Role if role in found)
+        """The roles that occur in the panels."""
+        present = {footprint.role for panel in self.panels for footprint in panel.footprints}
+        return tuple(role for role in Role if role in present)
 
 
 def strip_panels(
     trace: Trace,
     bundle: SumoBundle,
-    found: Measures,
+    measures: Measures,
     opponent: str,
     moments: Sequence[Snapshot],
     *,
@@ -158,9 +160,9 @@ def strip_panels(
     """Return a panel for each moment of a run.
 
     Args:
-        trace: the run. bundle: its compiled test case. found: what was measured of it. opponent: its id, "" for none.
-        moments: which; those after the run's end are left out. windows: around each of them.
-        ghost: the parent's run, whose ego and opponent are drawn too.
+        trace: the run. bundle: its compiled test case. measures: its values. opponent: id of the opponent, "" for none.
+        moments: the moments; those after the run's end are left out. windows: the window of each moment.
+        ghost: the parent's run, whose ego and opponent are drawn as ghosts.
     """
     if not moments:
         return ()
@@ -169,33 +171,33 @@ def strip_panels(
     ground = with_patches(ground_of(bundle.network, within(bounds)), bundle.scene.slippery)
     return tuple(
         Panel(
-            snapshot=one,
+            snapshot=moment,
             window=window,
             ground=_cut(ground, window),
-            footprints=tuple(_footprints(trace, opponent, one.frame, window, ghost)),
-            ego_mps=float(found.ego_mps[one.frame]),
-            gap_m=float(found.gap_m[one.frame]),
+            footprints=tuple(_footprints(trace, opponent, moment.frame, window, ghost)),
+            ego_mps=float(measures.ego_mps[moment.frame]),
+            gap_m=float(measures.gap_m[moment.frame]),
         )
-        for one, window in zip(moments, windows, strict=True)
-        if one.frame < trace.frames
+        for moment, window in zip(moments, windows, strict=True)
+        if moment.frame < trace.frames
     )
 
 
 def windows_around(
     trace: Trace, bundle: SumoBundle, opponent: str, moments: Sequence[Snapshot], up: Up
 ) -> tuple[Window, ...]:
-    """Return a window around ego and opponent for each moment; what is up is the same in all of them.
+    """Return a window around ego and opponent for each moment; the direction that is up is the same in all of them.
 
     Args:
-        trace: the run. bundle: its compiled test case. opponent: its id, "" for none. moments: which.
-        up: the ego's way at the last of them, or north.
+        trace: the run. bundle: its compiled test case. opponent: id of the opponent, "" for none. moments: the moments.
+        up: direction that is up: that of the ego's lane at the last moment, or north.
     """
     turn = math.pi / 2 - _way(trace, bundle, moments[-1].frame) if up == "ego" and moments else 0.0
-    return tuple(_window(trace, opponent, one.frame, turn) for one in moments)
+    return tuple(_window(trace, opponent, moment.frame, turn) for moment in moments)
 
 
 def _way(trace: Trace, bundle: SumoBundle, frame: int) -> float:
-    """Return the heading of the lane that the ego is on, so that roads are upright; in a junction, the ego's own."""
+    """Return the heading of the ego's lane, so that roads are vertical; in a junction, the ego's own heading, rad."""
     x, y, heading = trace.states[frame, 0, [X, Y, HEADING]].tolist()
     near = bundle.network.nearest_lane(x, y, heading)
     if near is None or near.lane.internal:
@@ -209,7 +211,7 @@ def _cut(ground: Ground, window: Window) -> Ground:
 
 
 def _window(trace: Trace, opponent: str, frame: int, turn: float) -> Window:
-    """Return the smallest window around ego and opponent; around what is ahead of the ego where there is none near."""
+    """Return the smallest window around ego and opponent; without a near opponent, a window ahead of the ego."""
     x, y, heading = trace.states[frame, 0, [X, Y, HEADING]].tolist()
     if opponent:
         other = trace.states[frame, trace.index(opponent), [X, Y]]
@@ -226,20 +228,20 @@ def _window(trace: Trace, opponent: str, frame: int, turn: float) -> Window:
 
 
 def _footprints(trace: Trace, opponent: str, frame: int, window: Window, ghost: Trace | None) -> list[Footprint]:
-    found = [
-        one
+    footprints = [
+        footprint
         for k, info in enumerate(trace.actors)
-        if (one := _footprint(trace, k, frame, window, _role(trace, k, opponent, info.id))) is not None
+        if (footprint := _footprint(trace, k, frame, window, _role(trace, k, opponent, info.id))) is not None
     ]
     if ghost is not None and frame < ghost.frames:
         ids = [info.id for info in ghost.actors]
-        found += [
-            one
+        footprints += [
+            footprint
             for name in ("ego", opponent)
-            if name in ids and (one := _footprint(ghost, ids.index(name), frame, window, Role.GHOST)) is not None
+            if name in ids and (footprint := _footprint(ghost, ids.index(name), frame, window, Role.GHOST)) is not None
         ]
     order = list(Role)
-    return sorted(found, key=lambda one: order.index(one.role))
+    return sorted(footprints, key=lambda footprint: order.index(footprint.role))
 
 
 def _role(trace: Trace, actor: int, opponent: str, name: str) -> Role:
@@ -252,7 +254,7 @@ def _role(trace: Trace, actor: int, opponent: str, name: str) -> Role:
 
 
 def _footprint(trace: Trace, actor: int, frame: int, window: Window, role: Role) -> Footprint | None:
-    """Return an actor's footprint in a window, or None where it is absent or outside."""
+    """Return an actor's footprint in a window; None if it is absent or outside."""
     row = trace.states[frame, actor]
     if np.isnan(row[X]):
         return None

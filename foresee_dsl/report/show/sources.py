@@ -1,4 +1,4 @@
-"""What is shown: a run of a test case, from a trace that is kept where there is one, else simulated."""
+"""Finds the run to show: in a stored trace if there is one, otherwise by simulating the test case."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownRun:
     """A run to show.
 
     Attributes:
-        address: as the user can name it again. case, trace: what was run, and the run. driver, seed: of the run.
-        kept: the file that the trace was read from, None where it was simulated now.
+        address: the address with which the user can name the run again. case: its test case. trace: the run.
+        driver, seed: the driver and the seed of the run.
+        trace_file: the file from which the trace was read; None if the run was simulated now.
     """
 
     address: str
@@ -40,18 +41,18 @@ class Shown:
     trace: Trace
     driver: str
     seed: int
-    kept: Path | None = None
+    trace_file: Path | None = None
 
     @cached_property
     def story(self) -> Story:
-        """What happened."""
+        """The story of the run."""
         from foresee_dsl.story import tell
 
         return tell(self.trace, self.case)
 
     @cached_property
     def bundle(self) -> SumoBundle:
-        """The test case, compiled."""
+        """The compiled test case."""
         return compile_test_case(self.case)
 
     @cached_property
@@ -62,12 +63,12 @@ class Shown:
 
 @dataclass(frozen=True)
 class Wish:
-    """What the user asked for.
+    """The options of `foresee show`.
 
     Attributes:
-        driver: "": the recorded one, else pdm. seed: None: likewise. campaign: the campaign's folder.
-        allow_outside: files may use others outside the project. fresh: no kept trace will do.
-        full: a finding as it was found, not minimised.
+        driver: name of the driver; "" for the recorded driver, else `pdm`. seed: None for the recorded seed, else 0.
+        campaign: the campaign's folder. allow_outside: files may use others outside the project.
+        fresh: simulate, even if there is a stored trace. full: of a finding, show the mutant before it was minimised.
     """
 
     driver: str = ""
@@ -78,11 +79,11 @@ class Wish:
     full: bool = False
 
 
-def find(target: str, wish: Wish) -> Shown:
-    """Return the run that an address, a trace, a mutant's file or a finding's name means.
+def find(target: str, wish: Wish) -> ShownRun:
+    """Return the run of an address, a trace, a mutant's file or a finding's name.
 
     Raises:
-        ForeseeError: there is nothing of that name, or a trace is not of the file that it names any more.
+        ForeseeError: nothing has that name, or the file of a trace was edited since.
         DriverError: the file records a program as its driver.
     """
     if target.endswith(".npz"):
@@ -93,36 +94,36 @@ def find(target: str, wish: Wish) -> Shown:
     return of_address(target, wish)
 
 
-def of_address(address: str, wish: Wish) -> Shown:
-    """Return the run of a test case, a clip or a mutant: a kept one that is the same, else a new one."""
+def of_address(address: str, wish: Wish) -> ShownRun:
+    """Return the run of a test case, a clip or a mutant: the stored run if it is up to date, else a new one."""
     case = load_test_case(address, allow_outside=wish.allow_outside)
     driver, seed = _driver_and_seed(case, wish)
     if not wish.fresh:
-        for file in _kept(case, wish):
+        for file in _stored(case, wish):
             trace = _same(file, case, driver, seed)
             if trace is not None:
-                return Shown(address, case, trace, driver, seed, Path(_relative(file.as_posix())))
-    return Shown(address, case, run_test_case(case, driver, seed).trace, driver, seed)
+                return ShownRun(address, case, trace, driver, seed, Path(_relative(file.as_posix())))
+    return ShownRun(address, case, run_test_case(case, driver, seed).trace, driver, seed)
 
 
-def parent_of(shown: Shown, wish: Wish, say: Callable[[str], None]) -> Shown | None:
-    """Return the run of a mutant's clip with the same driver and seed; None where the shown run is not a mutant's.
+def parent_of(run: ShownRun, wish: Wish, say: Callable[[str], None]) -> ShownRun | None:
+    """Return the run of a mutant's clip with the same driver and seed; None if the run is not a mutant's.
 
     Args:
-        shown: the mutant's run. wish: what the user asked for.
-        say: gets the note where there is none because its driver is a program that was not allowed.
+        run: the mutant's run. wish: the options of the command.
+        say: is called with a note if the parent is not run because its driver is a program that was not allowed.
     """
-    if shown.case.mutant is None:
+    if run.case.mutant is None:
         return None
-    if not may_start(shown.driver):
-        say(without_parent(shown.driver))
+    if not may_start(run.driver):
+        say(without_parent(run.driver))
         return None
-    address = parent_address(shown.case.source.as_posix())
-    same = replace(wish, driver=shown.driver, seed=shown.seed, allow_outside=True)
+    address = parent_address(run.case.source.as_posix())
+    same = replace(wish, driver=run.driver, seed=run.seed, allow_outside=True)
     return of_address(_relative(address), same)
 
 
-def _of_trace(path: Path, wish: Wish) -> Shown:
+def _of_trace(path: Path, wish: Wish) -> ShownRun:
     try:
         trace = Trace.load(path)
     except ValueError as err:
@@ -131,22 +132,22 @@ def _of_trace(path: Path, wish: Wish) -> Shown:
     address = str(meta.get("test_case", ""))
     if not address:
         raise ForeseeError(f"{path} does not say which test case it is of; `foresee run FILE --out DIR` writes traces")
-    found = _relative(_locate(address, path))
-    case = load_test_case(found, allow_outside=wish.allow_outside)
+    file = _relative(_locate(address, path))
+    case = load_test_case(file, allow_outside=wish.allow_outside)
     recorded = str(meta.get("meaning", ""))
     if recorded != case.meaning:
         raise ForeseeError(
             f"{path} is a run of {address} as it was ({recorded or 'not recorded'}); the file means something else now "
-            f"({case.meaning}): show the file itself, `foresee show {found}`"
+            f"({case.meaning}): show the file itself, `foresee show {file}`"
         )
-    shown = Shown(found, case, trace, str(meta.get("driver", "")), int(meta.get("seed", 0)), path)
-    if [info.id for info in trace.actors] != [actor.id for actor in shown.bundle.scene.actors]:
-        raise ForeseeError(f"{path} is damaged: it has other actors than {found}")
-    return shown
+    run = ShownRun(file, case, trace, str(meta.get("driver", "")), int(meta.get("seed", 0)), path)
+    if [info.id for info in trace.actors] != [actor.id for actor in run.bundle.scene.actors]:
+        raise ForeseeError(f"{path} is damaged: it has other actors than {file}")
+    return run
 
 
 def _locate(address: str, trace: Path) -> str:
-    """Return a trace's test case as it can be found from here: as written, or beside the trace (a campaign's `out`)."""
+    """Return the address of a trace's test case: as the trace states it, or beside the trace (a campaign's `out`)."""
     for folder in (Path(), trace.parent, trace.parent.parent):
         moved = (folder / address).as_posix()
         if is_file(parse_address(moved)[0]):
@@ -154,9 +155,9 @@ def _locate(address: str, trace: Path) -> str:
     return address
 
 
-def _kept(case: TestCase, wish: Wish) -> Iterator[Path]:
-    """Yield the files where a campaign keeps a run's trace: the campaign's folder, and that which the file is in."""
-    beside = case.source.with_suffix(".npz")  # that of a minimised finding
+def _stored(case: TestCase, wish: Wish) -> Iterator[Path]:
+    """Yield the files in which campaigns store the run's trace: in the campaign's folder, and in that of the file."""
+    beside = case.source.with_suffix(".npz")  # the trace of a minimised finding
     if is_file(beside):
         yield beside
     folders = [wish.campaign, *(above for above in case.source.parents if (above / "traces").is_dir())]
@@ -167,7 +168,7 @@ def _kept(case: TestCase, wish: Wish) -> Iterator[Path]:
 
 
 def _same(file: Path, case: TestCase, driver: str, seed: int) -> Trace | None:
-    """Return a kept trace where it is of this test case, driver and seed."""
+    """Return a stored trace if it is of this test case, driver, seed and version, else None."""
     try:
         trace = Trace.load(file)
     except (ValueError, OSError):
@@ -192,13 +193,13 @@ def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
 
 
 def _file_of_finding(name: str, wish: Wish) -> str:
-    """Return the address of what a campaign calls `name`: a finding (minimised where it is), or another failure."""
-    found = asked(name, wish.campaign, tests=True)
-    return ((not wish.full and found.minimised) or found.file).as_posix()
+    """Return the address of a finding or another failure of a campaign; of the minimised mutant if there is one."""
+    finding = asked(name, wish.campaign, tests=True)
+    return ((not wish.full and finding.minimised) or finding.file).as_posix()
 
 
 def _relative(address: str) -> str:
-    """Return an address as seen from the working folder, where it lies below that."""
+    """Return an address relative to the working folder, if it lies below it."""
     file, case = parse_address(address)
     here = Path.cwd()
     near = file.resolve().relative_to(here) if file.resolve().is_relative_to(here) else file

@@ -1,4 +1,4 @@
-"""A run step by step: what the driver saw, what it answered, and why, as far as it says."""
+"""A run step by step: the driver's observations, its answers, and its reasons if it states them."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from foresee_dsl.drivers.protocol import (
 )
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.report.safe_text import safe, shortened
-from foresee_dsl.report.show.sources import Shown
+from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 
 MOST_SEEN = 8
-"""Objects that are listed; of the others their number. Ours: the nearest matter, and a screen has 24 lines."""
+"""Maximum number of listed objects; the others are counted. Ours: the nearest matter, and a screen has 24 lines."""
 SAME_M = 4.0
-"""An object of the list is the actor that is nearest to it, if within this. Ours: far beyond the sensors' errors, less
-than the distance between two cars in a queue."""
+"""An object gets the name of the nearest actor of its class within this distance, m. Ours: far more than the sensors'
+errors, less than the distance between two cars in a queue."""
 _LABEL = 9
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a driver: what it was told, what it answered, and its reasons (none where it says nothing)."""
+    """One step of a driver: its observation, its answer, and its reasons (none if it does not state any)."""
 
     time_s: float
     measured_s: float
@@ -50,23 +50,23 @@ class Step:
     reasons: tuple[Reason, ...]
 
 
-class Watched:
-    """A driver that is written down while it drives; its answers are those of the driver itself."""
+class RecordingDriver:
+    """Records the steps of a driver; its answers are those of that driver."""
 
     def __init__(self, driver: Driver, from_s: float, to_s: float, every_s: float) -> None:
-        """Prepare to note the steps from one time to another, so far apart."""
+        """Prepare to record a step every `every_s`, from one time to another, s."""
         self.name, self.version = driver.name, driver.version
         self.steps: list[Step] = []
         self._driver, self._from_s, self._to_s = driver, from_s, to_s
         self._every = max(round(every_s / STEP_S), 1)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Pass on."""
+        """Reset the driver."""
         self._driver.reset(mission, vehicle, seed)
-        self.version = self._driver.version  # some know it only now
+        self.version = self._driver.version  # some drivers know their version only after a reset
 
     def step(self, observation: Observation) -> Control:
-        """Pass on, and note what was seen and answered."""
+        """Return the driver's answer, and record it with the observation."""
         control = self._driver.step(observation)
         now_s = observation.time_s
         if self._from_s - 1e-6 <= now_s <= self._to_s + 1e-6 and round(now_s / STEP_S) % self._every == 0:
@@ -77,26 +77,26 @@ class Watched:
         return control
 
     def close(self) -> None:
-        """Pass on where there is something to close."""
+        """Close the driver if it can be closed."""
         if isinstance(self._driver, Closing):
             self._driver.close()
 
 
-def watched(
-    shown: Shown, from_s: float = 0.0, to_s: float = math.inf, every_s: float = STEP_S
+def recorded_steps(
+    original: ShownRun, from_s: float = 0.0, to_s: float = math.inf, every_s: float = STEP_S
 ) -> tuple[tuple[Step, ...], bool]:
-    """Drive a run again; return its steps, and whether it went as the one that is shown."""
-    driver = Watched(load_driver(shown.driver), from_s, to_s, every_s)
-    result = run(shown.bundle, driver, seed=shown.seed, sensors=sensors_of(shown.driver))
-    return tuple(driver.steps), result.trace.digest == shown.trace.digest
+    """Repeat a run; return its steps, and whether it is identical to the run that is shown."""
+    driver = RecordingDriver(load_driver(original.driver), from_s, to_s, every_s)
+    result = run(original.bundle, driver, seed=original.seed, sensors=sensors_of(original.driver))
+    return tuple(driver.steps), result.trace.digest == original.trace.digest
 
 
 def step_lines(step: Step, trace: Trace, opponent: str, width: int) -> Iterator[Text]:
-    """Yield what happens at a step, in lines of a width (0: of any length): answer, reasons, what is seen.
+    """Yield a step in lines of a width (0: of any length): the answer, the reasons, the objects and signals seen.
 
     Args:
         step: the step. trace: the run, for the names of the objects. width: columns.
-        opponent: its id; it is listed wherever it is in the order of distance, or named as not seen.
+        opponent: id of the opponent; it is always listed, however far away, or named as not seen.
     """
     ego, names = step.ego, _names(step, trace)
     head = f"{step.time_s:6.2f} s  ego {ego.speed_mps * 3.6:.0f} km/h, {ego.acceleration_mps2:+.1f} m/s^2"
@@ -117,13 +117,13 @@ def step_lines(step: Step, trace: Trace, opponent: str, width: int) -> Iterator[
     if opponent and opponent not in names.values():
         yield _line("not seen", safe(opponent), width, style="red")
     if step.signals:
-        shown = ", ".join(f"{safe(key.rpartition(':')[0])} {colour}" for key, colour in sorted(step.signals.items()))
-        yield _line("signals", shown, width)
+        colours = ", ".join(f"{safe(key.rpartition(':')[0])} {colour}" for key, colour in sorted(step.signals.items()))
+        yield _line("signals", colours, width)
 
 
 def _line(label: str, text: str, width: int, *, style: str = "") -> Text:
-    shown = shortened(text, max(width - _LABEL - 2, 20)) if width else safe(text)
-    return Text.assemble((f"  {label:<{_LABEL}}", "dim"), (shown, style))
+    words = shortened(text, max(width - _LABEL - 2, 20)) if width else safe(text)
+    return Text.assemble((f"  {label:<{_LABEL}}", "dim"), (words, style))
 
 
 def _answer(control: Control) -> str:
@@ -133,10 +133,10 @@ def _answer(control: Control) -> str:
 
 
 def _reason(reason: Reason, names: dict[int, str]) -> str:
-    who = names.get(reason.track, f"object {reason.track}") if reason.track is not None else ""
+    actor = names.get(reason.track, f"object {reason.track}") if reason.track is not None else ""
     wish = f"{reason.acceleration_mps2:+.1f} m/s^2  " if reason.acceleration_mps2 is not None else ""
     room = f", {reason.distance_m:.1f} m" if reason.distance_m is not None else ""
-    return safe(f"{wish}{reason.rule}: {who}{' ' if who else ''}{reason.text}{room}")
+    return safe(f"{wish}{reason.rule}: {actor}{' ' if actor else ''}{reason.text}{room}")
 
 
 def _seen(seen: SeenActor, step: Step, names: dict[int, str]) -> str:
@@ -145,17 +145,17 @@ def _seen(seen: SeenActor, step: Step, names: dict[int, str]) -> str:
     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
     along = f"{abs(ahead):.1f} m {'ahead' if ahead >= 0 else 'behind'}"
     across = f"{abs(left):.1f} m {'left' if left >= 0 else 'right'}"
-    name = safe(names.get(seen.track, "nobody there"))
+    name = safe(names.get(seen.track, "no actor there"))
     return f"{name} ({seen.kind}) {along}, {across}, {seen.speed_mps * 3.6:.0f} km/h"
 
 
 def _names(step: Step, trace: Trace) -> dict[int, str]:
-    """Return who each track is: the nearest actor of that class when it was measured."""
+    """Return the actor's id of each track: the nearest actor of its class at the time of the measurement."""
     states = trace.states[trace.frame_at(max(step.measured_s, 0.0))]
-    found: dict[int, str] = {}
+    ids: dict[int, str] = {}
     for seen in step.actors:
         away = np.hypot(states[:, X] - seen.x, states[:, Y] - seen.y)
-        known = [k for k, info in enumerate(trace.actors) if k and info.kind == seen.kind and away[k] < SAME_M]
-        if known:
-            found[seen.track] = trace.actors[min(known, key=lambda k: float(away[k]))].id
-    return found
+        candidates = [k for k, info in enumerate(trace.actors) if k and info.kind == seen.kind and away[k] < SAME_M]
+        if candidates:
+            ids[seen.track] = trace.actors[min(candidates, key=lambda k: float(away[k]))].id
+    return ids

@@ -1,7 +1,7 @@
-"""Pictures in a terminal: which way it can show them, and the three ways (kitty, iTerm, sixel).
+"""Pictures in a terminal: detects the protocol that it supports, and encodes pictures for kitty, iTerm and sixel.
 
-term-image and textual-image do this too; neither knows all three, one asks the terminal when it is imported, and the
-three encoders are some thirty lines here.
+The packages term-image and textual-image also do this, but neither supports all three protocols, and one queries the
+terminal when it is imported; the three encoders here have some thirty lines.
 """
 
 from __future__ import annotations
@@ -24,16 +24,17 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 ASKS_S = 0.15
-"""How long a terminal may take to say what it is. Ours: over ssh round the world it takes longer; then it gets
-characters."""
+"""Time within which a terminal must state its abilities, s; otherwise it gets characters. Ours: only very distant ssh
+connections take longer."""
 _KITTY_CHUNK = 4096
-"""The protocol's largest piece."""
+"""Maximum size of a chunk in kitty's protocol, bytes."""
 _COLOURS = 64
-"""Of a sixel picture; a VT340 had 16, today's terminals have 256. Ours: the strip has a dozen and their mixtures."""
+"""Number of colours in a sixel picture; a VT340 has 16, today's terminals have 256. Ours: a strip has a dozen colours
+and their mixtures."""
 
 
 class Pictures(StrEnum):
-    """How pictures are sent."""
+    """The protocols for pictures."""
 
     AUTO = "auto"
     NONE = "none"
@@ -43,10 +44,10 @@ class Pictures(StrEnum):
 
 
 def way_of(environment: Mapping[str, str]) -> Pictures:
-    """Return how the terminal of an environment shows pictures, as far as its variables say; `AUTO`: they do not."""
+    """Return the protocol that environment variables state for the terminal; `AUTO` if they do not state one."""
     program, term = environment.get("TERM_PROGRAM", ""), environment.get("TERM", "")
     if term in ("", "dumb") or environment.get("TMUX") or term.startswith(("screen", "tmux")):
-        return Pictures.NONE  # a multiplexer passes no pictures on by itself
+        return Pictures.NONE  # a multiplexer does not pass pictures on
     if environment.get("KITTY_WINDOW_ID") or term == "xterm-kitty" or program in ("ghostty", "WezTerm"):
         return Pictures.KITTY
     if program in ("iTerm.app", "mintty") or environment.get("LC_TERMINAL") == "iTerm2":
@@ -57,26 +58,26 @@ def way_of(environment: Mapping[str, str]) -> Pictures:
 
 
 def detect(environment: Mapping[str, str] | None = None) -> Pictures:
-    """Return how standard output shows pictures: from the environment, else by asking the terminal; `NONE` if not."""
+    """Return the protocol of standard output: from the environment, else by querying the terminal; `NONE` if none."""
     if not (sys.stdout.isatty() and sys.stdin.isatty()):
         return Pictures.NONE
     way = way_of(os.environ if environment is None else environment)
-    return (Pictures.SIXEL if _says_sixel(_asked("\x1b[c")) else Pictures.NONE) if way is Pictures.AUTO else way
+    return (Pictures.SIXEL if _says_sixel(_query("\x1b[c")) else Pictures.NONE) if way is Pictures.AUTO else way
 
 
 def _says_sixel(answer: str) -> bool:
-    """Say whether a terminal's answer to the question for its attributes (DA1) has a 4: sixel graphics."""
-    found = re.search(r"\x1b\[\?([0-9;]+)c", answer)
-    return found is not None and "4" in found.group(1).split(";")[1:]
+    """Return whether a terminal's answer to the query of its attributes (DA1) holds a 4, which means sixel graphics."""
+    attributes = re.search(r"\x1b\[\?([0-9;]+)c", answer)
+    return attributes is not None and "4" in attributes.group(1).split(";")[1:]
 
 
-def _asked(question: str) -> str:
-    """Ask the terminal, and return what it answers within `ASKS_S`; what is typed meanwhile is lost."""
+def _query(question: str) -> str:
+    """Send a query to the terminal and return its answer within `ASKS_S`; keys that are typed meanwhile are lost."""
     try:
         import select
         import termios
         import tty
-    except ImportError:  # no such terminal on this system
+    except ImportError:  # this system has no such terminals
         return ""
     keyboard = sys.stdin.fileno()
     try:
@@ -86,7 +87,7 @@ def _asked(question: str) -> str:
     answer = b""
     try:
         tty.setcbreak(keyboard, termios.TCSANOW)
-        stream = getattr(sys.stdout, "trusted", sys.stdout)  # the command line's writes out control codes
+        stream = getattr(sys.stdout, "trusted", sys.stdout)  # the stream of the command line escapes control codes
         stream.write(question)
         stream.flush()
         until = time.monotonic() + ASKS_S
@@ -99,19 +100,19 @@ def _asked(question: str) -> str:
 
 
 def encoded(png: bytes, way: Pictures) -> str:
-    """Return what to write to a terminal so that it shows a picture.
+    """Return the control codes with which a terminal shows a picture.
 
     Args:
-        png: the picture as a file. way: not `AUTO` or `NONE`.
+        png: the content of a PNG file. way: the protocol, not `AUTO` or `NONE`.
 
     Raises:
-        ForeseeError: pillow, which sixels are made with, is not installed.
+        ForeseeError: pillow, which sixels need, is not installed.
     """
     if way is Pictures.KITTY:
         return "".join(_kitty(png))
     if way is Pictures.ITERM:
         data = base64.b64encode(png).decode("ascii")
-        width = int.from_bytes(png[16:20], "big")  # of the header, which begins each PNG
+        width = int.from_bytes(png[16:20], "big")  # from the PNG's header
         return f"\x1b]1337;File=inline=1;size={len(png)};width={width}px:{data}\x07\n"
     try:
         from PIL import Image as Images
@@ -130,10 +131,10 @@ def _kitty(png: bytes) -> Iterator[str]:
 
 
 def sixel(picture: Image) -> str:
-    """Return a picture as sixels: for each band of six rows, and each colour in it, a run of signs."""
+    """Return a picture as sixels: for each band of six rows, and each colour in it, a sequence of characters."""
     from PIL.Image import Quantize
 
-    # Median cut, the default, would make a small red opponent brown.
+    # Median cut, the default method, would turn a small red opponent brown.
     paletted = picture.convert("RGB").quantize(_COLOURS, method=Quantize.MAXCOVERAGE)
     colours = np.array(paletted.getpalette()).reshape(-1, 3)
     pixels = np.asarray(paletted)
@@ -148,7 +149,7 @@ def sixel(picture: Image) -> str:
 
 
 def _run(bits: np.ndarray) -> str:
-    """Return a row of sixels with repeats counted."""
+    """Return a row of sixels in run-length encoding."""
     edges = np.flatnonzero(np.diff(bits)) + 1
     starts = [0, *edges.tolist()]
     lengths = np.diff([*starts, len(bits)]).tolist()

@@ -1,4 +1,4 @@
-"""Walking through a run by keys: the panel of a moment, what the driver saw and answered, and why."""
+"""Steps through a run by keys: shows the panel of a moment with the driver's observation, answer and reasons."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from foresee_dsl.simulate.trace import STEP_S
 HELP = "→ space: on   ←: back   ↓ ↑: a second   home end   q: leave"
 _SECOND = round(1.0 / STEP_S)
 _WIDE = 44
-"""Columns of the panel. Ours: it leaves room for the driver's words beside it on 120 columns, below it on 80."""
+"""Width of the panel, columns. Ours: it leaves room for the driver's words beside it on 120 columns, below it on 80."""
 _BESIDE = 110
-"""From so many columns on, the words stand beside the panel."""
+"""From this number of columns on, the words stand beside the panel."""
 MOVES = {
     b"\x1b[C": 1, b"\x1bOC": 1, b" ": 1, b"l": 1, b"\x1b[D": -1, b"\x1bOD": -1, b"h": -1,
     b"\x1b[B": _SECOND, b"\x1bOB": _SECOND, b"j": _SECOND, b"\x1b[A": -_SECOND, b"\x1bOA": -_SECOND, b"k": -_SECOND,
     b"\x1b[H": -1_000_000, b"\x1bOH": -1_000_000, b"g": -1_000_000,
     b"\x1b[F": 1_000_000, b"\x1bOF": 1_000_000, b"G": 1_000_000,
 }  # fmt: skip
-"""How far each key goes, in steps."""
+"""Number of steps by which each key moves."""
 LEAVES = (b"q", b"\x1b", b"\x03", b"\x04", b"")
 
 
@@ -47,18 +47,18 @@ class Walk:
         return len(self._steps)
 
     def after(self, index: int, key: bytes) -> int | None:
-        """Return where a key leads from a step; None: it leaves."""
+        """Return the index of the step to which a key leads; None if it ends the walk."""
         if key in LEAVES:
             return None
         return min(max(index + MOVES.get(key, 0), 0), len(self._steps) - 1)
 
     def screen(self, index: int, width: int, height: int) -> list[Text]:
-        """Return what is shown at a step."""
-        step, shown = self._steps[index], self._page.shown
+        """Return the lines of the screen at a step."""
+        step, run = self._steps[index], self._page.run
         beside = width >= _BESIDE
         wide = min(_WIDE, width, max(2 * (height - 4 if beside else height - 16), 20))
         opponent = self._page.strips[-1].opponent
-        words = list(step_lines(step, shown.trace, opponent, width - wide - 2 if beside else width))
+        words = list(step_lines(step, run.trace, opponent, width - wide - 2 if beside else width))
         picture = panel_lines(self._panel(step), wide)
         if beside:
             rows = max(len(picture), len(words))
@@ -73,22 +73,22 @@ class Walk:
         ]
 
     def _panel(self, step: Step) -> Panel:
-        shown, strip = self._page.shown, self._page.strips[-1]
-        frame = shown.trace.frame_at(step.time_s)
+        run, strip = self._page.run, self._page.strips[-1]
+        frame = run.trace.frame_at(step.time_s)
         near = [moment.text for moment in strip.moments if moment.frame == frame]
         moment = Snapshot("·", frame, step.time_s, near[0] if near else "")
-        windows = windows_around(shown.trace, shown.bundle, strip.opponent, (moment,), self._page.up)
-        (panel,) = strip_panels(shown.trace, shown.bundle, self._found, strip.opponent, (moment,), windows=windows)
+        windows = windows_around(run.trace, run.bundle, strip.opponent, (moment,), self._page.up)
+        (panel,) = strip_panels(run.trace, run.bundle, self._measures, strip.opponent, (moment,), windows=windows)
         return panel
 
     @cached_property
-    def _found(self) -> Measures:
-        shown = self._page.shown
-        return measure(shown.trace, shown.bundle, self._page.strips[-1].opponent)
+    def _measures(self) -> Measures:
+        run = self._page.run
+        return measure(run.trace, run.bundle, self._page.strips[-1].opponent)
 
 
 def walk(console: Console, tour: Walk) -> None:
-    """Show the steps one at a time, as keys say, until the user leaves."""
+    """Show the steps one at a time, controlled by keys, until the user ends the walk."""
     index: int | None = 0
     with console.screen(), _keys() as pressed:
         while index is not None and len(tour):
@@ -100,7 +100,7 @@ def walk(console: Console, tour: Walk) -> None:
 
 @contextmanager
 def _keys() -> Iterator[Iterator[bytes]]:
-    """Give the keys that are pressed, each when it is pressed, without echo."""
+    """Yield an iterator over the keys that the user presses; they are not echoed."""
     import termios
     import tty
 
