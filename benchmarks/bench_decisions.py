@@ -66,7 +66,7 @@ def _learned() -> Iterator[Figure]:
         except DriverUnavailableError:
             continue
         run(compile_test_case(case), timed)
-        # Target: the 8 ms that a decision may take, where the yardstick takes 0.04 ms (measured: see docs/learned.md).
+        # Target: the 8 ms that a decision may take, where the yardstick takes 0.04 ms (docs/background/learned.md).
         yield Figure(
             f"decision_over_numpy_{name}",
             timed.ratio(),

@@ -55,7 +55,7 @@ scenario busy {{
 }}
 """
 _BARE, _GETTERS, _LIBRARY, _SLOWEST_PDM = 1.6, 1.3, 1.8, 400.0
-"""What is asked for (docs/performance.md)."""
+"""What is asked for (docs/background/performance.md)."""
 LIBRARY_ROUNDS = 5
 
 

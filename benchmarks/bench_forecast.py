@@ -28,7 +28,7 @@ from foresee_dsl.simulate.world import World
 ROUNDS = 5
 STYLES = 1 + len(DRIVES) + len(CAREFUL)
 _MOST = 0.03
-"""What is asked for (docs/architecture.md)."""
+"""What is asked for (docs/background/architecture.md)."""
 _TIMES = 5
 """So often a run is forecast at once: the clock of the processor's time has steps of a hundredth of a second on some
 systems."""

@@ -30,7 +30,7 @@ ROUNDS, VERIFY_ROUNDS = 9, 3
 MUTANTS = 10
 """Of each clip; six clips have the sixty that are asked for."""
 _BEYOND_S = 1.5
-"""What is asked for (docs/performance.md): half a second more than before numba's own cache was used."""
+"""What is asked for (docs/background/performance.md): half a second more than before numba's own cache was used."""
 _FORESEE = "from foresee_dsl.cli import main; main()"
 _DRIVER = "pdm"
 

@@ -26,7 +26,7 @@ ROUNDS = 3
 SETTINGS = CampaignSettings(repeat=2)
 """Ours: 170 runs, so that what each worker does first (0.6 s of CPU for imports and the network) does not decide."""
 _LEAST = 1.85
-"""What is asked for (docs/performance.md)."""
+"""What is asked for (docs/background/performance.md)."""
 
 
 class Measured(WorkerPool):

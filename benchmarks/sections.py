@@ -1,11 +1,11 @@
-"""Tables in `docs/performance.md` that commands write: what stands between two marks is replaced."""
+"""Tables in `docs/background/performance.md` that commands write: what stands between two marks is replaced."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
+PAGE = Path(__file__).parent.parent / "docs" / "background" / "performance.md"
 _BEGIN, _END = "<!-- {}: written by `{}` -->", "<!-- end of {} -->"
 
 

@@ -49,7 +49,8 @@ ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
 LANGUAGE, METHOD, DRIVERS, FINDINGS, FUZZ = (
-    (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("language", "method", "drivers", "findings", "fuzz")
+    (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    for name in ("reference/language", "background/method", "reference/drivers", "guide/findings", "background/fuzz")
 )
 
 
@@ -61,7 +62,7 @@ FILES = [text for text in blocks(LANGUAGE, "foresee") if text.startswith("forese
 """The snippets of language.md that are whole files."""
 SNIPPETS: dict[str, tuple[str, Definition]] = {}
 for _text in FILES:
-    _model = parse(_text, "docs/language.md").model
+    _model = parse(_text, "docs/reference/language.md").model
     SNIPPETS[_model.name] = (_text, _model)
 
 
@@ -114,7 +115,7 @@ def test_every_command_is_in_the_readme() -> None:
 
 
 def test_lints_are_all_described() -> None:
-    table = (DOCS / "checking.md").read_text(encoding="utf-8").partition("| lint |")[2].partition("\n\n")[0]
+    table = (DOCS / "guide" / "checking.md").read_text(encoding="utf-8").partition("| lint |")[2].partition("\n\n")[0]
     assert re.findall(r"`(FS3\d\d)`", table) == [code for code in every_code() if code.startswith("FS3")]
 
 
@@ -303,7 +304,7 @@ def test_the_examples_of_driver_ranker_and_operator_work(plugins: Path, scenario
 
 
 def test_a_run_passes_the_functions_of_the_walk_in_their_order(tmp_path: Path) -> None:
-    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    text = (DOCS / "background" / "architecture.md").read_text(encoding="utf-8")
     walk = text.partition("## A walk from text to verdict")[2].partition("\n## ")[0]
     named = re.findall(r"^\| \d+ \| `([\w.]+)`", walk, re.MULTILINE)
     codes = {_code_named(name): name for name in named}
@@ -452,7 +453,7 @@ def test_every_stage_has_its_table() -> None:
 
 
 def test_the_library_is_listed_file_by_file(scenarios: Path) -> None:
-    page = (DOCS / "library.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference" / "library.md").read_text(encoding="utf-8")
     listed = {name: int(count) for name, count in re.findall(r"^\| `(scenario[\w/]+)` \| (\d+) \|", page, re.M)}
     files = [*scenarios.glob("scenario*/*.foresee"), *scenarios.glob("scenario*.foresee")]
     assert listed == {str(f.relative_to(scenarios).with_suffix("")): len(load_test_cases([f])) for f in files}

@@ -1,4 +1,4 @@
-"""Limits of XML from outside, texts that pass unchanged, and that every test which docs/security.md names is there."""
+"""Limits of XML from outside, texts that pass unchanged, and every test that docs/guide/security.md names."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_what_programs_read_from_standard_output_is_the_files_text(tmp_path: Pat
 
 
 def test_the_tests_that_the_page_names_are_there() -> None:
-    page = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "guide" / "security.md").read_text(encoding="utf-8")
     named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", page)
     assert len(named) >= 20
     for file, name in named:

@@ -1,7 +1,7 @@
 """`python -m benchmarks.peers [--write]`: simulated seconds a second of CPU, beside what a user would pick instead.
 
 Each peer gets an environment under `build/peers` and is installed into it; one that cannot be is left out, with the
-reason. `--write` puts the table into `docs/performance.md`.
+reason. `--write` puts the table into `docs/background/performance.md`.
 """
 
 from __future__ import annotations

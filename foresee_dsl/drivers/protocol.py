@@ -139,8 +139,8 @@ class Window(NamedTuple):
 
 
 class Views(Protocol):
-    """Pictures of one step for learned drivers, drawn on request by packages that add views (docs/rasters.md has the
-    layout); each raises a `ForeseeError` where no installed package draws it."""
+    """Pictures of one step for learned drivers, drawn on request by packages that add views (docs/reference/rasters.md
+    has the layout); each raises a `ForeseeError` where no installed package draws it."""
 
     def birds_eye(self, window: Window | None = None) -> NDArray[np.uint8]:
         """Return the map, the seen actors and the signals from above, [channels, rows, columns]; or a part of it."""

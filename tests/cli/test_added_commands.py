@@ -1,4 +1,4 @@
-"""Commands of other packages: real distributions on the path of real processes, the example of docs/plug-ins.md too."""
+"""Commands of other packages: real distributions on the path of real processes, with docs/reference/plug-ins.md."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-PAGE = (Path(__file__).parents[2] / "docs" / "plug-ins.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "plug-ins.md").read_text(encoding="utf-8")
 PROGRAM = Path(sys.executable).parent / "foresee"
 MORE = '''
 from pathlib import Path

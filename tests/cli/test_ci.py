@@ -70,7 +70,7 @@ def test_the_first_campaign_finds_a_failure_of_each_case() -> None:
 def test_the_first_hour_shows_the_finding_that_there_is(root: Path) -> None:
     text = Path("out/findings/main_street_steps_out_p1_m1/main_street_steps_out_p1_m1.foresee").read_text()
     change = next(line.strip() for line in text.splitlines() if "change " in line)
-    for page in ("first-hour.md", "ci.md"):
+    for page in ("start/first-finding.md", "guide/ci.md"):
         assert change in (root / "docs" / page).read_text(), change
 
 

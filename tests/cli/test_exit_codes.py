@@ -1,4 +1,4 @@
-"""Every row of the table in docs/exit-codes.md is a real command with that exit code."""
+"""Every row of the table in docs/reference/exit-codes.md is a real command with that exit code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from foresee_dsl import cli
 from foresee_dsl.cli.added import ADDED
 from tests.support.small_campaign import TEXT, write_project
 
-PAGE = (Path(__file__).parents[2] / "docs" / "exit-codes.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "exit-codes.md").read_text(encoding="utf-8")
 ROWS = [(command, int(code)) for command, code in re.findall(r"^\| `(foresee [^`]*)` \| (\d+) \|", PAGE, re.M)]
 
 

@@ -1,4 +1,4 @@
-"""Formats of other packages: listed, run, and named where they are broken; the example of docs/import.md works."""
+"""Formats of other packages: listed, run, named where they are broken; the example of docs/guide/import.md works."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from foresee_dsl.cli import app
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.parser import load
 
-PAGE = (Path(__file__).parents[2] / "docs" / "import.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "guide" / "import.md").read_text(encoding="utf-8")
 
 MORE = """
 from dataclasses import dataclass, field

@@ -17,7 +17,7 @@ from foresee_dsl.exchange.openscenario.reading.ways.trajectories import read_tra
 from foresee_dsl.exchange.outcome import Imported, NotExpressed
 from tests.support import openscenario_files as osc
 
-DOCS = Path(__file__).parents[2] / "docs" / "import.md"
+DOCS = Path(__file__).parents[2] / "docs" / "guide" / "import.md"
 
 # Names of OpenSCENARIO XML 1.0 to 1.3, from its schemas, each with an example.
 _DYNAMICS = 'dynamicsShape="linear" value="2" dynamicsDimension="time"'

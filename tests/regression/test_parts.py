@@ -153,7 +153,7 @@ def test_what_a_comparison_says() -> None:
 
 
 def test_the_files_that_explain_it_are_there(root: Path) -> None:
-    page = (root / "docs" / "regression.md").read_text(encoding="utf-8")
+    page = (root / "docs" / "guide" / "regression.md").read_text(encoding="utf-8")
     assert all(f"`{status.label}`" in page for status in Status)
 
 

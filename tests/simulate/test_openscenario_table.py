@@ -1,5 +1,5 @@
-"""docs/openscenario-table.md: every action and condition of OpenSCENARIO XML 1.3 is in it, and what it says is run: the
-trace of one scenario, in which all its statements stand, shows the effect of each."""
+"""docs/reference/openscenario-table.md: every action and condition of OpenSCENARIO XML 1.3 is in it, and what it says is
+run: the trace of one scenario, in which all its statements stand, shows the effect of each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, Event, Trace, X, Y
 from tests.exchange.test_openscenario_coverage import BY_VALUE, GLOBAL, OF_ENTITY, PRIVATE
 
-PAGE = (Path(__file__).parents[2] / "docs" / "openscenario-table.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "openscenario-table.md").read_text(encoding="utf-8")
 SCENARIO = Path(__file__).parent / "openscenario" / "table.foresee"
 ROWS = dict(re.findall(r"^\| `(\w+)` \| (.+?) \| .*\|$", PAGE, flags=re.M))
 SAID = {name: re.findall(r"`([^`]+)`", how) for name, how in ROWS.items() if how != "no"}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ReachSettings:
-    """What the ranker looks at. All ours, chosen on the even half of the test cases (docs/method.md).
+    """What the ranker looks at. All ours, chosen on the even half of the test cases (docs/background/method.md).
 
     Attributes:
         every_s: onsets that are looked at are so far apart. Ours: as the exhaustive search's whole seconds.

@@ -2,7 +2,7 @@
 
 `operators.steer.Steer.rolled_out` turns the recorded steps, which is enough to compare the draws of one child. It lets
 wheels turn at once and tyres hold everything. Ours: with it, four moments of a test case find 24 of 52 stories of the
-exhaustive search, with this 37 (docs/method.md).
+exhaustive search, with this 37 (docs/background/method.md).
 """
 
 from __future__ import annotations

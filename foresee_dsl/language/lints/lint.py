@@ -23,7 +23,7 @@ from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk
 
 DEFAULT_END_S = 60.0
-"""How long a run lasts without an `end` statement (docs/language.md)."""
+"""How long a run lasts without an `end` statement (docs/reference/language.md)."""
 _TOO_FAST = "FS256"
 """What the compiler reports where a speed is over the model's: then the lint about it is left out."""
 

@@ -1,7 +1,7 @@
 """Pictures that a driver asks for: what a view is given of a run and of a step. Packages add views and draw them.
 
 A view is a function from `StepViews` to an array of uint8, [channels, rows, columns], an entry point of the group
-`foresee_dsl.raster_views` (docs/rasters.md). Nothing is drawn, and no view is imported, before a driver asks.
+`foresee_dsl.raster_views` (docs/reference/rasters.md). Nothing is drawn, and no view is imported, before a driver asks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The learned drivers `fusion` and `fusion_safe`: networks that look at pictures, in ONNX files (docs/learned.md).
+"""The learned drivers `fusion` and `fusion_safe`: networks that look at pictures (docs/background/learned.md).
 
 Without the package onnxruntime (the extra `learned`) and without weights all other drivers work; nothing of it is
 imported before a learned driver's first `reset`.

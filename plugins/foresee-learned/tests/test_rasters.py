@@ -548,16 +548,18 @@ def test_the_pages_example_draws_a_recorded_run(town: Town, root: Path, tmp_path
     assert len(list(tmp_path.glob("*_above.png"))) == len(list(tmp_path.glob("*_ahead.png"))) >= 2
 
 
-# ---- docs/rasters.md ------------------------------------------------------------------------------------------------
+# ---- docs/reference/rasters.md --------------------------------------------------------------------------------------
 
 
 def examples(root: Path) -> list[str]:
     """The page's programs."""
-    return re.findall(r"```python\n(.*?)```", (root / "docs" / "rasters.md").read_text(encoding="utf-8"), re.S)
+    return re.findall(
+        r"```python\n(.*?)```", (root / "docs" / "reference" / "rasters.md").read_text(encoding="utf-8"), re.S
+    )
 
 
 def test_the_page_lists_the_channels_in_their_order(root: Path) -> None:
-    page = (root / "docs" / "rasters.md").read_text(encoding="utf-8")
+    page = (root / "docs" / "reference" / "rasters.md").read_text(encoding="utf-8")
     tables = re.findall(r"\| channel \|.*\n\| ---.*\n((?:\|.*\n)+)", page)
     listed = [re.findall(r"^\| (\d+) \| `(\w+)`", table, re.M) for table in tables]
     for names, rows in zip((BIRDS_EYE_CHANNELS, FORWARD_CHANNELS), listed, strict=True):

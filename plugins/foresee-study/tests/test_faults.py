@@ -125,7 +125,7 @@ def test_a_fault_of_no_strength_changes_no_answer_of_idm(fault: str, drives: Map
 
 def test_there_are_enough_kinds_and_the_documentation_has_them() -> None:
     assert len(KINDS) >= 24
-    assert listed(KINDS) in (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+    assert listed(KINDS) in (ROOT / "docs" / "background" / "faults.md").read_text(encoding="utf-8")
     assert all(name.partition("/")[2] in KINDS for name in FEW)
 
 

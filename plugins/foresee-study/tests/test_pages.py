@@ -28,7 +28,7 @@ def stored() -> dict[str, Results]:
 
 def page(name: str) -> str:
     """A page as one line, so that a sentence is found wherever its lines break."""
-    return " ".join((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8").split())
+    return " ".join((ROOT / "docs" / "background" / f"{name}.md").read_text(encoding="utf-8").split())
 
 
 def between(figures: Iterable[float], form: str = "") -> str:
@@ -51,7 +51,7 @@ def test_the_sentences_of_the_results_are_those_of_the_stored_measurements(
 def test_the_rates_of_the_results_are_those_of_the_stored_measurements(stored: dict[str, Results], name: str) -> None:
     rates = next(table for table in effectiveness(stored[name]) if table.name == "rq1_rates")
     for table in (rates, _an_hour(stored[name], Clock.SIMULATED)):
-        assert (ROOT / "docs" / name / f"{table.name}.csv").read_text(encoding="utf-8") == table.as_csv()
+        assert (ROOT / "docs" / "background" / name / f"{table.name}.csv").read_text(encoding="utf-8") == table.as_csv()
         assert f"({name}/{table.name}.csv)" in page(name)
 
 

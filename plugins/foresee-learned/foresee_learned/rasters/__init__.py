@@ -1,4 +1,4 @@
-"""Pictures for learned drivers and predictors: from above, and forward through a camera (docs/rasters.md)."""
+"""Pictures for learned drivers and predictors: from above, and forward through a camera (docs/reference/rasters.md)."""
 
 from foresee_learned.rasters.birdseye import Pose, StopLine
 from foresee_learned.rasters.canvas import Canvas, RecordedFrames, canvas_of, seen_arrays, stops_of

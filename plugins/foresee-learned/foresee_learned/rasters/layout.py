@@ -1,4 +1,4 @@
-"""What the pictures' channels, sizes and values mean (docs/rasters.md shows the same as tables)."""
+"""What the pictures' channels, sizes and values mean (docs/reference/rasters.md shows the same as tables)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Training of SelfOracle's autoencoders (docs/selforacle.md)."""
+"""Training of SelfOracle's autoencoders (docs/background/selforacle.md)."""

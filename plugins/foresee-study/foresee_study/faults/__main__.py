@@ -62,7 +62,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def listed(kinds: Mapping[str, Any]) -> str:
-    """Return the kinds of fault as a Markdown table, which `docs/faults.md` has."""
+    """Return the kinds of fault as a Markdown table, which `docs/background/faults.md` has."""
     rows = [f"| `{name}` | {k.what} | {k.cause} | {k.scale} | {k.source} |" for name, k in kinds.items()]
     return "\n".join(
         ["| kind | what the driver does | cause | strength from 0 to 1 | source |", "|" + " --- |" * 5, *rows]

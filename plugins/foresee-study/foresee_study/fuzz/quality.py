@@ -1,7 +1,7 @@
 """How well the ego drove in a run, from its trace: DriveFuzz's driving-quality metrics; lower is worse.
 
 Counted are the frames in which the ego sped up, braked or turned hard, or lost grip; the least distance counts by its
-inverse. What each is, in the columns of a trace, and where its threshold comes from: `docs/fuzz.md`.
+inverse. What each is, in the columns of a trace, and where its threshold comes from: `docs/background/fuzz.md`.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ def watcher_of(ranker: str, driver: str) -> Watcher:
         f"the ranker {ranker} has no weights that watch the driver {driver!r} (there are some for "
         f"{', '.join(_watched(ranker)) or 'none'}): make them in a checkout with "
         f"`python -m training.selforacle.rides --driver {driver}`, `training.selforacle.train` and "
-        f"`training.selforacle.thresholds` (docs/selforacle.md), then set {FOLDER_VARIABLE} to their folder"
+        f"`training.selforacle.thresholds` (docs/background/selforacle.md), then set {FOLDER_VARIABLE} to their folder"
     )
 
 
