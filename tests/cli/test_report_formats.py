@@ -1,4 +1,4 @@
-"""Formats of other packages: a real distribution on the path of real processes, the example of docs/ci.md."""
+"""Formats of other packages: a real distribution on the path of real processes, the example of docs/guide/ci.md."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from foresee_dsl.report.formats import OURS, CommandReport, rendered
 
-PAGE = (Path(__file__).parents[2] / "docs" / "ci.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "guide" / "ci.md").read_text(encoding="utf-8")
 PROGRAM = Path(sys.executable).parent / "foresee"
 BROKEN = """
 def number(report):

@@ -1,5 +1,5 @@
-"""docs/reference/openscenario-table.md: every action and condition of OpenSCENARIO XML 1.3 is in it, and what it says is
-run: the trace of one scenario, in which all its statements stand, shows the effect of each."""
+"""docs/reference/openscenario-table.md: every action and condition of OpenSCENARIO XML 1.3 is in it, and what it says
+is run: the trace of one scenario, in which all its statements stand, shows the effect of each."""
 
 from __future__ import annotations
 

@@ -24,8 +24,8 @@ NEW = 1.0
 NEW_UNAVOIDED = 0.6
 """Such a failure of which that is not known."""
 AGAIN = 0.1
-"""A failure whose story is known, as a share of what it was worth as the first. Ours: in replays (docs/background/method.md)
-0.25 found as many failures and a tenth fewer findings, 0 fewer of both."""
+"""A failure whose story is known, as a share of what it was worth as the first. Ours: in replays
+(docs/background/method.md) 0.25 found as many failures and a tenth fewer findings, 0 fewer of both."""
 NEAR_MISS = 0.2
 """A pass that came as near as can be; a quarter of it for one half as near (`nearness_of`)."""
 NEAR_M = 2.0

@@ -1,8 +1,8 @@
 """The driver `external`: any program in any language that speaks JSON lines over its standard input and output.
 
-docs/reference/external.md describes the protocol. The program is started at `reset` and ended at `close`, so that nothing
-of one run can reach the next; one that says so stays for the next run (`drivers.kept`). Messages have the fields of the
-protocol's dataclasses, so that a new field is sent without a change here.
+docs/reference/external.md describes the protocol. The program is started at `reset` and ended at `close`, so that
+nothing of one run can reach the next; one that says so stays for the next run (`drivers.kept`). Messages have the
+fields of the protocol's dataclasses, so that a new field is sent without a change here.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ TRIED_RANKS = ((64, 32), (128, 64))
 POLISHING_RATES, POLISHING_BATCH = (3e-4, 1e-4, 3e-5), 64
 """Adam's learning rates, one after the other, each for all pictures once. Ours."""
 RANKS = (64, 32)
-"""Widths of the encoder's and the decoder's thin layers. Ours: docs/background/selforacle.md says how far they stray."""
+"""Widths of the encoder's and the decoder's thin layers. Ours: docs/background/selforacle.md says how they stray."""
 
 
 class Pictures:
