@@ -1,4 +1,4 @@
-"""Model to SUMO: networks, signals, vehicle types and routes, through templates and netconvert; cached by content."""
+"""Compiles test cases to SUMO networks, signals, vehicle types and scenes, with netconvert; cached by content."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["compile_test_case", "placement_lints", "placement_mistakes"]
 
 @Part.COMPILE.measured
 def compile_test_case(case: TestCase) -> SumoBundle:
-    """Compile a test case: its network (from the cache where it is known), vehicle types, signals and scene.
+    """Compile a test case: its network (from the cache if it is there), vehicle types, signals and scene.
 
     Raises:
-        InputError: something in it is impossible on its network; one diagnostic for each error.
-        CompileError: SUMO's programs are missing or refuse the network.
+        InputError: a statement is impossible on the network; one diagnostic for each error.
+        CompileError: SUMO's programs are missing, or they reject the network.
     """
     from foresee_dsl.compile.compiler import compile_case
 
@@ -33,43 +33,43 @@ def compile_test_case(case: TestCase) -> SumoBundle:
 
 
 def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
-    """Return what is impossible in test cases on their networks, and where maps of others are broken, each once.
+    """Return the errors of test cases that show only on their networks, and the faults of foreign maps, each once.
 
-    Actors are placed by the compiler's own code; nothing is written but a network that is new.
+    Only our own code places the actors; no files are written except networks that are not yet in the cache.
     """
     from foresee_dsl import disk_cache
     from foresee_dsl.compile.nets.netconvert import tool_version
 
-    found = _Found()
+    mistakes = _Mistakes()
     for case in cases:
-        # placing depends on a case's meaning alone; errors are not cached, as they have places in the text
+        # placement depends only on a case's meaning; errors are not cached, because they refer to places in the text
         sound = disk_cache.entry("placed", (case.meaning, tool_version()))
         if disk_cache.load(sound):
-            found.add(case, ())
+            mistakes.add(case, ())
             continue
-        from foresee_dsl.compile.compiler import check_case  # here: a fifth of a check's time
+        from foresee_dsl.compile.compiler import check_case  # imported here: the import takes a fifth of a check's time
 
         try:
             warnings = check_case(case)
         except InputError as error:
-            found.add(case, error.diagnostics)
+            mistakes.add(case, error.diagnostics)
         else:
-            found.add(case, warnings)
+            mistakes.add(case, warnings)
             if not warnings:
                 disk_cache.store(sound, True)
-    return found.named()
+    return mistakes.named()
 
 
-class _Found:
-    """What is wrong in the test cases of some files: one mistake of a place is said once, with the cases that have it,
-    unless all of the file have the same."""
+class _Mistakes:
+    """The errors of the test cases of some files. An error at one place is reported once, with the names of its cases
+    unless all cases of the file have it."""
 
     def __init__(self) -> None:
         self._cases: Counter[Path] = Counter()
         self._alike: dict[tuple[Path, object, int], list[tuple[str, Diagnostic]]] = {}
 
     def add(self, case: TestCase, diagnostics: Iterable[Diagnostic]) -> None:
-        """Take what is wrong in the next test case."""
+        """Add the errors of a test case."""
         self._cases[case.source] += 1
         name = case.id.partition("::")[2]
         seen: Counter[object] = Counter()
@@ -79,30 +79,30 @@ class _Found:
             self._alike.setdefault(same, []).append((name, diagnostic))
 
     def named(self) -> tuple[Diagnostic, ...]:
-        """Return every mistake, in the order in which they were found."""
-        found: dict[Diagnostic, None] = {}
+        """Return the errors in the order in which they were added."""
+        named: dict[Diagnostic, None] = {}
         for (source, *_), alike in self._alike.items():
             (name, first), others = alike[0], len(alike) - 1
             everywhere = len(alike) == self._cases[source] and len({d.message for _, d in alike}) == 1
             if name and not everywhere:
                 more = f" (and {others} more)" if others else ""
                 first = replace(first, message=f"in case '{name}'{more} {first.message}")
-            found[first] = None
-        return tuple(found)
+            named[first] = None
+        return tuple(named)
 
 
 def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
-    """Return the lints that need the network, each once, without those that comments of the file allow.
+    """Return the lints that need the network, each once, without those that comments in the file allow.
 
-    Only cases with a condition about a place or a junction, a slippery patch or a path are looked at, and neither clips
-    nor mutants.
+    Only cases with a condition on a place or a junction, a slippery patch or a path are checked; clips and mutants are
+    not.
     """
     from foresee_dsl import disk_cache
     from foresee_dsl.compile.nets.netconvert import tool_version
     from foresee_dsl.language import model as m
     from foresee_dsl.language.traversal import walk
 
-    found: dict[Diagnostic, None] = {}
+    listed: dict[Diagnostic, None] = {}
     for case in cases:
         statements = (item for item in case.scenario.body if isinstance(item, m.When | m.Expect | m.Slippery))
         on_the_ground = (isinstance(part, m.Within | m.Slippery) for item in statements for part in walk(item))
@@ -121,5 +121,5 @@ def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
             from foresee_dsl.language.lints.allowances import left
 
             warnings = left(case.document, warnings)
-        found |= dict.fromkeys(warnings)
-    return tuple(found)
+        listed |= dict.fromkeys(warnings)
+    return tuple(listed)

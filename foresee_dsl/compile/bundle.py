@@ -22,9 +22,9 @@ class ModelSpec:
     """A catalogue entry with every value filled in, SI units (angles in radians).
 
     Attributes:
-        front_overhang_m: from the front axle to the front bumper.
-        height_m: from the road to its top (with a rider's head), for what it hides behind it.
-        cruise_mps: its speed without a `speed` statement; None: as fast as the road allows.
+        front_overhang_m: distance from the front axle to the front bumper.
+        height_m: height of its top (with a rider's head) above the road; lower actors behind it are hidden.
+        cruise_mps: its speed without a `speed` statement; None for the speed limit of the road.
     """
 
     name: str
@@ -47,13 +47,13 @@ class ModelSpec:
 
     @property
     def rear_overhang_m(self) -> float:
-        """From the rear axle to the rear bumper, m."""
+        """Distance from the rear axle to the rear bumper, m."""
         return self.length_m - self.wheelbase_m - self.front_overhang_m
 
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """One phase of a signal: its stage (index), SUMO's state string, duration, and the time since its stage began."""
+    """A phase of a signal: index of its stage, SUMO's state string, duration, and its begin after that of its stage."""
 
     stage: int
     state: str
@@ -63,9 +63,9 @@ class Phase:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """The fixed-time program of a junction's signal; `tls` is SUMO's id.
+    """The fixed-time program of a junction's signal; `tls` is SUMO's id of the signal.
 
-    In a foreign network with programs of its own, every phase is a stage called `phase_N`.
+    In a foreign network with its own programs, each phase is a stage called `phase_N`.
     """
 
     junction: str
@@ -74,8 +74,11 @@ class Signal:
     phases: tuple[Phase, ...]
 
     def phase_at(self, stage: str, elapsed_s: float) -> tuple[int, float]:
-        """Return the phase (index) of a stage `elapsed_s` after it began, and the time that is left of it, s; a
-        `KeyError` for a stage that it has not."""
+        """Return the index of the phase `elapsed_s` after a stage began, and the rest of its duration, s.
+
+        Raises:
+            KeyError: the signal does not have the stage.
+        """
         members = [k for k, phase in enumerate(self.phases) if self.stages[phase.stage] == stage]
         if not members:
             raise KeyError(stage)
@@ -86,14 +89,14 @@ class Signal:
         return members[-1], 0.0
 
     def phase_of(self, stage: str, light: str | None) -> int | None:
-        """Return the phase (index) with which a stage begins, or its `amber`, or its `red` for all; None where it has
-        none."""
+        """Return the index of a stage's first phase (`light` None), or of its `amber` or all-`red` phase; None without
+        such a phase."""
         members = [k for k, phase in enumerate(self.phases) if self.stages[phase.stage] == stage]
         return next((k for k in members if _is_light(self.phases[k].state, light)), None)
 
 
 def _is_light(state: str, light: str | None) -> bool:
-    """Whether a signal's state is the amber, or the red for all, of a stage; any is where none is asked for."""
+    """Return whether a signal's state is `amber`, or `red` for all movements; True for None, which means any state."""
     letters = set(state.lower())
     if light == "amber":
         return not letters.isdisjoint("yu") and "g" not in letters
@@ -102,7 +105,7 @@ def _is_light(state: str, light: str | None) -> bool:
 
 @dataclass(frozen=True)
 class Steering:
-    """A steering offset: share of the largest angle (left positive), from `start_s` for `duration_s` or to the end."""
+    """A steering offset: share of the maximum angle (left positive), from `start_s` for `duration_s` or to the end."""
 
     value: float
     start_s: float
@@ -111,8 +114,8 @@ class Steering:
 
 @dataclass(frozen=True, slots=True)
 class RecordedState:
-    """Where the ego was, `time_s` after the first frame; x, y: the middle of its front bumper (m). Angles in rad,
-    counter-clockwise from east; steer: front wheels, left positive."""
+    """A recorded state of the ego, `time_s` after the first frame. x, y: middle of the front bumper, m. heading_rad:
+    counter-clockwise from east. steer_rad: angle of the front wheels, left positive."""
 
     time_s: float
     x: float
@@ -125,7 +128,7 @@ class RecordedState:
 
 @dataclass(frozen=True, slots=True)
 class DoorOf:
-    """Of a door: whose it is, on which side, and whether it is open at the first frame."""
+    """A vehicle's door: id of the vehicle, its side, and whether it is open at the first frame."""
 
     actor: str
     side: str
@@ -134,7 +137,7 @@ class DoorOf:
 
 @dataclass(frozen=True, slots=True)
 class Timed:
-    """A value in SI that holds from one time of the run to another, s."""
+    """A value in SI units that holds from one time of the run to another, s."""
 
     value: float
     from_s: float
@@ -148,17 +151,17 @@ class PlacedActor:
     Attributes:
         control: `ego` (the driver), `sumo` (car-following in SUMO along `route`), `path` (follows `path` in Python),
             `static` (an obstacle).
-        x, y: FRONT bumper's middle for ego and sumo, centre of the footprint for path and static. heading_rad:
-            counter-clockwise from east.
-        lane: the lane it starts on ("" when on none).
-        route: edge ids, the first being where it stands. line: the centreline of that route (ego and sumo; None
-            otherwise).
-        path: its points, m (path actors; empty otherwise). along_m: how far along it.
-        cruise_mps: desired speed. waits: it stands still until a trigger `starts` it. delay_s: it starts to move that
-            much later.
-        timing: factor on its speed along its own path.
-        line_m: its distance to the left of its lane's middle (a path has that in its points already).
-        strays: another `line_m` for a time. brakes: how hard it brakes for a time, m/s^2.
+        x, y: middle of the FRONT bumper for `ego` and `sumo`, of the footprint for `path` and `static`, m.
+        heading_rad: heading, counter-clockwise from east.
+        lane: id of the lane on which it starts, "" for none.
+        route: ids of its edges, beginning with the edge on which it starts.
+        line: the centreline of that route for `ego` and `sumo`, otherwise None.
+        path: points of its path, m (`path` actors; otherwise empty). along_m: its position along the path.
+        cruise_mps: desired speed. waits: it stands still until a trigger `starts` it.
+        delay_s: time by which it starts to move later.
+        timing: factor of its speed along its own path.
+        line_m: its distance to the left of its lane's middle (the points of a path include it already).
+        strays: another `line_m` for a time. brakes: deceleration for a time, m/s^2.
         recorded: the states that the ego follows before its driver takes over, in the order of time.
     """
 
@@ -186,23 +189,23 @@ class PlacedActor:
     recorded: tuple[RecordedState, ...] = ()
     steering: Steering | None = None
     joins: bool = False
-    """It drives on along `route` at the end of `path`."""
+    """At the end of `path` it continues along `route`."""
     backs_mps: float = 0.0
-    """How fast it goes backwards at the first frame; its speed is 0 then."""
+    """Speed with which it reverses at the first frame; `speed_mps` is 0 then."""
     guided: bool = False
-    """A trigger tells it to follow a path."""
+    """A trigger makes it follow a path."""
     door: DoorOf | None = None
-    """It is a door, which is there only while it is open."""
+    """Set if the actor is a door, which is present only while it is open."""
     ignores: tuple[tuple[str, str | None], ...] = ()
-    """("signals" | "priority", junction or None for all)."""
+    """Rules that it ignores: ("signals" or "priority", id of the junction or None for all)."""
     meets: tuple[MeetsState, ...] = ()
     walk_stops: tuple[tuple[float, float, str, int], ...] = ()
-    """Crossings on a pedestrian's path that it enters on green only: (enters m, leaves m along the path, tls, link)."""
+    """Crossings on its path that a pedestrian enters only on green: (begin and end along the path, m; tls; link)."""
 
 
 @dataclass(frozen=True, slots=True)
 class SlipperyPatch:
-    """A round patch of ground, m, on which tyres hold at most this friction."""
+    """A round patch of ground, m, on which the friction coefficient is at most `friction`."""
 
     name: str
     x: float
@@ -231,7 +234,7 @@ class Scene:
     rain: float = 0.0
     fog: float = 0.0
     sun: float = 0.0
-    """Ratios from 0 to 1, as `weather` has them; for sensors."""
+    """Ratios from 0 to 1 of the `weather` statement; they affect sensors."""
     clip: bool = False
     """A clip or a child: it begins from exact states in the middle of a run."""
     began_s: float = 0.0
@@ -241,14 +244,14 @@ class Scene:
     """Whether an ego that does not arrive before the end is a timeout; otherwise the end without a failure is a
     pass."""
     notes: tuple[str, ...] = ()
-    """Notes for the author that are no errors, such as background traffic that found no room."""
+    """Notes for the author that are not errors, such as background traffic for which there is no room."""
     places: Mapping[Place | AtStop, XY] = field(default_factory=dict)
-    """Coordinates, m, of the places in conditions and actions that are written in another way."""
+    """Coordinates, m, of the places in conditions and actions that are not written as coordinates."""
     slippery: tuple[SlipperyPatch, ...] = ()
 
     @property
     def ego(self) -> PlacedActor:
-        """Actor 0."""
+        """The ego, which is actor 0."""
         return self.actors[0]
 
 
@@ -257,9 +260,9 @@ class SumoBundle:
     """A compiled test case.
 
     Attributes:
-        net_file: the SUMO network, in the cache. types_file: vehicle types of all models. Both byte-identical for
-            equal input.
-        key: content hash of the network (and types): runs with the same key can share a loaded SUMO.
+        net_file: the SUMO network, in the cache. types_file: vehicle types of all models. Equal input gives the same
+            bytes in both.
+        key: content hash of network and types: runs with the same key can share a loaded SUMO.
     """
 
     name: str

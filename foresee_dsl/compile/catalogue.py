@@ -1,4 +1,4 @@
-"""Turns catalogue entries into `ModelSpec`s: a value that an entry does not give is its class's default."""
+"""Converts catalogue entries to `ModelSpec`s; missing values are the defaults of the class."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _KMH = 1 / 3.6
 
 @dataclass(frozen=True, slots=True)
 class ClassDefaults:
-    """Values of a class for what an entry does not give; wheelbase and front overhang are shares of the length."""
+    """Default values of a class; wheelbase and front overhang are shares of the length."""
 
     wheelbase_share: float
     overhang_share: float
@@ -54,26 +54,26 @@ CLASS_DEFAULTS: Mapping[ActorKind, ClassDefaults] = MappingProxyType(
         "obstacle": ClassDefaults(0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0, 1.0),
     }
 )
-"""By class: the word in front of the dot of a model's name."""
+"""Defaults by class: the word before the dot in a model's name."""
 
 
 def spec_of(model: VehicleModel) -> ModelSpec:
-    """Return a catalogue entry with every value filled in.
+    """Return a catalogue entry with all values filled in.
 
     Raises:
-        CompileError: its class is unknown, a value is a parameter or not positive where it must be, its axles and
-            overhangs do not make up its length, or it is to cruise faster than it can.
+        CompileError: its class is unknown, a value is a parameter or must be positive and is not, wheelbase and
+            overhangs do not add up to its length, or its cruise speed exceeds its maximum speed.
     """
     kind = model.name.partition(".")[0]
     if kind not in CLASS_DEFAULTS:
         raise CompileError(f"model {model.name}: the class {kind} is none of {', '.join(CLASS_DEFAULTS)}")
-    known = cast(ActorKind, kind)
-    base = CLASS_DEFAULTS[known]
+    actor_kind = cast(ActorKind, kind)
+    base = CLASS_DEFAULTS[actor_kind]
     length = _si(model, model.length, 0.0)
     front, wheelbase = _axles(model, base, length)
     spec = ModelSpec(
         name=model.name,
-        kind=known,
+        kind=actor_kind,
         length_m=length,
         width_m=_si(model, model.width, 0.0),
         wheelbase_m=wheelbase,
@@ -86,32 +86,32 @@ def spec_of(model: VehicleModel) -> ModelSpec:
         max_steer_rad=_si(model, model.max_steer, math.radians(base.max_steer_deg)),
         steer_rate_rad_s=_si(model, model.steer_rate, math.radians(base.steer_rate_deg_s)),
         height_m=_si(model, model.height, base.height_m),
-        cruise_mps=None if known == "obstacle" else _cruise(model),
+        cruise_mps=None if actor_kind == "obstacle" else _cruise(model),
     )
     _check(spec)
     return spec
 
 
 def cruise_speed(spec: ModelSpec, limit_mps: float) -> float:
-    """Return the default speed of an actor, m/s, where the limit is `limit_mps`."""
+    """Return the default speed of an actor on a road with the limit `limit_mps`, m/s."""
     top = spec.max_speed_mps if spec.cruise_mps is None else min(spec.cruise_mps, spec.max_speed_mps)
     return min(limit_mps, top)
 
 
 def _axles(model: VehicleModel, base: ClassDefaults, length_m: float) -> tuple[float, float]:
-    """Return front overhang and wheelbase, m; an absent part of the length is what the other two leave."""
+    """Return front overhang and wheelbase, m; if one part is not stated, it is the length minus the other two."""
     front, wheelbase = base.overhang_share * length_m, base.wheelbase_share * length_m
-    given_front, given_wheelbase = _si(model, model.front_overhang, front), _si(model, model.wheelbase, wheelbase)
+    stated_front, stated_wheelbase = _si(model, model.front_overhang, front), _si(model, model.wheelbase, wheelbase)
     if model.rear_overhang is None:
-        return given_front, given_wheelbase
+        return stated_front, stated_wheelbase
     rest = length_m - _si(model, model.rear_overhang, 0.0)
     if model.wheelbase is None:
-        return given_front, rest - given_front
+        return stated_front, rest - stated_front
     if model.front_overhang is None:
-        return rest - given_wheelbase, given_wheelbase
-    if abs(rest - given_front - given_wheelbase) > SUM_SLACK_M:
+        return rest - stated_wheelbase, stated_wheelbase
+    if abs(rest - stated_front - stated_wheelbase) > SUM_SLACK_M:
         raise CompileError(f"model {model.name}: overhangs and wheelbase do not make up its length")
-    return given_front, given_wheelbase
+    return stated_front, stated_wheelbase
 
 
 def _cruise(model: VehicleModel) -> float | None:

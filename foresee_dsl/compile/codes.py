@@ -1,4 +1,4 @@
-"""Codes of errors that show on the network: places, routes, meetings. `grammars/codes.toml` explains each."""
+"""Codes of errors that show only on the network: places, routes, meetings. `grammars/codes.toml` explains each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compiler: joins network, types, signals and scene, and caches what several test cases share."""
+"""The compiler: combines network, types, signals and scene, and caches the parts that several test cases share."""
 
 from __future__ import annotations
 
@@ -50,9 +50,12 @@ def compile_case(case: TestCase) -> SumoBundle:
 
 
 def check_case(case: TestCase) -> tuple[Diagnostic, ...]:
-    """Place the actors of a test case and report what is wrong; nothing is written but a network that is new.
+    """Place the actors of a test case; return a warning if its foreign map has faults.
 
-    Returned are warnings: of a map of others that is broken somewhere.
+    No files are written except a network that is not yet in the cache.
+
+    Raises:
+        InputError: a statement is impossible on the network.
     """
     net_file = _net_of(case.network)
     try:
@@ -67,12 +70,12 @@ def check_case(case: TestCase) -> tuple[Diagnostic, ...]:
 
 @dataclass(frozen=True)
 class Sketch:
-    """A test case as far as it can be placed: for pictures, which also show what is wrong.
+    """A test case, placed as far as possible: for pictures, which also show errors.
 
     Attributes:
-        actors: those that have a place, the background traffic last. start_s, goal_s: of the ego, along its line, m.
-        places: where the places of conditions are, m. problems: what is wrong; `mistakes`: the same with their places
-            in the text, in the same order.
+        actors: the actors that could be placed, the background traffic last.
+        start_s, goal_s: start and goal of the ego along its line, m. places: coordinates of places in conditions, m.
+        problems: the errors. mistakes: the same errors with their places in the text, in the same order.
     """
 
     network: RoadNetwork
@@ -87,7 +90,11 @@ class Sketch:
 
 
 def sketch_case(case: TestCase) -> Sketch:
-    """Place what can be placed of a test case; a `CompileError` only where its network cannot be built."""
+    """Return a test case, placed as far as possible.
+
+    Raises:
+        CompileError: its network cannot be built.
+    """
     net_file = _net_of(case.network)
     network, signals = _read(net_file, case.network)
     builder, _ = _builder(case, net_file)
@@ -95,23 +102,27 @@ def sketch_case(case: TestCase) -> Sketch:
     background = builder.background(placed)[0] if not problems else []
     named: set[tuple[int, str]] = set()
     mistakes = tuple(_diagnostic(case, problem, named) for problem in problems)
-    everybody = (*placed, *background)
-    return Sketch(network, signals, everybody, start_s, goal_s, builder.places, problems, mistakes, builder.slippery)
+    actors = (*placed, *background)
+    return Sketch(network, signals, actors, start_s, goal_s, builder.places, problems, mistakes, builder.slippery)
 
 
 def network_of(network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signal]]:
-    """Return a network alone, built, with its signals; a `CompileError` where that is impossible."""
+    """Build a network, and return it with its signals.
+
+    Raises:
+        CompileError: the network cannot be built.
+    """
     return _read(_net_of(network), network)
 
 
 def warnings_of(case: TestCase) -> tuple[Diagnostic, ...]:
-    """Return what shows on the network and is allowed, but hardly meant; nothing of a case with mistakes."""
+    """Return warnings on what is permitted on the network but probably not intended; none for a case with errors."""
     try:
-        found = _builder(case, _net_of(case.network))[0].warnings()
+        problems = _builder(case, _net_of(case.network))[0].warnings()
     except PlacementError:
         return ()
     named: set[tuple[int, str]] = set()
-    return tuple(replace(_diagnostic(case, problem, named), severity="warning") for problem in found)
+    return tuple(replace(_diagnostic(case, problem, named), severity="warning") for problem in problems)
 
 
 def _warning(case: TestCase, network: str, faults: tuple[str, ...]) -> Diagnostic:
@@ -128,49 +139,51 @@ def _builder(case: TestCase, net_file: Path) -> tuple[SceneBuilder, Mapping[str,
 
 
 def _specs_of(models: Mapping[str, m.VehicleModel]) -> Mapping[str, ModelSpec]:
-    known = _SPECS.get(id(models))
-    if known is None or known[0] is not models:
-        known = _remember(_SPECS, id(models), (models, {name: spec_of(model) for name, model in models.items()}))
-    return known[1]
+    cached = _SPECS.get(id(models))
+    if cached is None or cached[0] is not models:
+        cached = _remember(_SPECS, id(models), (models, {name: spec_of(model) for name, model in models.items()}))
+    return cached[1]
 
 
 _MOST_CACHED = 8
-"""Networks kept in memory (ours: a campaign has a few, and a town takes some megabytes)."""
+"""Maximum number of networks in memory. Ours: a campaign has a few, and a town takes some megabytes."""
 _BUILT: dict[int, tuple[Network, Path]] = {}
-"""Nets by the identity of their network, which is held so that its id is not used again: children share their
-parent's."""
+"""Net files by the id of their network object, which children share with their parent. The object is kept in the value,
+so that Python does not reuse its id."""
 _SPECS: dict[int, tuple[Mapping[str, m.VehicleModel], Mapping[str, ModelSpec]]] = {}
-"""Catalogues with every value filled in, by the identity of their models, which are held for the same reason."""
+"""Catalogues with all values filled in, by the id of their models object, which is kept for the same reason."""
 _READ: dict[str, tuple[RoadNetwork, Mapping[str, Signal]]] = {}
-"""What was read, by the net file's path; the folder's name is the hash of its content."""
+"""Networks and signals by the path of their net file, whose folder is named by the hash of its content."""
 
 
 def _net_of(network: Network | Path) -> Path:
     if isinstance(network, Path):
-        # imported here: it needs an XML parser, which a check of a network of ours does without
+        # imported here: it needs an XML parser, which the check of a written network does not
         from foresee_dsl.compile.foreign.networks import foreign_net
 
         return foreign_net(network)
-    known = _BUILT.get(id(network))
-    if known is None or known[0] is not network or not known[1].exists():
+    cached = _BUILT.get(id(network))
+    if cached is None or cached[0] is not network or not cached[1].exists():
         net = cached_net(("network", network.model_dump_json()), lambda out: _build(network, out))
-        known = _remember(_BUILT, id(network), (network, net))
-    return known[1]
+        cached = _remember(_BUILT, id(network), (network, net))
+    return cached[1]
 
 
 def _build(network: Network, out: Path) -> None:
-    from foresee_dsl.compile.nets.network_builder import build_network  # templates, XML: only where a network is new
+    from foresee_dsl.compile.nets.network_builder import (
+        build_network,
+    )  # slow import (templates, XML), only for new networks
 
     build_network(network, out)
 
 
 def _read(net_file: Path, network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signal]]:
-    known = _READ.get(str(net_file))
-    if known is None:
+    cached = _READ.get(str(net_file))
+    if cached is None:
         written = None if isinstance(network, Path) else network
         topology, signals = read_net_once(net_file, written)
-        known = _remember(_READ, str(net_file), (RoadNetwork.of(topology, buildings_of(network), written), signals))
-    return known
+        cached = _remember(_READ, str(net_file), (RoadNetwork.of(topology, buildings_of(network), written), signals))
+    return cached
 
 
 def _remember(cache: dict[_Key, _Cached], key: _Key, value: _Cached) -> _Cached:
@@ -182,8 +195,8 @@ def _remember(cache: dict[_Key, _Cached], key: _Key, value: _Cached) -> _Cached:
 
 @lru_cache(maxsize=32)
 def _types_of(specs: tuple[ModelSpec, ...]) -> Path:
-    """Write the vehicle types to the cache: all or nothing, under the hash of their content."""
-    from foresee_dsl.compile.sumo_files import types_of  # templates: checking does without
+    """Write the vehicle types to the cache under the hash of their content, completely or not at all."""
+    from foresee_dsl.compile.sumo_files import types_of  # slow import (templates), which a check does not need
 
     text = types_of(specs)
     try:
@@ -195,19 +208,19 @@ def _types_of(specs: tuple[ModelSpec, ...]) -> Path:
     return file
 
 
-# ---- mistakes that show only once the network is known: their places in the file -------------------------------------
+# ---- places in the text of errors that show only on the network ------------------------------------------------------
 
 
 def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
-    """Turn the compiler's problems into an error that can be shown with its places.
+    """Convert the compiler's problems to an error with places in the text.
 
-    A problem of an actor is placed at its statement of the kind at fault, or else at the actor; in a mutant at the
-    `change` line for the actor; a problem of the scenario at its statement of that kind. What is written elsewhere (in
-    the clip that a mutant changes) is marked so in its message.
+    A problem of an actor is placed at the actor's statement of the kind at fault, or else at the actor; in a mutant at
+    the `change` line of the actor; a problem of the scenario at its statement of that kind. If the statement is in
+    another file (the clip of a mutant), the message says so.
     """
     named: set[tuple[int, str]] = set()
-    found = [_diagnostic(case, problem, named) for problem in problems]
-    return InputError(tuple(sorted(found, key=lambda d: (d.span.line, d.span.column) if d.span else (0, 0))))
+    diagnostics = [_diagnostic(case, problem, named) for problem in problems]
+    return InputError(tuple(sorted(diagnostics, key=lambda d: (d.span.line, d.span.column) if d.span else (0, 0))))
 
 
 def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -> Diagnostic:
@@ -240,11 +253,11 @@ def _place(document: Document, problem: Problem) -> tuple[m.Item | None, str]:
 
 
 def _within(actor: m.Ego | m.Actor, kind: str) -> tuple[m.Item, str]:
-    """Return an actor's statement of a kind, or its field of that name, or its first words."""
+    """Return the statement of a kind of an actor; without one, the actor and its field `model`, `state` or `name`."""
     aliases = {"route": ("route", "edge_route"), "goal": ("goal", "clip_goal")}.get(kind, (kind,))
-    found = next((item for item in actor.body if item.kind in aliases), None)
-    if found is not None:
-        return found, ""
+    statement = next((item for item in actor.body if item.kind in aliases), None)
+    if statement is not None:
+        return statement, ""
     if kind == "state" and actor.state is not None:
         return actor.state, ""
     return actor, kind if kind in ("model", "state") else "name"
@@ -253,7 +266,7 @@ def _within(actor: m.Ego | m.Actor, kind: str) -> tuple[m.Item, str]:
 def _named(
     document: Document, first: m.Item, problem: Problem, named: set[tuple[int, str]]
 ) -> tuple[m.Item, str] | None:
-    """Return where the name at fault stands: at its first place that no other problem has been shown at."""
+    """Return the statement and field of the name at fault: the first place that no other problem has."""
     alike = (
         [item for item in document.model.body if getattr(item, "kind", "") == problem.item]
         if not problem.actor
@@ -263,8 +276,8 @@ def _named(
         if problem.field[0] not in ("", getattr(item, "kind", "")):
             continue
         for field in type(item).model_fields if not problem.field[1] else problem.field[1:]:
-            found = getattr(item, field, None)
-            same = found == (problem.about or problem.part) or _stands_for(document, found, problem.about)
+            value = getattr(item, field, None)
+            same = value == (problem.about or problem.part) or _stands_for(document, value, problem.about)
             if same and (id(item), field) not in named:
                 named.add((id(item), field))
                 return item, field
@@ -272,9 +285,9 @@ def _named(
 
 
 def _stands_for(document: Document, value: object, word: str) -> bool:
-    """Whether a value is a parameter that has a word, by default or in a case."""
+    """Return whether a value is a parameter whose default, or whose value in a case, is a word."""
     if not isinstance(value, m.Ref) or not isinstance(document.model, m.Scenario):
         return False
     defaults = (param.default for param in document.model.all(m.Param) if param.name == value.name)
-    given = (v.value for case in document.model.all(m.Case) for v in case.values if v.name == value.name)
-    return any(found == word for found in (*defaults, *given))
+    case_values = (v.value for case in document.model.all(m.Case) for v in case.values if v.name == value.name)
+    return any(default == word for default in (*defaults, *case_values))

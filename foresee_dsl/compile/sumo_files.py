@@ -1,4 +1,4 @@
-"""Writes SUMO's files around a net: vehicle types, and a folder that SUMO's own programs open."""
+"""Writes SUMO's files for a net: the vehicle types, and a folder that SUMO's own programs can open."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.compile.templates import number, render, rendered
 
 GHOST = "ghost"
-"""Vehicle type of stand-ins for actors that SUMO does not drive."""
+"""Vehicle type of the stand-ins for actors that SUMO does not drive."""
 GHOST_SIZE_M = 0.5
 """Length and width of a stand-in, m. Ours: about a pedestrian's shoulders; traffic reacts to it as to any vehicle."""
 
@@ -32,8 +32,8 @@ _CLASSES: Mapping[ActorKind, str] = MappingProxyType(
 )
 _TWO_WHEELERS = ("motorcycle", "bicycle")
 NO_LIMIT_MPS = 2777.78
-"""`desiredMaxSpeed`, m/s: SUMO's default for cars (10,000 km/h). SUMO 1.28 multiplies it by the speed factor and takes
-the product as a limit; with a bicycle's default of 20 km/h and a factor for its cruise speed it would creep."""
+"""`desiredMaxSpeed`, m/s: SUMO's default for cars (10,000 km/h). SUMO 1.28 limits speeds to the product of this and the
+speed factor; with a bicycle's default of 20 km/h and the factor for its cruise speed, it would be much too slow."""
 SPEED_SLACK = 0.001
 """Added to speed factors (ours: more than rounding speeds to 1 mm/s changes their ratio)."""
 STEP_S = 0.05
@@ -41,11 +41,12 @@ STEP_S = 0.05
 
 
 def types_of(models: Iterable[ModelSpec]) -> str:
-    """Return SUMO's file of vehicle types: one for each model on wheels, by name, and the stand-in's.
+    """Return SUMO's file of vehicle types: one for each model on wheels, in the order of names, and the stand-in's.
 
-    Krauss, SUMO's default, is the car-following model: its next step depends on positions and speeds alone, which a
-    clip holds (others have a memory, such as IDMM's level of service). Nothing is random (sigma, speedDev), and lane
-    changes that depend on sums inside SUMO (keeping right, gaining speed) are off; those for the route remain.
+    The car-following model is Krauss, SUMO's default, because its next step depends only on positions and speeds,
+    which a clip holds (other models have a memory, such as IDMM's level of service). Randomness is off (sigma,
+    speedDev), and so are lane changes that depend on sums inside SUMO (keeping right, gaining speed); lane changes for
+    the route remain.
     """
     by_name = {model.name: model for model in models if model.kind in _CLASSES}
     types = [
@@ -56,11 +57,10 @@ def types_of(models: Iterable[ModelSpec]) -> str:
 
 
 def write_sumo_folder(bundle: SumoBundle, out: Path) -> tuple[Path, ...]:
-    """Write a test case as a folder for `sumo` and `sumo-gui` (open `scenario.sumocfg`); return its files, that one
-    first.
+    """Write a test case as a folder for `sumo` and `sumo-gui`; return its files, `scenario.sumocfg` first.
 
-    The ego drives like any other vehicle there, and triggers have no effect. Actors that SUMO does not drive are drawn
-    as shapes.
+    In SUMO, the ego drives like any other vehicle, and triggers have no effect. Actors that SUMO does not drive are
+    drawn as shapes.
     """
     out.mkdir(parents=True, exist_ok=True)
     net, types = out / "net.net.xml", out / "types.add.xml"
@@ -89,7 +89,7 @@ def write_sumo_folder(bundle: SumoBundle, out: Path) -> tuple[Path, ...]:
 
 
 def _departure(actor: PlacedActor, lanes: Mapping[str, Lane]) -> dict[str, object]:
-    """How SUMO inserts a vehicle; one that stands inside a junction starts at the beginning of its route instead."""
+    """Return how SUMO inserts a vehicle; if it is inside a junction, then at the beginning of its route instead."""
     edge, _, index = actor.lane.rpartition("_")
     edges = _edges(actor)
     where: dict[str, object] = {"lane": "best", "pos": "0", "speed": "max", "factor": 1.0}
@@ -97,7 +97,7 @@ def _departure(actor: PlacedActor, lanes: Mapping[str, Lane]) -> dict[str, objec
         lane = lanes[actor.lane]
         pos = lane.centreline.project(Point(actor.x, actor.y)) / lane.centreline.length * lane.length_m
         speed = min(actor.speed_mps, actor.model.max_speed_mps)
-        # SUMO 1.28 refuses to insert a vehicle that is faster than its factor times the limit
+        # SUMO 1.28 does not insert a vehicle that is faster than its factor times the limit
         factor = max(actor.cruise_mps or lane.speed_mps, speed) / lane.speed_mps + SPEED_SLACK
         where = {"lane": index, "pos": number(pos), "speed": number(speed), "factor": factor}
     color = "red" if actor.control == "ego" else "yellow"
@@ -109,16 +109,16 @@ def _edges(actor: PlacedActor) -> tuple[str, ...]:
 
 
 def _shapes(actor: PlacedActor) -> list[dict[str, object]]:
-    """An actor's footprint, and its path when it has one."""
-    found: list[dict[str, object]] = [
+    """Return the shapes of an actor's footprint and of its path, if it has one."""
+    shapes: list[dict[str, object]] = [
         {"id": actor.id, "type": actor.model.name, "points": (*(box := footprint(actor)), box[0]), "fill": True}
     ]
     if len(actor.path) >= 2:
-        found.append({"id": f"{actor.id}.path", "type": "path", "points": actor.path, "fill": False})
-    return found
+        shapes.append({"id": f"{actor.id}.path", "type": "path", "points": actor.path, "fill": False})
+    return shapes
 
 
 def _passed(signal: Signal, stage: str, elapsed_s: float) -> float:
-    """The time since a signal's cycle began, s, when a stage has been on for `elapsed_s`."""
+    """Return the time since the begin of a signal's cycle, s, if a stage has lasted for `elapsed_s`."""
     phase, left_s = signal.phase_at(stage, elapsed_s)
     return sum(p.duration_s for p in signal.phases[: phase + 1]) - left_s

@@ -1,4 +1,4 @@
-"""Renders the XML files that SUMO reads, from the templates in `templates/sumo`."""
+"""Renders the XML files for SUMO from the templates in `templates/sumo`."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
 
 def rendered(template: str, **values: object) -> str:
-    """Return the text that `templates/sumo/<template>.j2` gives with all the values that it names."""
+    """Return the text of the template `templates/sumo/<template>.j2` with values for all its variables."""
     return environment("sumo").get_template(f"{template}.j2").render(**values)
 
 
 def render(template: str, out: Path, **values: object) -> Path:
-    """Write what `rendered` gives to a file, and return the file."""
+    """Write the text of a template to a file, and return the file."""
     out.write_text(rendered(template, **values), encoding="utf-8", newline="\n")
     return out
 
 
 def template_sources() -> tuple[bytes, ...]:
-    """Return the bytes of all templates, in the order of their names: part of the cache key of what they make."""
+    """Return the bytes of all templates, in the order of their names; they are part of the cache key of nets."""
     return tuple(path.read_bytes() for path in sorted((data_folder("templates") / "sumo").glob("*.j2")))
 
 
@@ -38,13 +38,13 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def polyline(points: Iterable[tuple[float, float]]) -> str:
-    """Return points the way SUMO writes a shape: `x,y x,y`."""
+    """Return points in SUMO's format of a shape: `x,y x,y`."""
     return " ".join(f"{number(x)},{number(y)}" for x, y in points)
 
 
 @cache
 def environment(folder: str, *, xml: bool = True) -> Environment:
-    """Return the templates of a folder in `templates/`, for XML or for plain text, with our numbers and polylines."""
-    made = templates(folder, markup=xml)
-    made.filters |= {"number": number, "polyline": polyline}
-    return made
+    """Return the templates of a folder in `templates/`, for XML or text, with the filters `number` and `polyline`."""
+    jinja = templates(folder, markup=xml)
+    jinja.filters |= {"number": number, "polyline": polyline}
+    return jinja

@@ -1,4 +1,4 @@
-"""The cache of nets: each is built once for its content, and its XML read once."""
+"""The cache of nets: each net is built once per content, and its XML is parsed once."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from foresee_dsl.files import cache_folder
 from foresee_dsl.language.model import Network
 
 FORMAT = 1
-"""Part of the cache key: raise it when our own code makes other nets from the same input."""
+"""Part of the cache key; increase it when our code builds a different net from the same input."""
 
 NET = "net.net.xml"
 _SUM = "sha256"
 
 
 def content_key(key_parts: Iterable[str | bytes]) -> str:
-    """Return the key (32 hex digits) of what is made from these parts with the installed tools and templates."""
+    """Return the cache key (32 hex digits) of these parts together with the installed tools and the templates."""
     digest = hashlib.sha256()
     tools: tuple[str | bytes, ...] = (f"{FORMAT} {tool_version()}", *template_sources())
     for part in (*tools, *key_parts):
@@ -37,11 +37,12 @@ def content_key(key_parts: Iterable[str | bytes]) -> str:
 
 
 def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) -> Path:
-    """Return the net for a key, having `build` write it to the path that it is given where it is not there or damaged.
+    """Return the file of a net in the cache; if it is missing or damaged, `build` writes it to the path that it gets.
 
-    Entries appear whole or not at all, so processes may share the cache. The parent folder's name is the key.
+    Entries are written completely or not at all, so processes may share the cache. The name of the parent folder is
+    the key.
 
-    `key_parts`: everything that the net depends on, apart from the tools.
+    `key_parts`: everything on which the net depends, apart from the tools.
     """
     key = content_key(key_parts)
     try:
@@ -64,28 +65,28 @@ def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) 
 
 
 def read_net_once(net_file: Path, network: Network | None) -> tuple[Topology, Mapping[str, Signal]]:
-    """Return the parts and signals of a net in the cache, as `read_net` and `read_signals` give them.
+    """Return the parts and signals of a net in the cache, as `read_net` and `read_signals` return them.
 
-    They are kept as a pickle, by the name of the net's folder: reading the XML again takes longer than placing a
-    scenario's actors.
+    They are cached as a pickle under the name of the net's folder, because parsing the XML takes longer than placing
+    the actors of a scenario.
     """
     place = disk_cache.entry("read", (net_file.parent.name,))
-    known = disk_cache.load(place)
-    if known is None:
-        from foresee_dsl.compile.nets.net_reader import topology_of  # XML: only for a net that is new
+    parts = disk_cache.load(place)
+    if parts is None:
+        from foresee_dsl.compile.nets.net_reader import topology_of  # slow import (XML), only for new nets
         from foresee_dsl.compile.nets.safe_xml import parse_net
         from foresee_dsl.compile.nets.signals import signals_of
 
         root = parse_net(net_file)
         topology = topology_of(root)
-        known = topology, signals_of(root, topology, network)
-        disk_cache.store(place, known)
-    return cast(tuple[Topology, Mapping[str, Signal]], known)
+        parts = topology, signals_of(root, topology, network)
+        disk_cache.store(place, parts)
+    return cast(tuple[Topology, Mapping[str, Signal]], parts)
 
 
 def _put(fresh: Path, entry: Path) -> None:
-    """Move a finished folder to its place, past a damaged one or one that another process has put there meanwhile."""
-    for _ in range(10):  # each further round means that yet another process was in between
+    """Move a finished folder to its place, unless another process has done so; a damaged entry is replaced."""
+    for _ in range(10):  # a further round means that another process has interfered
         try:
             fresh.rename(entry)
         except OSError:

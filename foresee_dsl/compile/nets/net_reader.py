@@ -32,9 +32,9 @@ _SUMO_CLASS: Mapping[LaneKind, str] = {
 }
 _BAY = "bay"
 _FOR_BUSES = ("bus_lane", _BAY)
-"""The types of lanes for buses in written networks. In other networks buses go where cars go."""
+"""Types of lanes for buses in written networks. In other networks buses use the lanes of cars."""
 FAULT = "foresee.fault"
-"""The key of the `<param>` of a lane or connection that nobody can drive over; its value says why."""
+"""Key of the `<param>` of a lane or connection that vehicles cannot use; its value states the reason."""
 _DEFAULT_WIDTH_M = 3.2
 """Width of a lane without `width`: SUMO's default lane width."""
 _TURNS: dict[str, Turn] = {
@@ -50,13 +50,20 @@ _TURNS: dict[str, Turn] = {
 
 
 def read_net(net_file: Path) -> Topology:
-    """Read a SUMO network; a `CompileError` where it is none."""
+    """Read a SUMO network.
+
+    Raises:
+        CompileError: the file is not a SUMO network.
+    """
     return topology_of(parse_net(net_file))
 
 
 def topology_of(root: Element) -> Topology:
-    """Return what a net's tree says; a `KeyError` or `ValueError` where a part or an attribute is missing or no
-    number."""
+    """Return the parts of a net from its tree.
+
+    Raises:
+        KeyError: a part or an attribute is missing. ValueError: an attribute is not a number.
+    """
     bus_lanes = any(lane.get("type") in _FOR_BUSES for lane in root.iterfind("edge/lane"))
     functions: dict[str, str] = {}
     over: dict[str, tuple[str, ...]] = {}
@@ -131,9 +138,9 @@ def _fault(element: Element) -> str:
 
 
 def _without_missing_signal(connection: dict[str, str], programs: Container[str | None]) -> dict[str, str]:
-    """Return a connection without its signal where the net has no program for that, as at railway crossings.
+    """Return a connection without its signal if the net has no program for the signal, as at railway crossings.
 
-    SUMO 1.28 switches such a signal off; that of a railway crossing lets road traffic pass as long as no train comes.
+    SUMO 1.28 switches such a signal off; the signal of a railway crossing lets road traffic pass if no train comes.
     """
     if "tl" not in connection or (connection["tl"] in programs and int(connection.get("linkIndex", -1)) >= 0):
         return connection
@@ -161,7 +168,7 @@ def _kinds(allow: str | None, disallow: str | None) -> frozenset[LaneKind]:
 
 
 def _junctions(root: Element) -> tuple[dict[str, Junction], dict[str, int]]:
-    """Return the junctions, and for each lane inside one its row in the junction's requests."""
+    """Return the junctions, and for each internal lane its row in the junction's right-of-way matrix."""
     junctions: dict[str, Junction] = {}
     rows: dict[str, int] = {}
     for element in root.iterfind("junction"):
@@ -229,5 +236,5 @@ def _footways(
 
 
 def _junction_of(internal_edge: str) -> str:
-    """`:j4_c0` lies in junction `j4`."""
+    """Return the junction of an internal edge: `j4` for `:j4_c0`."""
     return internal_edge[1:].rsplit("_", 1)[0]

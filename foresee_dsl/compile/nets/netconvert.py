@@ -1,4 +1,4 @@
-"""Starts SUMO's netconvert, and SUMO itself to see whether it can load a net: the programs that the compiler runs."""
+"""Runs SUMO's netconvert, and SUMO itself to check whether it can load a net."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from foresee_dsl.limits import most, raised_by
 
 _FIVE_MB = 5e6
 _NO_MEMORY = b"std::bad_alloc"
-"""What netconvert 1.28 says when it gets no more memory."""
+"""Message of netconvert 1.28 when it runs out of memory."""
 _ONLY_LOAD = ("--end", "0", "--no-step-log", "true", "--no-warnings", "true")
 _HEADER = re.compile(rb"\A(\s*<\?xml[^>]*\?>)?\s*(?:<!--.*?-->\s*)+", re.DOTALL)
 
 
 class NetconvertLimitError(CompileError):
-    """netconvert needs more memory, time or room than it is given; to try again with the same input is no use."""
+    """netconvert exceeded its limit of memory, time or file size; it would do so again with the same input."""
 
 
 class NetconvertDiedError(CompileError):
-    """netconvert was ended by the system: a fault of its own, which other options may avoid."""
+    """netconvert crashed by a signal, which is its own fault; other options may avoid the crash."""
 
 
 @cache
 def sumo_home() -> Path:
     """Return the folder of the installed `eclipse-sumo` wheel (its `bin/` and `data/`).
 
-    The wheel's package is located, not imported: importing it would change this process's environment.
+    The wheel's package is located and not imported, because its import would change this process's environment.
     """
     spec = find_spec("sumo")
     if spec is None or spec.origin is None:
@@ -46,9 +46,9 @@ def sumo_home() -> Path:
 def tool_version() -> str:
     """Return the version of the installed netconvert, such as `1.28.0`."""
     named = list(sumo_home().parent.glob("eclipse_sumo-*.dist-info"))
-    if len(named) == 1:  # the folder's name says it
+    if len(named) == 1:  # the folder's name contains the version
         return named[0].name.removesuffix(".dist-info").partition("-")[2]
-    from importlib import metadata  # takes long to import, as `subprocess` does
+    from importlib import metadata  # imported here: the import is slow
 
     try:
         return metadata.version("eclipse-sumo")
@@ -57,15 +57,15 @@ def tool_version() -> str:
 
 
 def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
-    """Run netconvert in a folder, in which relative file names in `arguments` are meant.
+    """Run netconvert in a folder, to which relative file names in `arguments` refer.
 
-    It gets memory by the size of its input, and a time (the limits `netconvert-memory` and `netconvert-time`); what it
-    writes is no larger than what can be read.
+    Its memory is limited by the size of its input, its time by a constant (limits `netconvert-memory` and
+    `netconvert-time`), and its output by the largest file that can be read (limit `file`).
 
     Raises:
-        NetconvertLimitError: it needs more than that.
+        NetconvertLimitError: it exceeds a limit.
         NetconvertDiedError: a signal ended it.
-        CompileError: it is missing, or fails; the message holds what it printed.
+        CompileError: it is missing or fails; the message holds its output.
     """
     memory_mb = most("netconvert-memory") * (1 + _input_bytes(arguments, folder) / _FIVE_MB)
     code, complaint = _run("netconvert", arguments, folder, memory_mb)
@@ -80,19 +80,19 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
         raise NetconvertLimitError(f"netconvert makes a network of more than {most('file'):g} MB of it: cut out the "
                                    f"part that is needed; {raised_by('file')}")  # fmt: skip
     if code < 0:
-        said = _complaint(complaint, 0)
+        words = _complaint(complaint, 0)
         raise NetconvertDiedError(f"netconvert {tool_version()} died ({signal.Signals(-code).name}"
-                                  f"{f', its last words: {said}' if said else ''})")  # fmt: skip
+                                  f"{f', its last words: {words}' if words else ''})")  # fmt: skip
     raise CompileError(f"netconvert refused the network: {_complaint(complaint, code)}")
 
 
 def check_loads(net: Path) -> None:
-    """Load a network of others in a SUMO of its own, so that one that SUMO dies of ends no process of ours.
+    """Load a foreign network in a separate SUMO process, so that a network that crashes SUMO does not end our process.
 
-    It takes 0.07 s for a small net, and 1.7 s for one of 23 MB.
+    It takes 0.07 s for a small net, and 1.7 s for a net of 23 MB.
 
     Raises:
-        CompileError: SUMO cannot load it; the message has SUMO's words.
+        CompileError: SUMO cannot load it; the message holds SUMO's output.
     """
     memory_mb = most("netconvert-memory") * (1 + net.stat().st_size / _FIVE_MB)
     code, complaint = _run("sumo", ["--net-file", net.name, *_ONLY_LOAD], net.parent, memory_mb)
@@ -106,15 +106,15 @@ def check_loads(net: Path) -> None:
 
 
 def _run(tool: str, arguments: Sequence[str], folder: Path, memory_mb: float) -> tuple[int, bytes]:
-    """Run one of SUMO's programs; return its exit code and what it wrote on standard error."""
+    """Run one of SUMO's programs; return its exit code and its standard error output."""
     import shutil
 
     home = sumo_home()
     program = shutil.which(tool, path=str(home / "bin"))
     if program is None:
         raise CompileError(f"{tool} is not in {home / 'bin'}: reinstall the package 'eclipse-sumo'")
-    # SUMO 1.28 links OpenBLAS, which takes 150 MB of data for each core at the start: 2.4 GB on 16 cores, more than the
-    # limit, and it dies of SIGSEGV where it does not get them. Neither program uses more than one thread of it.
+    # SUMO 1.28 links OpenBLAS, which allocates 150 MB of data for each core at the start: 2.4 GB on 16 cores, more than
+    # the limit, and crashes with SIGSEGV without them. Both programs use only one of its threads.
     environment = {**os.environ, "SUMO_HOME": str(home), "OMP_NUM_THREADS": "1"}
     return _watched([program, *arguments], folder, environment, memory_mb=memory_mb, time_s=most("netconvert-time"))
 
@@ -122,7 +122,7 @@ def _run(tool: str, arguments: Sequence[str], folder: Path, memory_mb: float) ->
 def _watched(
     command: Sequence[str], folder: Path, environment: dict[str, str], *, memory_mb: float, time_s: float
 ) -> tuple[int, bytes]:
-    """Run a program with limits; return its exit code and what it wrote on standard error."""
+    """Run a program with limits; return its exit code and its standard error output."""
     import subprocess
 
     try:
@@ -142,16 +142,16 @@ def _watched(
                     f"{Path(command[0]).stem} did not finish within {time_s:g} s; {raised_by('netconvert-time')}"
                 ) from err
             finally:
-                running.kill()  # nothing where it has ended
+                running.kill()  # no effect if it has ended
             return running.returncode, complaint
     except OSError as err:
         raise CompileError(f"{Path(command[0]).stem} cannot be started: {err}") from err
 
 
 def _limit(pid: int, memory_mb: float) -> None:
-    """Limit what a process may take. Linux only, as the memory of workers: other systems cannot limit another one.
+    """Limit the data memory and file size of a process. Linux only: other systems cannot limit another process.
 
-    Its data, not its addresses: netconvert's libraries alone have some 600 MB of these, most of them never touched.
+    The limit is on data, not on address space: netconvert's libraries alone map some 600 MB, most of it never used.
     """
     if sys.platform != "linux":
         return
@@ -163,29 +163,31 @@ def _limit(pid: int, memory_mb: float) -> None:
         resource.RLIMIT_CORE: 0,
     }
     for what, most_bytes in wanted.items():
-        with suppress(ProcessLookupError):  # it has ended
+        with suppress(ProcessLookupError):  # the process has ended
             _, hard = resource.prlimit(pid, what)
             least = most_bytes if hard == resource.RLIM_INFINITY else min(most_bytes, hard)
             resource.prlimit(pid, what, (least, hard))
 
 
 def _input_bytes(arguments: Sequence[str], folder: Path) -> int:
-    """Return the size of the files that are named, the output's of an earlier start too."""
+    """Return the size of all files named in the arguments, including the output of an earlier run."""
     files = (folder / name for argument in arguments for name in argument.split(","))
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def without_header(net: bytes) -> bytes:
-    """Return a net file's text without the comments in front of its root.
+    """Return a net file's text without the comments before its root.
 
-    They hold the time and the paths of the call; the rest of netconvert's output is the same for the same input.
+    The comments hold the time and the paths of the call; the rest of netconvert's output depends only on the input.
     """
     return _HEADER.sub(lambda m: (m.group(1) or b"") + b"\n", net, count=1)
 
 
 def _complaint(stderr: bytes, code: int) -> str:
-    """netconvert's own words, warnings left out where there are errors."""
+    """Return the message of a program, without warnings if it has errors."""
     lines = [line.strip() for line in stderr.decode("utf-8", "replace").splitlines() if line.strip()]
-    lines = [line for line in lines if not line.startswith(("proj_create", "pj_obj_create"))]  # of no consequence
+    lines = [
+        line for line in lines if not line.startswith(("proj_create", "pj_obj_create"))
+    ]  # harmless messages of PROJ
     errors = [line.removeprefix("Error:").strip() for line in lines if not line.startswith(("Warning:", "Quitting"))]
     return " ".join(errors or lines)[:2000] or (f"it ended with code {code} and said nothing" if code else "")

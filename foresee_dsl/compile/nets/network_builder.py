@@ -20,7 +20,7 @@ from foresee_dsl.language.streets.lines import number, xy
 from foresee_dsl.language.traversal import walk
 
 CROSSING_WIDTH_M = 4.0
-"""SUMO's default (netconvert --default.crossing-width)."""
+"""Width of crossings, m: SUMO's default (netconvert --default.crossing-width)."""
 _CONTROL_TYPES = {
     "signals": "traffic_light",
     "priority": "priority",
@@ -30,7 +30,7 @@ _CONTROL_TYPES = {
 _OPTIONS = (  # of netconvert 1.28
     *("--no-internal-links", "false"),  # vehicles follow lanes inside junctions
     *("--offset.disable-normalization", "true"),  # coordinates stay those of the file
-    *("--no-turnarounds.except-deadend", "true"),  # traffic turns round only where it could go nowhere else
+    *("--no-turnarounds.except-deadend", "true"),  # vehicles make a U-turn only at dead ends
     *("--walkingareas", "true"),
     *("--precision", "3"),  # millimetres
     *("--no-warnings", "true"),
@@ -38,7 +38,7 @@ _OPTIONS = (  # of netconvert 1.28
 
 
 def build_network(network: Network, out: Path) -> None:
-    """Write the SUMO net of a network to `out`: the same network gives the same bytes.
+    """Write the SUMO net of a network to `out`; equal networks give equal bytes.
 
     Junctions keep their names. Road `west` becomes the edges `west` and `west_back`.
     """
@@ -50,14 +50,14 @@ def build_network(network: Network, out: Path) -> None:
         files = _write_plain(folder, network, plain, ())
         run_netconvert([*files, *_OPTIONS, "--output-file", net.name], folder)
         topology = read_net(net)
-        # which turn leads where only netconvert knows: it runs again with the connections that are left
+        # only netconvert knows where each turn leads, so it runs again with the connections that remain
         if left := turn_rules.without_banned(network, plain, topology):
             topology = _again(folder, files, network, plain, left)
         if by_lane := turn_rules.by_lane(network, plain, topology, left):
             topology = _again(folder, files, network, plain, by_lane)
         controlled = [j for j in network.body if isinstance(j, Junction) and j.control == "signals"]
         if controlled:
-            # programs need the numbers of the movements, which netconvert gives: it runs again with the programs
+            # programs need the movements' indices, which netconvert assigns, so it runs again with the programs
             roads_of = {edge.id: edge.road for edge in plain.edges}
             programs = [signals.program(j, signals.links_of(topology, j.name) or (), roads_of) for j in controlled]
             signals.write_programs(programs, folder / "signals.tll.xml")
@@ -73,7 +73,7 @@ def build_network(network: Network, out: Path) -> None:
 def _write_plain(
     folder: Path, network: Network, plain: Plain, connections: Sequence[turn_rules.Connection]
 ) -> list[str]:
-    """Write netconvert's input; return the options that name it."""
+    """Write netconvert's input files; return the options that name them."""
     junctions = (item for item in network.body if isinstance(item, Junction))
     usual = [Node(j.name, xy(j.at), CORNER_RADIUS_M, _CONTROL_TYPES[j.control]) for j in junctions]
     nodes = [*usual, *plain.nodes]
@@ -97,14 +97,14 @@ def _write_plain(
 def _again(
     folder: Path, files: Sequence[str], network: Network, plain: Plain, connections: Sequence[turn_rules.Connection]
 ) -> Topology:
-    """Build the net anew with the connections that the rules of turns leave."""
+    """Build the net again, with the connections that the turn rules allow."""
     _write_plain(folder, network, plain, connections)
     run_netconvert([*files, *_OPTIONS, "--output-file", "net.net.xml"], folder)
     return read_net(folder / "net.net.xml")
 
 
 def _crossings(network: Network, plain: Plain) -> Iterator[tuple[str, tuple[str, ...], None]]:
-    """Yield the crossings that junctions and roundabouts ask for: node, edges, no width of their own."""
+    """Yield the crossings of junctions and roundabouts: node, edges, and None for the default width."""
     walked = {edge.id for edge in plain.edges if edge.sidewalk is not None}
     roads = [item for item in network.body if isinstance(item, Road)]
     rings = {ring.item.name: ring for ring in plain.roundabouts}
@@ -116,13 +116,17 @@ def _crossings(network: Network, plain: Plain) -> Iterator[tuple[str, tuple[str,
             if item.name in rings:
                 node = f"{item.name}_{road.name}"
             if road.name in item.crossings or not item.crossings:
-                found = tuple(e for e in plain.at(node, road.name) if e in walked)
-                if found:
-                    yield node, found, None
+                edges = tuple(e for e in plain.at(node, road.name) if e in walked)
+                if edges:
+                    yield node, edges, None
 
 
 def _check_names(network: Network) -> None:
-    """Raise a `CompileError` for a model that was not checked (a file is) and that netconvert could not use."""
+    """Check a model that was not read from a checked file.
+
+    Raises:
+        CompileError: netconvert could not use the model.
+    """
     junctions = {item.name for item in network.body if isinstance(item, Junction | Roundabout)}
     roads = [item for item in network.body if isinstance(item, Road)]
     seen: set[str] = set()
@@ -142,13 +146,17 @@ def _check_names(network: Network) -> None:
         if isinstance(part, Ref):
             raise CompileError(f"a network cannot use the parameter in `{part.name}`")
     for way in directed(network):
-        for one, (x, y) in itertools.pairwise(way.line):
-            if one == (x, y) and (way.cuts or number(way.road.median)):
+        for start, (x, y) in itertools.pairwise(way.line):
+            if start == (x, y) and (way.cuts or number(way.road.median)):
                 raise CompileError(f"a road has the point ({x:g} m, {y:g} m) twice in a row")
 
 
 def _check_buildings(network: Network, topology: Topology) -> None:
-    """Raise a `CompileError` for a building on a lane: actors would drive through it and see nothing inside."""
+    """Check that no building stands on a lane: actors would drive through it and see nothing inside.
+
+    Raises:
+        CompileError: a building stands on a lane, or its outline crosses itself.
+    """
     buildings = {item.name: [xy(p) for p in item.outline] for item in network.body if isinstance(item, Building)}
     if not buildings:
         return

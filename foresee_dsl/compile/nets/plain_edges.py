@@ -1,4 +1,4 @@
-"""What netconvert is given of a written network: one edge for each piece of a road, ramp or ring, and their joints."""
+"""Converts a written network to netconvert's input: an edge for each piece of a road, ramp or ring, and the joints."""
 
 from __future__ import annotations
 
@@ -15,40 +15,39 @@ from foresee_dsl.language.streets.layout import BACK, Directed, Ring, lanes_of
 from foresee_dsl.language.streets.lines import XY, at, beside, curve, marks, number, shifted, with_points_at, xy
 
 LANE_WIDTH_M = 3.3
-"""Ours: between the 3.25 m and 3.5 m that are usual on urban main roads."""
+"""Default width of a lane, m. Ours: between 3.25 m and 3.5 m, which are usual on urban main roads."""
 SPEED_MPS = 50 / 3.6
-"""The usual urban limit (Vienna Convention countries)."""
+"""Default speed limit, m/s: the usual urban limit (Vienna Convention countries)."""
 CORNER_RADIUS_M = 5.0
 """Radius of the inner edge of a turn, m. Ours: with a 2 m sidewalk the road's edge has 7 m; SUMO's default of 4 m is
 too tight for buses (the centre of their lane would turn with 5.6 m where there is no sidewalk)."""
 JOINT_RADIUS_M = 0.5
-"""The same where an edge is only cut, m (ours: nothing turns there, and the joint stays short)."""
+"""The same radius where an edge is only divided, m. Ours: no vehicle turns there, and the joint stays short."""
 RAMP_MPS = 80 / 3.6
-"""The limit on a ramp without a `speed` (ours: what ramps with radii from 250 m are made for)."""
+"""Speed limit of a ramp without a `speed`, m/s. Ours: the design speed of ramps with radii from 250 m."""
 TAPER_M = 40.0
-"""Over this length a ramp comes up to, or leaves, the edge that it belongs to. Ours: 3.5 m sideways over it are 5
-degrees."""
+"""Length over which a ramp approaches or leaves its edge, m. Ours: 3.5 m sideways over this length are 5 degrees."""
 ISLAND_ROOM_M = 2.0
-"""The carriageways are apart so much farther than the zebra crossing is wide, before and behind it, m (ours)."""
+"""Distance before and behind a zebra crossing over which the carriageways stay fully apart, m (ours)."""
 ISLAND_TAPER_M = 20.0
-"""Over this length they go apart and come together again. Ours: 1 m sideways over it are 3 degrees."""
+"""Length over which the carriageways separate and join again, m. Ours: 1 m sideways over this length are 3 degrees."""
 ZEBRA_M = 4.0
-"""Width of a zebra crossing without a `width`: SUMO's default (netconvert --default.crossing-width)."""
+"""Width of a zebra crossing without a `width`, m: SUMO's default (netconvert --default.crossing-width)."""
 ARC_M = 3.0
-"""Points of a ring are no farther apart, m (ours: 10 degrees on a ring of 18 m)."""
+"""Largest distance between two points of a ring, m. Ours: 10 degrees on a ring of 18 m radius."""
 
 _STRIPS = ("cycle_track", "parking", "shoulder", "bay", "cycle_lane", "bus_lane")
-"""What lies between a sidewalk and the lanes for cars, from the right: by the names of the road's settings, and the bay
-of a bus stop."""
+"""Strips between a sidewalk and the lanes for cars, from right to left: the names of the road's settings, and `bay` for
+the bay of a bus stop."""
 _ROOM_FOR_BAY = ("parking", "shoulder")
-"""Beside a bay these are interrupted: it takes their place."""
+"""Strips that a bay interrupts, because it takes their place."""
 _ALLOWS: Mapping[str, str] = {"cycle_track": "bicycle", "bay": "bus", "cycle_lane": "bicycle", "bus_lane": "bus"}
-"""SUMO's classes that may use a strip; nobody the others."""
+"""SUMO's classes that may use a strip; no vehicle may use the other strips."""
 
 
 @dataclass(frozen=True)
 class Strip:
-    """A lane that is none for cars: its number from the right, what it is, its width, m."""
+    """A lane that is not for cars: its index from the right, its type, its width, m."""
 
     index: int
     type: str
@@ -56,19 +55,19 @@ class Strip:
 
     @property
     def allow(self) -> str:
-        """SUMO's classes that may use it; "" for nobody."""
+        """SUMO's classes that may use it; "" for none."""
         return _ALLOWS.get(self.type, "")
 
 
 @dataclass(frozen=True)
 class PlainEdge:
-    """One `<edge>` of netconvert's input.
+    """An `<edge>` of netconvert's input.
 
     Attributes:
-        road: the road, ramp or roundabout that it is a piece of.
-        lanes: what its lanes are, from the right, without the sidewalk: `lane 1` for the first for cars.
-        widths: of the strips among them, m, by their type; all lanes for cars are `lane_width` wide.
-        sidewalk: its width, m, or None.
+        road: name of the road, ramp or roundabout of which it is a piece.
+        lanes: types of its lanes, from the right, without the sidewalk; `lane 1` is the first lane for cars.
+        widths: widths of the strips among them by type, m; all lanes for cars are `lane_width` wide.
+        sidewalk: width of the sidewalk, m, or None.
     """
 
     id: str
@@ -86,7 +85,7 @@ class PlainEdge:
 
     @property
     def strips(self) -> tuple[Strip, ...]:
-        """Its lanes that are none for cars."""
+        """Its lanes that are not for cars."""
         return tuple(Strip(k, what, self.widths[what]) for k, what in enumerate(self.lanes) if what in self.widths)
 
 
@@ -101,8 +100,8 @@ class Node(NamedTuple):
 
 @dataclass
 class Plain:
-    """Everything that netconvert is given beside the junctions, in the order of the file: nodes, edges, crossings
-    (node, edges, width), connections (from, to, lane, lane) and roundabouts."""
+    """Netconvert's input besides the junctions, in the order of the file: nodes, edges, crossings (node, edges, width),
+    connections (from, to, lane, lane) and roundabouts."""
 
     nodes: list[Node] = field(default_factory=list)
     edges: list[PlainEdge] = field(default_factory=list)
@@ -116,7 +115,7 @@ class Plain:
 
 
 def plain_of(network: m.Network) -> Plain:
-    """Return what netconvert is given for a network, but for the rules of turns, which need its own answer."""
+    """Return netconvert's input for a network, without the turn rules, which need netconvert's output."""
     rings = layout.rings_of(network)
     edges = layout.directed(network, rings)
     plain = Plain(roundabouts=list(rings.values()))
@@ -125,7 +124,7 @@ def plain_of(network: m.Network) -> Plain:
         plain.nodes += [Node(node, ring.place(angle), CORNER_RADIUS_M) for node, (angle, _) in arms]
     for edge in edges:
         plain.edges += _pieces(edge)
-        plain.nodes += [node for node in _cut_nodes(edge) if node.id not in {known.id for known in plain.nodes}]
+        plain.nodes += [node for node in _cut_nodes(edge) if node.id not in {other.id for other in plain.nodes}]
     by_id = {edge.id: edge for edge in edges}
     ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction)}
     for item in network.body:
@@ -149,8 +148,8 @@ def plain_of(network: m.Network) -> Plain:
 def _pieces(edge: Directed) -> list[PlainEdge]:
     """Return the pieces of an edge.
 
-    A one-way road lies with its middle on the line between its junctions; a two-way road drives on the right of that
-    line, with half of the median on either side.
+    The middle of a one-way road lies on the line between its junctions; each direction of a two-way road lies on the
+    right of that line, beside its half of the median.
     """
     road, (there, back) = edge.road, lanes_of(edge.road)
     if there < 1:
@@ -171,7 +170,7 @@ def _pieces(edge: Directed) -> list[PlainEdge]:
         spread="right" if back else "center",
         shape=(),
         sidewalk=number(road.sidewalk) or None,
-        # the road with more lanes goes first, among equals the faster one
+        # the road with more lanes has priority, among equal ones the faster road
         priority=1000 * (there + back) + round(speed * 3.6),
     )
     half_median = number(road.median) / 2
@@ -182,20 +181,20 @@ def _pieces(edge: Directed) -> list[PlainEdge]:
 
 
 def _lanes(widths: Mapping[str, float], first: int, last: int) -> tuple[str, ...]:
-    """Return what the lanes of an edge are, from the right; its lanes for cars have the numbers `first` to `last`."""
+    """Return the types of an edge's lanes, from the right; its lanes for cars have the numbers `first` to `last`."""
     cars = tuple(f"lane {k}" for k in range(first, last + 1))
     return (*(what for what in _STRIPS if what in widths), *cars)
 
 
 def _width(edge: PlainEdge) -> float:
-    """Return the width of an edge's carriageway with its strips, m."""
+    """Return the width of an edge's carriageway, including its strips, m."""
     return sum(edge.widths.get(lane, edge.lane_width) for lane in edge.lanes)
 
 
 def _cut_pieces(edge: Directed, usual: PlainEdge, right_m: float) -> Iterator[PlainEdge]:
-    """Yield the pieces of a cut edge: with the lanes and the limit that the cuts before them leave.
+    """Yield the pieces of a divided edge, with the lanes and the limit that result from the divisions before them.
 
-    Lanes have numbers that stay theirs: an acceleration lane is number 0.
+    A lane keeps its number along all pieces; an acceleration lane has number 0.
     """
     apart = _islands(edge, right_m)
     bends = [s for place, _ in apart for s in place]
@@ -211,7 +210,7 @@ def _cut_pieces(edge: Directed, usual: PlainEdge, right_m: float) -> Iterator[Pl
             match cut.item:
                 case m.OnRamp() | m.OffRamp():
                     first += 1 if cut.last else -1
-                case m.LaneEnd() if number(cut.item.lane) == last - first + 1:  # the leftmost
+                case m.LaneEnd() if number(cut.item.lane) == last - first + 1:  # the leftmost lane
                     last -= 1
                     moved += usual.lane_width
                 case m.LaneEnd():
@@ -235,15 +234,15 @@ def _with_bay(widths: Mapping[str, float], stop: m.BusStop) -> Mapping[str, floa
 
 
 def _islands(edge: Directed, half_median: float) -> list[tuple[tuple[float, float, float, float], float]]:
-    """Return where an edge keeps to the right of a zebra crossing's island: the lengths where that begins, is
-    complete, ends, and is over; and by how much."""
-    found = []
+    """Return where an edge passes the island of a zebra crossing on its right: the positions along the edge where it
+    begins to shift, is fully shifted, begins to return and has returned, and the shift, m."""
+    islands = []
     for cut in edge.cuts:
         if isinstance(cut.item, m.Zebra) and (more := number(cut.item.island) / 2 - half_median) > 0:
             room = number(cut.item.width, ZEBRA_M) + ISLAND_ROOM_M
             near, far = cut.at_m - room, cut.at_m + room
-            found.append(((near - ISLAND_TAPER_M, near, far, far + ISLAND_TAPER_M), more))
-    return found
+            islands.append(((near - ISLAND_TAPER_M, near, far, far + ISLAND_TAPER_M), more))
+    return islands
 
 
 def _apart(islands: Sequence[tuple[tuple[float, float, float, float], float]], s: float) -> float:
@@ -255,7 +254,7 @@ def _apart(islands: Sequence[tuple[tuple[float, float, float, float], float]], s
 
 
 def _cut_nodes(edge: Directed) -> Iterator[Node]:
-    """Yield the nodes that cut an edge; those that cut one direction only lie on its right side."""
+    """Yield the nodes that divide an edge; a node that divides only one direction lies on the right side of it."""
     two_way = lanes_of(edge.road)[1] > 0
     width = _width(_pieces_usual(edge))
     for cut in edge.cuts:
@@ -270,33 +269,33 @@ def _pieces_usual(edge: Directed) -> PlainEdge:
 
 
 def _joints(edge: Directed, edges: Sequence[PlainEdge]) -> Iterator[tuple[str, str, int, int]]:
-    """Yield the connections where an edge gets or loses lanes: each lane goes on as itself."""
-    by_id = {one.id: one for one in edges}
-    for (one, other), cut in zip(pairwise(edge.pieces), edge.cuts, strict=True):
+    """Yield the connections where an edge gains or loses lanes; each lane continues in the lane with its number."""
+    by_id = {piece.id: piece for piece in edges}
+    for (before_id, after_id), cut in zip(pairwise(edge.pieces), edge.cuts, strict=True):
         if isinstance(cut.item, m.Zebra | m.Bump):
             continue
-        before, after = by_id[one], by_id[other]
+        before, after = by_id[before_id], by_id[after_id]
         for k, lane in enumerate(before.lanes):
             if lane in after.lanes and (lane not in before.widths or _ALLOWS.get(lane)):
-                yield one, other, _number(before, k), _number(after, after.lanes.index(lane))
+                yield before_id, after_id, _number(before, k), _number(after, after.lanes.index(lane))
         ramp = by_id.get(cut.item.name) if isinstance(cut.item, m.OnRamp | m.OffRamp) else None
         if isinstance(cut.item, m.OnRamp) and not cut.last and ramp is not None:
             first = next(k for k, lane in enumerate(after.lanes) if lane.startswith("lane "))
-            yield ramp.id, other, 0, _number(after, first)
+            yield ramp.id, after_id, 0, _number(after, first)
         elif isinstance(cut.item, m.OffRamp) and cut.last and ramp is not None:
             first = next(k for k, lane in enumerate(before.lanes) if lane.startswith("lane "))
-            yield one, ramp.id, _number(before, first), 0
+            yield before_id, ramp.id, _number(before, first), 0
 
 
 def _number(edge: PlainEdge, lane: int) -> int:
-    """Return SUMO's number of a lane: a sidewalk is number 0."""
+    """Return SUMO's index of a lane; a sidewalk has index 0."""
     return lane + (edge.sidewalk is not None)
 
 
 def _zebra_crossings(
     item: m.Zebra, edges: Mapping[str, Directed]
 ) -> Iterator[tuple[str, tuple[str, ...], float | None]]:
-    """Yield a zebra crossing, or two with an island between them; they lie before it, as its road runs."""
+    """Yield a zebra crossing, or two with an island between them; it is at the end of the piece before it."""
     width = number(item.width, ZEBRA_M)
     there, back = edges.get(item.road), edges.get(item.road + BACK)
     if there is None:
@@ -316,7 +315,7 @@ def _zebra_crossings(
 
 
 def _ramp(item: m.OnRamp | m.OffRamp, edges: Mapping[str, Directed], ends: Mapping[str, XY]) -> PlainEdge:
-    """Return a ramp's edge: a curve to its taper, which meets the further lane of the edge that it belongs to."""
+    """Return a ramp's edge: a curve to its taper, which meets the additional lane of the ramp's edge."""
     edge = edges[item.edge]
     usual = _pieces_usual(edge)
     lane_width = number(item.lane_width, usual.lane_width)
@@ -332,17 +331,17 @@ def _ramp(item: m.OnRamp | m.OffRamp, edges: Mapping[str, Directed], ends: Mappi
     away_at, away_heading = at(edge.line, s - TAPER_M if joins else s + TAPER_M)
     away = beside(away_at, away_heading, right + lane_width)
     via, end_at = [xy(p) for p in item.via], ends[item.junction]
-    given = [end_at, *via] if joins else [*via, end_at]
+    points = [end_at, *via] if joins else [*via, end_at]
     taper = math.atan2(meets[1] - away[1], meets[0] - away[0])
     if joins:
-        before = given[-2:] if len(given) > 1 else [given[-1], away]
+        before = points[-2:] if len(points) > 1 else [points[-1], away]
         begins = math.atan2(before[1][1] - before[0][1], before[1][0] - before[0][0])
-        shape = [*given[:-1], *curve(given[-1], begins, away, taper), meets]
+        shape = [*points[:-1], *curve(points[-1], begins, away, taper), meets]
     else:
         taper += math.pi
-        after = given[:2] if len(given) > 1 else [away, given[0]]
+        after = points[:2] if len(points) > 1 else [away, points[0]]
         arrives = math.atan2(after[1][1] - after[0][1], after[1][0] - after[0][0])
-        shape = [meets, *curve(away, taper, given[0], arrives), *given[1:]]
+        shape = [meets, *curve(away, taper, points[0], arrives), *points[1:]]
     start, end = (item.junction, item.name) if joins else (item.name, item.junction)
     speed = number(item.speed, RAMP_MPS)
     return PlainEdge(item.name, item.name, start, end, ("lane 1",), {}, lane_width, speed, "center", tuple(shape), None,
@@ -350,7 +349,7 @@ def _ramp(item: m.OnRamp | m.OffRamp, edges: Mapping[str, Directed], ends: Mappi
 
 
 def _ring_edges(ring: Ring) -> Iterator[PlainEdge]:
-    """Yield the edges on a roundabout, counter-clockwise: vehicles drive on the right."""
+    """Yield the edges of a roundabout, counter-clockwise, because vehicles drive on the right."""
     item = ring.item
     lanes, speed = round(number(item.lanes, 1)), number(item.speed, layout.RING_MPS)
     for k, (edge, start) in enumerate(zip(ring.edges, ring.nodes, strict=True)):

@@ -1,4 +1,4 @@
-"""Reads XML that comes from outside: no entities, nothing fetched, and no more of it than a machine can hold."""
+"""Reads foreign XML safely: rejects entities, opens no other files, and limits the memory that it takes."""
 
 from __future__ import annotations
 
@@ -18,21 +18,23 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 MOST_ELEMENTS = 2_000_000
-"""Ours: an element takes some 300 bytes in memory, so about 600 MB; an extract of 100 MB has some 1.5 million."""
+"""Maximum number of elements. Ours: an element takes some 300 bytes, together about 600 MB; an extract of 100 MB has
+some 1.5 million elements."""
 MOST_ATTRIBUTES = 10_000_000
-"""Ours: an attribute takes some 85 bytes in memory, so about 850 MB; an extract of 100 MB has some 6 million."""
+"""Maximum number of attributes. Ours: an attribute takes some 85 bytes, together about 850 MB; an extract of 100 MB has
+some 6 million attributes."""
 LONGEST_BYTES = 4_000_000
-"""The most bytes of one element's attributes, one text or one comment. Ours: the longest tag of three nets of cities
-has 4.4 kB. Expat 2.5 reads such a piece from its beginning for each block of the file that arrives: 50 MB took 90 s."""
+"""Maximum size of one tag, text or comment, bytes. Ours: the longest tag in the nets of three cities has 4.4 kB. Expat
+2.5 reads such a piece again from its beginning for each block of the file: 50 MB took 90 s."""
 _GZIP = b"\x1f\x8b"
 _BLOCK_BYTES = 1 << 16
-"""Ours: half of the time that blocks of 16 kB take where a piece is long, and no difference elsewhere."""
+"""Size of a block, bytes. Ours: long pieces take half the time that they take with blocks of 16 kB, others the same."""
 DEEPEST = 100
-"""How deep elements may nest. Ours: OpenSCENARIO nests about 25 deep, OpenDRIVE 10, OpenStreetMap 3."""
+"""Maximum depth of nested elements. Ours: OpenSCENARIO nests about 25 deep, OpenDRIVE 10, OpenStreetMap 3."""
 _FILE_IN_PROJECTION = re.compile(
     r"(?:\binit|grids|\bfile|\bcatalog)\s*=[^\s+]*[/\\]|PARAMETERFILE\[[^\]]*[/\\]", re.IGNORECASE
 )
-"""A path in a text that describes a projection: PROJ opens the file. Names without a folder are PROJ's own data."""
+"""A path in the description of a projection, which PROJ would open. Names without a folder are PROJ's own data."""
 
 
 def parse_net(path: Path) -> Element:
@@ -41,10 +43,11 @@ def parse_net(path: Path) -> Element:
 
 
 def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = CompileError) -> Element:
-    """Return the root of an XML file, which must be called `tag`; `what` it should be is for messages: `an OpenDRIVE
+    """Return the root of an XML file, which must have the name `tag`; `what` is the format for messages: `an OpenDRIVE
     map`.
 
-    An `error` where it cannot be read, is too large or too deep, is no XML, declares entities, or has another root.
+    Raises:
+        error: the file cannot be read, is too large or too deep, is not XML, declares entities, or has another root.
     """
     with _as_errors(path, what, error):
         root, *_ = _pieces_of(path, error, keep=True)
@@ -56,9 +59,9 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
 
 
 def children_of(path: Path, tag: str, what: str, error: type[ForeseeError] = CompileError) -> Iterator[Element]:
-    """Yield the elements below the root of an XML file, each with what is in it, and then forget it.
+    """Yield the elements below the root of an XML file, each with its contents, and then release their memory.
 
-    So the file may have more elements than memory has room for; the rest is as of `parse_xml`.
+    The file may therefore have more elements than fit into memory; otherwise it works as `parse_xml`.
     """
     with _as_errors(path, what, error):
         pieces = _pieces_of(path, error, keep=False)
@@ -75,11 +78,11 @@ def _check_root(path: Path, root: Element, tag: str, what: str, error: type[Fore
 
 @contextmanager
 def _as_errors(path: Path, what: str, error: type[ForeseeError]) -> Iterator[None]:
-    """Turn what is raised while a file is read into an `error` that names the file."""
+    """Convert exceptions from reading a file to an `error` that names the file."""
     import zlib
     from xml.etree.ElementTree import ParseError
 
-    from defusedxml import DefusedXmlException  # here: a net that was read before needs no XML
+    from defusedxml import DefusedXmlException  # imported here: a cached net needs no XML parser
 
     try:
         yield
@@ -88,7 +91,7 @@ def _as_errors(path: Path, what: str, error: type[ForeseeError]) -> Iterator[Non
     except DefusedXmlException as err:
         raise error(f"{path} declares entities, which are not read: write them out") from err
     except (ParseError, ValueError, LookupError, EOFError, zlib.error) as err:  # LookupError: an unknown encoding
-        # a file that was cut off has `no element found` at its end
+        # the parser reports `no element found` at the end of a truncated file
         line = getattr(err, "position", (0, 0))[0]
         cut_off = line and str(err).startswith("no element found")
         fault = f"it is cut off at line {line}" if cut_off else str(err)
@@ -96,13 +99,13 @@ def _as_errors(path: Path, what: str, error: type[ForeseeError]) -> Iterator[Non
 
 
 def unreadable(path: Path, err: OSError, error: type[ForeseeError] = CompileError) -> ForeseeError:
-    """Return the error for a file that cannot be opened, or is too large."""
+    """Return the error for a file that cannot be opened or is too large."""
     advice = ", or cut out the part that is needed" if err.errno == errno.EFBIG else ""
     return error(f"{path} cannot be read: {err.strerror or err}{advice}")
 
 
 def open_packed(path: Path, error: type[ForeseeError] = CompileError) -> BinaryIO:
-    """Open a file; one that gzip has packed is unpacked while it is read, up to the limit `file`."""
+    """Open a file; a file in gzip format is decompressed while it is read, up to the limit `file`."""
     file = open_outside(path)
     packed = file.read(len(_GZIP)) == _GZIP
     file.seek(0)
@@ -110,16 +113,16 @@ def open_packed(path: Path, error: type[ForeseeError] = CompileError) -> BinaryI
 
 
 def unpacked(path: Path, error: type[ForeseeError] = CompileError) -> bytes:
-    """Return a file's bytes, unpacked where gzip has packed them."""
+    """Return a file's bytes, decompressed if the file is in gzip format."""
     with open_packed(path, error) as file:
         return file.read()
 
 
 class _Unpacked(RawIOBase):
-    """A packed file that is larger than it seems is refused."""
+    """A decompressing file, which raises an error beyond the limit `file`."""
 
     def __init__(self, path: Path, packed: BinaryIO, error: type[ForeseeError]) -> None:
-        from gzip import GzipFile  # a check of files reads none that is packed
+        from gzip import GzipFile  # imported here: most commands read no compressed file
 
         self._packed, self._file = packed, GzipFile(fileobj=packed)
         self._path, self._error, self._read = path, error, 0
@@ -142,15 +145,15 @@ class _Unpacked(RawIOBase):
 
 
 class _Pieces:
-    """A file that is handed to the parser block by block, as long as its pieces end: tags, texts and comments."""
+    """A file for the parser, in blocks; it raises an error if a tag, text or comment is longer than `LONGEST_BYTES`."""
 
     def __init__(self, path: Path, file: BinaryIO, error: type[ForeseeError]) -> None:
         self._path, self._file, self._error = path, file, error
         self.pending = 0
-        """Bytes since the last tag that the parser has understood."""
+        """Number of bytes since the last complete tag."""
 
     def read(self, _: int = 0, /) -> bytes:
-        """Return the next block, of our size."""
+        """Return the next block of `_BLOCK_BYTES`; the parser's size is ignored."""
         if self.pending > LONGEST_BYTES:
             raise self._error(f"{self._path} has a tag, a text or a comment of more than {LONGEST_BYTES / 1e6:.0f} MB")
         data = self._file.read(_BLOCK_BYTES)
@@ -159,9 +162,9 @@ class _Pieces:
 
 
 def _pieces_of(path: Path, error: type[ForeseeError], *, keep: bool) -> Iterator[Element]:
-    """Parse a file, watching its depth and its size in memory while it grows; yield its root, then what is below that.
+    """Parse a file, and check its depth and size meanwhile; yield its root, then the elements below the root.
 
-    `keep`: the root keeps what is below it.
+    `keep`: the root keeps these elements.
     """
     from defusedxml.ElementTree import iterparse
 
@@ -200,13 +203,13 @@ def _advice(root: Element) -> str:
 
 
 def _check_opens_none(element: Element, path: Path, error: type[ForeseeError]) -> None:
-    """Refuse what makes SUMO 1.28 open other files while it reads this one: inclusions, and grids of projections."""
+    """Check an element for files that SUMO 1.28 would open: inclusions and grids of projections."""
     tag = element.tag
     if tag.endswith("include"):
         named = element.get("file") or element.get("href") or ""
         raise error(f"{path} includes another file ({named!r}), which is not opened: write what it holds in its place")
     if tag.endswith(("geoReference", "location")):
-        found = _FILE_IN_PROJECTION.search(element.get("projParameter") or element.text or "")
-        if found:
-            raise error(f"{path} has a projection that reads a file of this machine ({found[0]!r}), which is not "
+        file = _FILE_IN_PROJECTION.search(element.get("projParameter") or element.text or "")
+        if file:
+            raise error(f"{path} has a projection that reads a file of this machine ({file[0]!r}), which is not "
                         "opened: leave that out, or name the file without its folder")  # fmt: skip

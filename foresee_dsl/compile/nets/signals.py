@@ -1,4 +1,4 @@
-"""Fixed-time signal programs: made from the language's stages, written for SUMO, and read from any net."""
+"""Fixed-time signal programs: builds them from the language's stages, writes them for SUMO, reads them from any net."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ from foresee_dsl.language.model import Junction, Network, Quantity, Stage
 from foresee_dsl.language.printer import written
 
 AMBER_S = 3.0
-"""SUMO's default (netconvert --tls.yellow.time) for 50 km/h; the same in Germany's RiLSA."""
+"""Duration of amber, s: SUMO's default (netconvert --tls.yellow.time) for 50 km/h; the same as in Germany's RiLSA."""
 ALL_RED_S = 2.0
-"""Ours: a vehicle that enters at the end of amber with 30 km/h has cleared the 15 to 17 m of our junctions."""
+"""Duration of the all-red phase, s. Ours: a vehicle that enters at the end of amber at 30 km/h has then crossed a
+junction of 15 to 17 m."""
 PEDESTRIAN_CLEARANCE_S = 5.0
-"""Ours (SUMO's default for --tls.crossing-clearance.time too): with the amber and all red that follow, 10 s, enough for
-12 m at 1.2 m/s. A stage under 10 s gives half of itself."""
+"""Time before the end of green in which pedestrians already have red, s (at most half of the stage). Ours, and SUMO's
+default for --tls.crossing-clearance.time: with amber and all-red it makes 10 s, enough for 12 m at 1.2 m/s."""
 
 NAMED_STAGES = "foresee.stages"
-"""Key of a `param` that marks our programs in foreign nets: the name of a phase there is the name of its stage."""
+"""Key of the `param` that marks our programs in foreign nets; the names of their phases are the names of stages."""
 
 _VEHICLE_GREEN = "Gg"
 
 
 @dataclass(frozen=True)
 class Link:
-    """One movement that a signal controls.
+    """A movement that a signal controls.
 
     Attributes:
-        index: its place in the state string.
-        edge: where a vehicle movement comes from; "" for a crossing.
-        crosses: the edges that a crossing lies over; empty for a vehicle movement.
+        index: its index in the state string.
+        edge: the edge from which vehicles come; "" for a crossing.
+        crosses: the edges that a crossing crosses; empty for a vehicle movement.
         direction: SUMO's letter: `s` straight, `l` left, `r` right, `t` turn back, `L`/`R` half left and right; "" for
             a crossing.
-        foes: indices of the movements that it conflicts with. yields_to: those that it must let pass first.
+        foes: indices of the conflicting movements. yields_to: indices of the movements that have priority over it.
     """
 
     index: int
@@ -53,14 +54,14 @@ class Link:
 
     @property
     def is_crossing(self) -> bool:
-        """True for pedestrians."""
+        """True for a movement of pedestrians."""
         return bool(self.crosses)
 
 
 def program(junction: Junction, links: Sequence[Link], roads_of: Mapping[str, str]) -> Signal:
-    """Make the program of a junction from its stages, which name roads.
+    """Return the program of a junction, built from its stages, which name roads.
 
-    `links`: all movements that the signal controls, by index. `roads_of`: road names by edge id.
+    `links`: all movements that the signal controls, ordered by index. `roads_of`: road names by edge id.
     """
     if not links:
         raise CompileError(f"junction {junction.name} has a signal, but there is no movement that it could control")
@@ -82,31 +83,31 @@ def program(junction: Junction, links: Sequence[Link], roads_of: Mapping[str, st
 def write_programs(
     programs: Sequence[Signal], out: Path, *, program_id: str = "0", offsets: Mapping[str, float] | None = None
 ) -> None:
-    """Write programs for netconvert or SUMO; a phase's name is its stage's.
+    """Write programs for netconvert or SUMO; the name of a phase is the name of its stage.
 
-    `program_id`: SUMO's name for all of them; "0" is what netconvert calls its own. `offsets`: when a signal's first
-    phase begins, by SUMO's id, s; 0 where it is absent.
+    `program_id`: SUMO's id of all programs; netconvert's own have "0". `offsets`: begin of a signal's first phase by
+    SUMO's id of the signal, s; 0 if it is absent.
     """
     render("signals.tll.xml", out, programs=programs, program_id=program_id, offsets=offsets or {})
 
 
 def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
-    """Read the signals of a net file, as `signals_of` returns them."""
+    """Return the signals of a net file, as `signals_of` does."""
     root = parse_net(net_file)
     return signals_of(root, topology_of(root), network)
 
 
 def signals_of(root: Element, topology: Topology, network: Network | None) -> dict[str, Signal]:
-    """Return the signals of a net by junction, from its tree and the topology of that.
+    """Return the signals of a net by junction, from its tree and its topology.
 
-    `network`: what it was built from; None for a foreign one. Then every phase is a stage of its own, `phase_N`, but
-    for programs that we gave it (`give_programs`), and a program that controls several junctions appears once for each.
+    `network`: the network from which the net was built; None for a foreign net. In a foreign net, each phase is a stage
+    `phase_N`, except in programs of `give_programs`, and a program for several junctions appears once for each of them.
     """
     controlled: dict[str, str] = {}
     for movement in _with_signal(topology):
         controlled.setdefault(movement.junction, movement.tls or "")
     logics = {e.get("id", ""): e for e in reversed(root.findall("tlLogic"))}
-    found = {}
+    signals = {}
     for junction, tls in sorted(controlled.items()):
         logic = logics[tls]
         phases = [
@@ -117,50 +118,56 @@ def signals_of(root: Element, topology: Topology, network: Network | None) -> di
         if network is None and not ours:
             names = tuple(f"phase_{k}" for k in range(len(phases)))
             phases = [(f"phase_{k}", state, duration) for k, (_, state, duration) in enumerate(phases)]
-        found[junction] = Signal(junction, tls, names, _grouped(names, phases))
+        signals[junction] = Signal(junction, tls, names, _grouped(names, phases))
     if network is not None:
-        _check_stages(found, network)
-    return found
+        _check_stages(signals, network)
+    return signals
 
 
 def links_of(topology: Topology, junction: str) -> tuple[Link, ...] | None:
-    """Return the movements that a junction's signal controls, by index; none where netconvert gave it no signal.
+    """Return the movements that a junction's signal controls, ordered by index; empty if the junction has no signal.
 
-    None where the signal controls another junction too, or the right-of-way matrix has no row for a movement.
+    It is None if the signal also controls another junction, or the right-of-way matrix has no row for a movement.
     """
-    controlled = sorted((one for one in _with_signal(topology) if one.tls == junction), key=lambda one: one.link)
-    if any(one.junction != junction or one.index < 0 for one in controlled):
+    controlled = sorted((item for item in _with_signal(topology) if item.tls == junction), key=lambda item: item.link)
+    if any(item.junction != junction or item.index < 0 for item in controlled):
         return None
     node = topology.junctions.get(junction)
     if node is None or not controlled:
         return ()
     return tuple(
         Link(
-            index=one.link,
-            edge="" if isinstance(one, Crossing) else one.from_edge,
-            crosses=one.edges if isinstance(one, Crossing) else (),
-            direction="" if isinstance(one, Crossing) else one.direction,
-            foes=frozenset(other.link for other in controlled if node.conflicts(one.index, other.index)),
-            yields_to=frozenset(other.link for other in controlled if node.yields(one.index, other.index)),
+            index=item.link,
+            edge="" if isinstance(item, Crossing) else item.from_edge,
+            crosses=item.edges if isinstance(item, Crossing) else (),
+            direction="" if isinstance(item, Crossing) else item.direction,
+            foes=frozenset(other.link for other in controlled if node.conflicts(item.index, other.index)),
+            yields_to=frozenset(other.link for other in controlled if node.yields(item.index, other.index)),
         )
-        for one in controlled
+        for item in controlled
     )
 
 
 def check_same_links(first: Topology, second: Topology) -> None:
-    """Make sure that two builds number the movements of all signals alike: a program for one then fits the other."""
-    one, other = (sorted((m.tls or "", m.link, m.ends) for m in _with_signal(t)) for t in (first, second))
-    if one != other:
+    """Check that two builds of a net number the movements of all signals equally, so that programs fit both.
+
+    Raises:
+        CompileError: they do not.
+    """
+    first_links, second_links = (
+        sorted((m.tls or "", m.link, m.ends) for m in _with_signal(t)) for t in (first, second)
+    )
+    if first_links != second_links:
         raise CompileError("netconvert numbered the signals' movements differently when it was given their programs")
 
 
 def _with_signal(topology: Topology) -> list[Movement | Crossing]:
     both: tuple[Movement | Crossing, ...] = (*topology.movements, *topology.crossings.values())
-    return [one for one in both if one.tls is not None]
+    return [item for item in both if item.tls is not None]
 
 
 def _stage_phases(k: int, stage: Stage, links: Sequence[Link], roads_of: Mapping[str, str]) -> list[Phase]:
-    """The phases of one stage: green (split where pedestrians stop earlier), amber, all red."""
+    """Return the phases of a stage: green (two phases if pedestrians stop earlier), amber, all red."""
     if not isinstance(stage.duration, Quantity):
         raise CompileError(f"a network cannot use the parameter in `{written(stage.duration)}`")
     green_s = stage.duration.si
@@ -180,8 +187,8 @@ def _stage_phases(k: int, stage: Stage, links: Sequence[Link], roads_of: Mapping
 def stage_state(green: frozenset[str], links: Sequence[Link], roads_of: Mapping[str, str]) -> str:
     """Return the state string of a stage's green: `G` go, `g` go but yield, `r` stop.
 
-    Vehicles from the named roads go. Pedestrians go where the road that they cross is not named, and where every
-    vehicle that may come across is one that yields to them (it turns).
+    Vehicles from the named roads go. Pedestrians go if the road that they cross is not named, and if all vehicles that
+    could cross their way are turning and yield to them.
     """
     moving = {link.index: link for link in links if not link.is_crossing and roads_of[link.edge] in green}
     walking = {
@@ -204,7 +211,7 @@ def stage_state(green: frozenset[str], links: Sequence[Link], roads_of: Mapping[
 
 
 def _grouped(names: tuple[str, ...], phases: Sequence[tuple[str, str, float]]) -> tuple[Phase, ...]:
-    """Give every phase its stage and the time since that stage began."""
+    """Return the phases with their stages and the time between the begin of the stage and of the phase."""
     since = dict.fromkeys(names, 0.0)
     result = []
     for name, state, duration in phases:
@@ -213,9 +220,9 @@ def _grouped(names: tuple[str, ...], phases: Sequence[tuple[str, str, float]]) -
     return tuple(result)
 
 
-def _check_stages(found: Mapping[str, Signal], network: Network) -> None:
+def _check_stages(signals: Mapping[str, Signal], network: Network) -> None:
     for junction in network.body:
         if isinstance(junction, Junction) and junction.control == "signals":
             wanted = tuple(stage.name for stage in junction.stages)
-            if junction.name not in found or found[junction.name].stages != wanted:
+            if junction.name not in signals or signals[junction.name].stages != wanted:
                 raise CompileError(f"the net has no signal with the stages of junction {junction.name}")

@@ -1,4 +1,4 @@
-"""Turn restrictions and lanes' turns: which connections netconvert is told to make, from those that it made."""
+"""Turn restrictions and turns of lanes: derives the connections for netconvert's second run from those of its first."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from foresee_dsl.language.streets.lines import number
 
 
 class Connection(NamedTuple):
-    """A `<connection>`: between two edges, or (with numbers) between two of their lanes."""
+    """A `<connection>` between two edges, or (with indices) between two of their lanes."""
 
     start: str
     end: str
@@ -22,8 +22,11 @@ class Connection(NamedTuple):
 
 
 def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[Connection, ...]:
-    """Return the connections of all edges from which a turn is forbidden: to the edges that are left, whose lanes
-    netconvert chooses anew. A `CompileError` where there is no such turn, or no way on is left."""
+    """Return the remaining connections of all edges with a forbidden turn; netconvert chooses their lanes again.
+
+    Raises:
+        CompileError: a forbidden turn does not exist, or an edge has no other turn.
+    """
     forbidden: dict[str, dict[Turn, BannedTurn]] = {}
     for item in network.body:
         if isinstance(item, BannedTurn):
@@ -34,26 +37,28 @@ def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[Conne
                         f"road {road} does not lead to {item.junction}: no turn from it can be forbidden"
                     )
                 forbidden.setdefault(into, {})[item.turn] = item
-    found: list[Connection] = []
+    connections: list[Connection] = []
     for edge, rules in forbidden.items():
         ways = _ways(net, edge)
         for turn, item in rules.items():
             if turn not in ways.values() and turn != "back":
-                known = ", ".join(dict.fromkeys(ways.values()))
-                message = f"forbid {turn} over {item.junction}: from {edge} one can only go {known or 'nowhere'} there"
+                turns = ", ".join(dict.fromkeys(ways.values()))
+                message = f"forbid {turn} over {item.junction}: from {edge} one can only go {turns or 'nowhere'} there"
                 raise CompileError(message)
         left = [target for target, turn in ways.items() if turn not in rules]
         if not left:
             raise CompileError(f"forbid: no way on is left from {edge} over {net.edges[edge].end}")
-        found += [Connection(edge, target) for target in left]
-    return tuple(found)
+        connections += [Connection(edge, target) for target in left]
+    return tuple(connections)
 
 
 def by_lane(network: Network, plain: Plain, net: Topology, left: Sequence[Connection]) -> tuple[Connection, ...]:
     """Return the connections, lane by lane, of all edges with a `lane N of EDGE goes` rule.
 
-    `left`: those of edges with a forbidden turn. Lanes without a rule keep theirs. A `CompileError` for a turn that is
-    not there.
+    Lanes without a rule keep their connections. `left`: the remaining connections of edges with a forbidden turn.
+
+    Raises:
+        CompileError: a turn, lane or edge of a rule does not exist.
     """
     rules: dict[str, dict[int, LaneTurns]] = {}
     for item in network.body:
@@ -62,20 +67,20 @@ def by_lane(network: Network, plain: Plain, net: Topology, left: Sequence[Connec
             if not pieces:
                 raise CompileError(f"there is no edge {item.edge}, whose lane {number(item.lane):g} goes somewhere")
             rules.setdefault(pieces[-1], {})[round(number(item.lane))] = item
-    found = [connection for connection in left if connection.start not in rules] if rules else []
+    connections = [connection for connection in left if connection.start not in rules] if rules else []
     for edge, of_lanes in rules.items():
-        found += _of_edge(net, edge, of_lanes)
-    return tuple(found)
+        connections += _of_edge(net, edge, of_lanes)
+    return tuple(connections)
 
 
 def _of_edge(net: Topology, edge: str, rules: dict[int, LaneTurns]) -> list[Connection]:
     cars = net.edges[edge].for_kind("car")
     ways = _ways(net, edge)
-    usual = {(m.from_lane, m.to_edge): net.lanes[m.to_lane].index for m in _made(net, edge)}
+    usual = {(m.from_lane, m.to_edge): net.lanes[m.to_lane].index for m in _movements(net, edge)}
     wanted: dict[str, list[int]] = {}
-    found = [
+    connections = [
         Connection(edge, m.to_edge, net.lanes[m.from_lane].index, net.lanes[m.to_lane].index)
-        for m in _made(net, edge)
+        for m in _movements(net, edge)
         if all(net.lanes[m.from_lane] is not cars[k - 1] for k in rules if k <= len(cars))
     ]
     for number_, item in sorted(rules.items()):
@@ -84,37 +89,39 @@ def _of_edge(net: Topology, edge: str, rules: dict[int, LaneTurns]) -> list[Conn
         for turn in item.turns:
             targets = [target for target, way in ways.items() if way == turn]
             if not targets:
-                known = ", ".join(dict.fromkeys(ways.values()))
+                turns = ", ".join(dict.fromkeys(ways.values()))
                 raise CompileError(
                     f"lane {number_} of {edge} cannot go {turn} over {net.edges[edge].end}: one can only go "
-                    f"{known or 'nowhere'} there"
+                    f"{turns or 'nowhere'} there"
                 )
             for target in targets:
                 wanted.setdefault(target, []).append(cars[number_ - 1].index)
     for target, from_lanes in wanted.items():
         into = [lane.index for lane in net.edges[target].for_kind("car")]
-        others = [c.from_lane for c in found if c.end == target and c.from_lane in {lane.index for lane in cars}]
+        others = [c.from_lane for c in connections if c.end == target and c.from_lane in {lane.index for lane in cars}]
         every = sorted({*from_lanes, *(lane for lane in others if lane is not None)})
         for lane in from_lanes:
             place = every.index(lane)
             aligned = _aligned(place, len(every), into, ways[target])
             to = usual.get((net.edges[edge].lanes[lane].id, target), aligned) if others else aligned
-            found.append(Connection(edge, target, lane, to))
-    return sorted(found, key=lambda c: (c.from_lane or 0, c.end))
+            connections.append(Connection(edge, target, lane, to))
+    return sorted(connections, key=lambda c: (c.from_lane or 0, c.end))
 
 
 def _aligned(place: int, count: int, into: Sequence[int], turn: Turn) -> int:
-    """Return the lane that the one at a place, from the right, of all lanes of a turn leads to: turns to the left keep
-    to the left, the others to the right."""
+    """Return the index of the target lane for the lane at a place, from the right, among `count` lanes of a turn.
+
+    Lanes that turn left lead to the leftmost target lanes, others to the rightmost.
+    """
     from_right = place + max(len(into) - count, 0) if turn == "left" else place
     return into[min(from_right, len(into) - 1)]
 
 
-def _made(net: Topology, edge: str) -> list[Movement]:
-    """Return the movements from an edge that somebody on wheels may take."""
+def _movements(net: Topology, edge: str) -> list[Movement]:
+    """Return the movements from an edge that vehicles may take."""
     return [m for m in net.movements if m.from_edge == edge and m.kinds - {"pedestrian"}]
 
 
 def _ways(net: Topology, edge: str) -> dict[str, Turn]:
-    """Return the edges that an edge leads to, with their turns."""
-    return {m.to_edge: m.turn for m in _made(net, edge)}
+    """Return the edges to which an edge leads, with their turns."""
+    return {m.to_edge: m.turn for m in _movements(net, edge)}
