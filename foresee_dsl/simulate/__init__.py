@@ -1,1 +1,1 @@
-"""Run a concrete scenario in SUMO with a driver at the wheel: world, dynamics, behaviours, trace, verdict."""
+"""Runs a concrete scenario in SUMO with the driver under test: world, dynamics, triggers, trace, verdict."""

@@ -1,4 +1,4 @@
-"""What goes wrong in a driver's code, in words: the exception, the place in its own code, its own traceback."""
+"""Describes an exception in a driver's code: its text, the place in the driver's own code, and the own traceback."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _DRIVERS = _PACKAGE / "drivers"
 _LOADING = _DRIVERS / "registry.py"
 LONGEST_REASON = 1000
-"""Characters of an exception's text that go into the reason. Ours: half of what a text in a file may have."""
+"""Maximum number of characters of an exception's text in the reason. Ours: half of the limit of a text in a file."""
 LONGEST_TRACEBACK = 8000
-"""Characters. Ours: a hundred lines."""
+"""Maximum number of characters of a traceback. Ours: a hundred lines."""
 _DUMPED = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*)$', re.M)
 
 
 class DriverHangs(BaseException):
-    """A driver took too long.
+    """A driver exceeded a deadline.
 
     Attributes:
-        what: which call, and how long it may take. allows: what allows more. hang: the same for programs.
+        what: the call and its deadline, in words. allows: the option that allows more time. hang: the same as data.
     """
 
     def __init__(self, what: str, allows: str, hang: Hang) -> None:
@@ -34,7 +34,7 @@ class DriverHangs(BaseException):
 
 
 class Fault(NamedTuple):
-    """An exception of a driver.
+    """The description of a driver's exception.
 
     Attributes:
         text: one line, such as `the driver raised ValueError: no idea, at mine.py:12 (step)`.
@@ -46,7 +46,7 @@ class Fault(NamedTuple):
 
 
 def fault_of(err: BaseException) -> Fault:
-    """Return what a driver's exception says."""
+    """Return the description of a driver's exception."""
     if isinstance(err, DriverError):
         return Fault(f"the driver broke: {one_line(err)}", "")
     at = f", at {place}" if (place := place_of(err)) else ""
@@ -57,7 +57,7 @@ def fault_of(err: BaseException) -> Fault:
 
 
 def one_line(err: BaseException) -> str:
-    """Return an exception's text as one line that may stand between double quotes."""
+    """Return an exception's text as one line without double quotes, so that it can be quoted."""
     try:
         text = str(err)
     except Exception:  # its own __str__ may be broken as well
@@ -70,7 +70,7 @@ def place_of(err: BaseException) -> str:
     frames = _own(err.__traceback__)
     if not frames:
         return ""
-    # Its own code is the package that was called first; numpy or another library below it is not.
+    # The driver's own code is the package that was called first; a library that it calls, such as numpy, is not.
     top = _package(frames[0])
     frame = [frame for frame in frames if _package(frame) == top][-1]
     code = frame.tb_frame.f_code
@@ -78,24 +78,24 @@ def place_of(err: BaseException) -> str:
 
 
 def traceback_of(err: BaseException) -> str:
-    """Return the traceback from where the driver's code begins, with the exceptions that it follows from."""
+    """Return the traceback from the first frame of the driver's code on, with the exceptions that caused it."""
     frames = _own(err.__traceback__)
     if not frames:
         return ""
-    told = traceback.TracebackException(type(err), err, err.__traceback__)
+    report = traceback.TracebackException(type(err), err, err.__traceback__)
     inner = [frame.tb_frame.f_code for frame in frames]
-    stack = told.stack[-len(inner) - _watching(err.__traceback__) :][: len(inner)]
-    told.stack = traceback.StackSummary.from_list(stack)
-    lines = list(told.format())
+    stack = report.stack[-len(inner) - _watching(err.__traceback__) :][: len(inner)]
+    report.stack = traceback.StackSummary.from_list(stack)
+    lines = list(report.format())
     text = "".join(lines[:-1] if isinstance(err, DriverHangs) else lines).rstrip()
     half = LONGEST_TRACEBACK // 2
     return text if len(text) <= LONGEST_TRACEBACK else f"{text[:half]}\n  ...\n{text[-half:]}"
 
 
 def place_in_dump(dump: str) -> str:
-    """Return the place in the driver's code in what `faulthandler` wrote, innermost frame first; "" where none is."""
-    main = re.split(r"^(?:Thread|Current thread) 0x", dump, flags=re.M)[-1]  # the last; it runs drivers
-    frames = [(Path(found["file"]), found["line"], found["name"]) for found in _DUMPED.finditer(main)]
+    """Return the place in the driver's code from a dump of `faulthandler` (innermost frame first); "" without one."""
+    main = re.split(r"^(?:Thread|Current thread) 0x", dump, flags=re.M)[-1]  # the last thread runs the drivers
+    frames = [(Path(match["file"]), match["line"], match["name"]) for match in _DUMPED.finditer(main)]
     theirs = []
     for file, line, name in frames:
         if _is_ours(file):
@@ -109,7 +109,7 @@ def place_in_dump(dump: str) -> str:
 
 
 def _own(trace: TracebackType | None) -> list[TracebackType]:
-    """Return the entries of a traceback from the first in a driver's code on, without the watch's at the end."""
+    """Return the entries of a traceback from the first one in a driver's code on, without the watch's last ones."""
     entries = []
     while trace is not None:
         entries.append(trace)
@@ -122,7 +122,7 @@ def _own(trace: TracebackType | None) -> list[TracebackType]:
 
 
 def _watching(trace: TracebackType | None) -> int:
-    """Count our entries at a traceback's end."""
+    """Return the number of the simulator's own entries at the end of a traceback."""
     count = 0
     while trace is not None:
         count = count + 1 if _is_ours(_file(trace)) else 0
@@ -139,5 +139,5 @@ def _package(entry: TracebackType) -> str:
 
 
 def _is_ours(file: Path) -> bool:
-    """Whether a file belongs to the simulator; the bundled drivers are drivers like others."""
+    """Return whether a file belongs to the simulator; the bundled drivers count as drivers."""
     return file.is_relative_to(_PACKAGE) and (not file.is_relative_to(_DRIVERS) or file == _LOADING)

@@ -1,8 +1,7 @@
-"""Ends a driver that hangs: in an endless loop by a signal's handler, in a library that none reaches with its process.
+"""Ends a driver that hangs: an endless Python loop by a signal handler, a call in a library by ending the process.
 
-A timer's signal looks from time to time whether the driver is still in the
-same call. Only the main thread gets signals: elsewhere nothing is watched. A debugger that traces the run stops the
-watch.
+A timer's signal checks regularly whether the driver is still in the same call. Only the main thread gets signals: in
+other threads drivers are not watched. A debugger that traces the run stops the watch.
 """
 
 from __future__ import annotations
@@ -23,17 +22,17 @@ from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import Hang
 
 _TICK_S = 1.0
-"""Between two looks. Ours: a tenth of the deadline of a step; a look takes a few microseconds."""
+"""Time between two checks, s. Ours: a tenth of the deadline of a step; a check takes a few microseconds."""
 _GRACE_S = 2.0
-"""How much longer a process may take to come back from a library. Ours: two looks."""
+"""Time after the deadline for which a process may stay in a library call, s. Ours: two checks."""
 
 
 class Call:
-    """The call of the driver that is under way: `with watch.call("step"): ...`.
+    """The current call of the driver: `with watch.call("step"): ...`.
 
     Attributes:
-        name: `reset`, `step` or `close`; empty between two calls. number: how many have begun: 1 in the reset, 2 in the
-            first step.
+        name: `reset`, `step` or `close`; empty between two calls. number: the number of calls so far: 1 in the reset, 2
+            in the first step.
     """
 
     def __init__(self) -> None:
@@ -41,19 +40,19 @@ class Call:
         self.number = 0
 
     def __call__(self, name: str) -> Self:
-        """Name the call that begins."""
+        """Set the name of the call that begins."""
         self._next = name
         return self
 
     def __enter__(self) -> None:
-        """The driver begins to work."""
+        """Begin the call, and measure its time."""
         self.number += 1
         self.name = self._next
         if (clock := measuring.clock()) is not None:
             clock.begin_decision(first=self.name != "step" or self.number == 2)
 
     def __exit__(self, *_: object) -> None:
-        """The driver has answered, or raised."""
+        """End the call: the driver has answered or raised."""
         self.name = ""
         if (clock := measuring.clock()) is not None:
             clock.end()
@@ -79,7 +78,7 @@ class Watch:
         self._raised = False
 
     def __enter__(self) -> Self:
-        """Begin."""
+        """Start the timer."""
         self._programs_ns = _programs_ns()
         if self._limits is not None:
             tick_s = min(_TICK_S, *(limit / 4 for limit in self._limits))
@@ -88,7 +87,7 @@ class Watch:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End, and put things back as they were."""
+        """Stop the timer and restore the signal handler."""
         if (clock := measuring.clock()) is not None:
             clock.add_programs(_programs_ns() - self._programs_ns)  # an external driver's program has ended by now
         if self._limits is not None:
@@ -98,7 +97,7 @@ class Watch:
                 faulthandler.cancel_dump_traceback_later()
 
     def starts(self) -> None:
-        """Note that the driver was reset: steps have another deadline, and many of them come before the next look."""
+        """Set the deadline of the first step: the driver was reset, and many steps may follow before the next check."""
         files = printed_here()
         if self._limits is not None and files is not None:
             files.end_after(self._limits[1] + _GRACE_S)
@@ -115,7 +114,7 @@ class Watch:
         files = printed_here()
         if files is not None:
             files.trim()
-            if not self._raised:  # once it was told to end, it has the grace that is left
+            if not self._raised:  # after the exception was raised, the last deadline stays
                 files.end_after(min(limit_s, max(0.0, self._began_s + run_s - now_s)) + _GRACE_S)
         if not call.name:
             return

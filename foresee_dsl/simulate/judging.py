@@ -1,6 +1,6 @@
-"""The judge's step of a run: whether the run ends at a frame, and how; and what an ego waits for, in words.
+"""Judges each frame of a run: whether and how the run ends; and describes in words what an ego waits for.
 
-All of it depends on where all actors are, not on what the driver sees.
+It uses the true positions of all actors, not the driver's observation.
 """
 
 from __future__ import annotations
@@ -24,31 +24,34 @@ from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
 
 NEAR_GOAL_M = 2.0
-"""A clip whose goal is nearer than this runs to the end of its window. Ours: the spacing of the trace's waypoints."""
+"""Distance to the goal below which a clip runs to the end of its window, m. Ours: the spacing of trace waypoints."""
 _LONGEST_WORDS = 200
-"""Characters of what a driver says itself that go into the reason."""
+"""Maximum number of characters of the driver's own explanation in the reason."""
 AHEAD_M = 30.0
-"""A signal or an actor that is farther along the ego's route is nothing to wait for. Ours: a stopped queue of four cars
-and the gap before it; those behind have another in front."""
+"""Distance along the ego's route within which a signal or an actor explains its waiting, m. Ours: a stopped queue of
+four cars and the gap before it; an ego farther back has another car in front."""
 CLOSE_AHEAD_M = 15.0
-"""An actor in front that is this near is something to wait for, also beside the route. Ours: two car lengths and a
-crossing's width."""
+"""Distance within which an actor in front explains waiting even beside the route, m. Ours: two car lengths plus the
+width of a crossing."""
 BESIDE_M = 0.8
-"""A footprint this far beside the ego's is in its way all the same. Ours: what drivers leave to a pedestrian."""
+"""Lateral clearance below which another actor still blocks the ego, m. Ours: the clearance that drivers leave to a
+pedestrian."""
 JUNCTION_M = 10.0
-"""A junction this near is what an ego that stands before it waits at. Ours: two cars' lengths."""
+"""Distance to a junction within which a standing ego waits at that junction, m. Ours: two cars' lengths."""
 
 
 @dataclass(slots=True)
 class Frame:
-    """One frame of a run. The loop makes it and hands it from part to part; each part writes what the next ones read.
+    """One frame of a run, which the run's loop passes from part to part; each part sets a field for the next parts.
 
     Attributes:
-        time_s: since the run began; orders of the director are given before anything else is written.
-        states: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent: by the recorder.
-        observation: what the driver may look at: by the sensors.
-        decision: how the run ends at this frame, None where it goes on: by the judge, the driver's fault, or SUMO's.
-        control: the driver's answer: by the driver.
+        time_s: time since the run began; the director gives its orders before any other field is set.
+        states: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent; the recorder sets
+            it.
+        observation: the driver's input; the sensors set it.
+        decision: how the run ends at this frame, None if it goes on; set by the judge, or on a fault of the driver or
+            of SUMO.
+        control: the driver's answer.
     """
 
     time_s: float
@@ -70,10 +73,10 @@ class Judging:
         sizes = np.array([(actor.length, actor.width) for actor in others], dtype=np.float64).reshape(-1, 2)
         squares = self._squares = squares_of(simulation.network)
         footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
-        self._around = sizes, footprint, squares.left, squares.bottom, squares.cell, squares.known
+        self._around = sizes, footprint, squares.left, squares.bottom, squares.cell, squares.states
         self._judge = Judge(
             ids=[actor.id for actor in others],
-            # What stands for the whole run is a static object, a parked car too.
+            # An actor that stands for the whole run is a static object, also if it is a parked car.
             kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
             sizes=sizes,
             ego_size=(ego.length, ego.width),
@@ -82,7 +85,7 @@ class Judging:
         )
 
     def step(self, frame: Frame) -> None:
-        """Reads the states; writes the decision."""
+        """Set the frame's decision from its states."""
         arrived = not self._began_at_goal and self._conditions.arrived("ego")
         if not arrived and self._drives_on(frame):
             self._judge.moves()
@@ -104,7 +107,7 @@ class Judging:
         frame.decision = decision
 
     def _drives_on(self, frame: Frame) -> bool:
-        """Return whether a cheap test shows that nothing ends the run at this frame, as it nearly always does."""
+        """Return whether a cheap test shows that the run does not end at this frame; it nearly always does."""
         return (
             frame.states.item(SPEED) >= STANDS_MPS
             and frame.time_s < self._simulation.scene.end_s - STEP_S / 2
@@ -112,7 +115,7 @@ class Judging:
         )
 
     def _of_the_map(self, decision: Decision) -> Decision:
-        """An ego that leaves the road where the map is broken is not to blame for it."""
+        """Return an invalid run instead of F1 if the ego left the road at a defect of the map, else the decision."""
         ego = self._simulation.ego
         fault = self._simulation.network.fault_near(ego.x, ego.y)
         if not fault:
@@ -121,7 +124,7 @@ class Judging:
         return replace(decision, verdict=Verdict.INVALID, reason=reason)
 
     def _waits_for(self) -> str:
-        """What the ego waits for: by its driver's own words, if it has any, and by the scene."""
+        """Return what the ego waits for: as the scene shows it, and in its driver's own words if it has any."""
         scene = waits_for(self._simulation, self._recorder)
         own = getattr(self._driver, "waits_for", "")
         own = " ".join(own.split()).replace('"', "'")[:_LONGEST_WORDS] if isinstance(own, str) else ""
@@ -134,8 +137,7 @@ class _Ahead(NamedTuple):
 
 
 def may_wait(simulation: Simulation) -> bool:
-    """Return whether there is something to wait for: a signal that is not green, or an actor (no static object) in
-    front."""
+    """Return whether the ego has a reason to wait: a signal that is not green, or a non-static actor in front."""
     ego = simulation.ego
     if ego.speed >= STANDS_MPS:
         return True  # it does not wait, so the question does not arise
@@ -171,11 +173,11 @@ def waits_for(simulation: Simulation, recorder: Recorder) -> str:
         where = "inside junction" if room < 0 else f"{room:.1f} m before junction"
         near = _nearest(simulation)
         return f"{stands}, {where} {passage.junction}{f'; nearest to it is {near}' if near else ''}"
-    return f"{stands}, and nobody is ahead of it on its route"
+    return f"{stands}, and no actor is ahead of it on its route"
 
 
 def _behind(simulation: Simulation, recorder: Recorder, ahead: _Ahead) -> str:
-    """Say who is ahead, and why that one does not go on."""
+    """Return a clause with the actor ahead and the reason why it does not drive on."""
     actor = ahead.actor
     name = f"{max(ahead.gap_m, 0.0):.1f} m behind {actor.id} ({actor.placed.model.kind})"
     if actor.placed.control == "static":
@@ -197,17 +199,17 @@ def _ahead(simulation: Simulation) -> _Ahead | None:
     if line is None:
         return None
     here_m, aside_m = simulation.progress.of(ego, simulation.frame)
-    found = []
+    candidates = []
     for other in simulation.others(ego):
         s, lateral = line.project(other.x, other.y)
         gap_m = s - here_m - (ego.length + other.length) / 2
         if s > here_m and gap_m <= AHEAD_M and abs(lateral - aside_m) <= (ego.width + other.width) / 2 + BESIDE_M:
-            found.append(_Ahead(gap_m, other))
-    return min(found, key=lambda one: (one.gap_m, one.actor.id), default=None)
+            candidates.append(_Ahead(gap_m, other))
+    return min(candidates, key=lambda ahead: (ahead.gap_m, ahead.actor.id), default=None)
 
 
 def _signal(simulation: Simulation) -> tuple[float, str, str] | None:
-    """Return the next signal on the route that is not green: how far it is, its colour, its junction."""
+    """Return the distance (m), colour and junction of the next signal on the route; None if that one is green."""
     for passage, room in simulation.progress.ahead(simulation.ego, simulation.frame, AHEAD_M):
         tls, link = passage.movement.tls, passage.movement.link
         if room >= 0 and tls is not None and link >= 0:
@@ -217,7 +219,7 @@ def _signal(simulation: Simulation) -> tuple[float, str, str] | None:
 
 
 def _nearest(simulation: Simulation) -> str:
-    """Name the nearest actor that is no static object."""
+    """Return the nearest actor that is not a static object, in words; "" without one."""
     ego = simulation.ego
     apart = [
         (((other.x - ego.x) ** 2 + (other.y - ego.y) ** 2) ** 0.5, other)
@@ -226,5 +228,5 @@ def _nearest(simulation: Simulation) -> str:
     ]
     if not apart:
         return ""
-    metres, other = min(apart, key=lambda one: (one[0], one[1].id))
+    metres, other = min(apart, key=lambda pair: (pair[0], pair[1].id))
     return f"{other.id} ({other.placed.model.kind}), {metres:.0f} m away at {other.speed * 3.6:.0f} km/h"

@@ -1,4 +1,4 @@
-"""What the driver is asked to do: the ego's line, its junctions and who crosses there, from a compiled test case."""
+"""Builds the driver's mission from a compiled test case: the ego's line, its junctions and the crossing traffic."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ from foresee_dsl.simulate.trace import STEP_S
 __all__ = ["limits_of", "mission_of"]
 
 STOP_BEFORE_M = 1.0
-"""Distance of the stop line from the lanes inside the junction, m: where SUMO's vehicles stop."""
+"""Distance of the stop line from the lanes inside the junction, m; SUMO's vehicles stop there."""
 BEYOND_GOAL_M = 80.0
-"""A driver that plans 4 s ahead at 60 km/h looks 67 m ahead (and the protocol asks for a line beyond the goal)."""
+"""Length of the line beyond the goal, m, which the protocol requires: a driver that plans 4 s ahead at 60 km/h needs 67
+m."""
 NEAR_AHEAD_M, NEAR_RIGHT_M, NEAR_HEIGHT_M = 2.0, 3.0, 2.6
-"""A signal's near head from where the ego's lane meets the stop line. Ours: behind the line, at the kerb of a lane of
-3.3 m; 2.1 m is the usual least height over a pavement."""
+"""Position of a signal's near head relative to the point where the ego's lane meets the stop line, m. Ours: behind the
+line, at the kerb of a lane of 3.3 m; 2.1 m is the usual least height over a pavement."""
 FAR_AHEAD_M, FAR_HEIGHT_M = 20.0, 5.0
-"""The far head. Ours: across a junction of two lanes a direction with its crossings; 4.5 m is the usual least height
-over a road."""
+"""Position of the far-side signal head, m. Ours: about the far side of a junction of roads with two lanes per direction
+and crossings; 4.5 m is the usual least height over a road."""
 _HEADS_M = ((NEAR_AHEAD_M, -NEAR_RIGHT_M, NEAR_HEIGHT_M), (FAR_AHEAD_M, 0.0, FAR_HEIGHT_M))
-"""Ahead of the stop line on the route, to its left, over the road."""
+"""Positions of both heads: ahead of the stop line, to its left, above the road, m."""
 _GO, _GO_FIRST = "gGoO", "G"
-"""SUMO's letters of a signal's state: those that let a movement go, and the one that lets it go without yielding."""
+"""SUMO's letters of a signal's state: the letters for green, and the one for green with priority."""
 
 
 def mission_of(bundle: SumoBundle) -> Mission:
-    """Return the ego's mission; a `SimulationError` where it has no route.
+    """Return the ego's mission; raises `SimulationError` if the ego has no route.
 
-    Its centreline goes on for 80 m after the goal, straight where the route leaves it open, or as far as the network
-    goes.
+    Its centreline goes on for 80 m after the goal, or to the end of the network; where the route ends before, straight
+    on.
     """
     ego = bundle.scene.ego
     line = ego.line
@@ -61,7 +62,7 @@ def mission_of(bundle: SumoBundle) -> Mission:
 
 
 def heading_at(mission: Mission, s: float) -> tuple[float, float, float]:
-    """Return x, y (m) and heading (rad) of the ego's line at a length, from the metre before it."""
+    """Return x, y (m) and heading (rad) of the ego's line at a length; the heading is that of the metre before it."""
     (x0, x), (y0, y) = (np.interp((s - 1.0, s), mission.s, mission.centreline[:, k]).tolist() for k in (0, 1))
     return x, y, math.atan2(y - y0, x - x0)
 

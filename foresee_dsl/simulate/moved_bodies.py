@@ -1,6 +1,6 @@
-"""Bodies that SUMO does not drive: the ego, stand-ins for what is beside the lanes, vehicles that are steered.
+"""Bodies that SUMO does not drive: the ego, stand-ins for bodies beside the lanes, vehicles with a steering offset.
 
-Positions are SUMO's: the middle of the front bumper.
+Positions are SUMO's: those of the middle of the front bumper.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 GHOST_TYPE = "ghost"
 """The vehicle type of stand-ins for bodies that SUMO does not drive; 0.5 m long, in every types file."""
 MATCH_M = 5.0
-"""How far from a point SUMO looks for a lane in moveToXY. Ours: 5 us a call with 5 m, 33 us with SUMO's 100 m."""
+"""Radius in which moveToXY searches a lane, m. Ours: a call takes 5 us with 5 m, 33 us with SUMO's default 100 m."""
 
 
 class MovedBodies:
@@ -27,7 +27,7 @@ class MovedBodies:
     def __init__(
         self, sumo: ModuleType, errors: tuple[type[Exception], ...], route_of: Callable[[tuple[str, ...]], str]
     ) -> None:
-        """Begin without any; `errors`: SUMO's. `route_of`: returns the name of a route of these edges in SUMO."""
+        """Begin without bodies; `errors`: exceptions of SUMO. `route_of`: returns SUMO's name of a route of edges."""
         self._sumo, self._errors, self._route_of = sumo, errors, route_of
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
 
@@ -36,32 +36,33 @@ class MovedBodies:
         self._bodies.clear()
 
     def adopt(self, vehicle: str, model: str, route: tuple[str, ...]) -> None:
-        """Move a vehicle from now on that is in SUMO's world already."""
+        """Move a vehicle from now on that SUMO's world already contains."""
         self._bodies[vehicle] = (model, route, None)
 
     def forget(self, vehicle: str) -> None:
-        """Do not move a vehicle any more, if it was."""
+        """Stop moving a vehicle, if it was moved."""
         self._bodies.pop(vehicle, None)
 
     def add(self, vehicle: str, model: str, route: tuple[str, ...], length_m: float | None = None) -> None:
         """Add a body that is moved from outside: `place` must follow before every step.
 
-        `model`: its vehicle type. `route`: what SUMO's vehicles take for its route. `length_m`: where it is not the
-        type's.
+        `model`: its vehicle type. `route`: the route that SUMO's vehicles expect of it. `length_m`: its length if it
+        differs from the type's.
         """
         self._bodies[vehicle] = (model, route, length_m)
         self._put_in(vehicle)
 
     def place(self, vehicle: str, x_front: float, y_front: float, heading_rad: float, lane: str = "") -> None:
-        """Put a vehicle that is moved from outside where it will be at the end of the next step (its front, m; rad).
+        """Set the position of a moved vehicle's front at the end of the next step (m, rad).
 
-        `lane`: the lane that it is on; without, SUMO looks for one near the last, which depends on where that was.
+        `lane`: the lane that it is on; without it SUMO searches near the last lane, so that the result depends on
+        earlier positions.
         """
         where = (*edge_and_index(lane), x_front, y_front, degrees(heading_rad), 2, MATCH_M)
         try:
             self._sumo.vehicle.moveToXY(vehicle, *where)
         except self._errors:
-            # SUMO takes it out at the end of its route; it is still there.
+            # SUMO removes a vehicle at the end of its route, although it is still in the scene.
             try:
                 self._put_in(vehicle)
                 self._sumo.vehicle.moveToXY(vehicle, *where)
@@ -70,12 +71,12 @@ class MovedBodies:
                 raise SimulationError(f"SUMO cannot place {vehicle} at {place}: {err}") from err
 
     def correct_lane_order(self) -> None:
-        """Put bodies that have passed another on their lane, or were passed, where they belong in its queue.
+        """Restore the order of a lane's vehicles after moved bodies have passed, or were passed by, another vehicle.
 
-        SUMO 1.28 does not expect that vehicles moved from outside pass each other: it keeps the order in which they
-        came, and a follower does not see those in front of the wrong one (measured: a truck drove through a parked car
-        that the ego had passed). The fault is gone when `lane.getLastStepVehicleIDs` is ordered by place without this.
-        Bodies must be placed anew before the next step.
+        SUMO 1.28 does not expect that vehicles moved from outside pass each other: it keeps the order of arrival, and a
+        follower does not see vehicles in front of its wrong leader (measured: a truck drove through a parked car that
+        the ego had passed). The fault is gone when `lane.getLastStepVehicleIDs` is in order of position without this.
+        Bodies must be placed again before the next step.
         """
         vehicle = self._sumo.vehicle
         try:
@@ -91,7 +92,7 @@ class MovedBodies:
                 continue
             for k in [k for k in range(1, len(queue)) if places[k] < places[k - 1]]:
                 bodies = [name for name in (queue[k], queue[k - 1]) if name in self._bodies]
-                # rather a stand-in than the ego, which would count as just arrived on a junction
+                # Reinsert a stand-in rather than the ego, which would then count as just arrived at a junction.
                 for name in sorted(bodies, key=lambda name: self._bodies[name][0] != GHOST_TYPE)[:1]:
                     vehicle.remove(name)
                     self._put_in(name)
@@ -111,12 +112,12 @@ class MovedBodies:
 
 
 def degrees(heading_rad: float) -> float:
-    """Return a heading as SUMO has it: degrees clockwise from north."""
+    """Return a heading in SUMO's unit: degrees clockwise from north."""
     return (90.0 - math.degrees(heading_rad)) % 360.0
 
 
 @lru_cache(maxsize=4096)
 def edge_and_index(lane: str) -> tuple[str, int]:
-    """Return the edge of a lane, and which of its lanes it is; "" and -1 for none."""
+    """Return the edge of a lane and the lane's index on it; "" and -1 for ""."""
     edge, _, index = lane.rpartition("_")
     return edge, int(index or -1)

@@ -1,7 +1,7 @@
-"""Reads the arrays of an `.npz` file that may come from anybody: no pickles, and no more than it says and may be.
+"""Reads the arrays of an untrusted `.npz` file: without pickles, and within a limit on the unpacked size.
 
-`numpy.load` unpacks what it is given: a file of 3 MB may hold 5 GB of zeros, and the head of an array may claim any
-size, which is then set aside before a byte of it is read.
+`numpy.load` has no limit: a file of 3 MB may unpack to 5 GB of zeros, and the header of an array may claim any size,
+which numpy allocates before it reads a byte.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from foresee_dsl.files import open_outside
 from foresee_dsl.limits import most, raised_by
 
 _MOST_MEMBERS = 100
-"""Ours: a trace has nine."""
+"""Maximum number of arrays in a file. Ours: a trace has nine."""
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""What numpy writes."""
+"""The compression methods that numpy writes."""
 
 
 def read_arrays(path: Path | BinaryIO) -> dict[str, NDArray[Any]]:
     """Return the arrays of a file by their names.
 
     Raises:
-        ValueError: it is no `.npz` file, a damaged one, or would be larger in memory than the limit `trace` allows.
-        OSError: it cannot be read.
+        ValueError: the file is not an `.npz` file, is damaged, or exceeds the limit `trace` when unpacked.
+        OSError: the file cannot be read.
     """
     try:
         with _opened(path) as file, zipfile.ZipFile(file) as packed:
@@ -54,11 +54,11 @@ def _check(members: list[zipfile.ZipInfo]) -> None:
             f"{raised_by('trace', size / 1e6)}"
         )
     if len(members) > _MOST_MEMBERS or any(member.compress_type not in _METHODS for member in members):
-        raise ValueError("it is packed in another way than traces are")
+        raise ValueError("it is packed in a way that traces do not use")
 
 
 class TooLargeError(ValueError):
-    """An array file would take more memory than is allowed; the message has the option that allows more."""
+    """An array file would take more memory than the limit; the message names the option that allows more."""
 
 
 def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
@@ -69,7 +69,7 @@ def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
             raise ValueError(f"the head of its array {member.filename} does not fit what follows")
         data = stream.read(count * dtype.itemsize + 1)  # never more than `file_size`: the package counts
     if len(data) != count * dtype.itemsize:
-        raise ValueError(f"its array {member.filename} is cut off, or has bytes too many")
+        raise ValueError(f"its array {member.filename} is cut off, or has too many bytes")
     return np.frombuffer(bytearray(data), dtype).reshape(shape, order="F" if by_column else "C")
 
 

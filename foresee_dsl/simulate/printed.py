@@ -1,7 +1,7 @@
-"""What a driver prints, where this process keeps it in a file: Python's and C's standard output and error alike.
+"""Keeps a driver's output in a file: the standard output and error of Python and C code in this process.
 
-Worker processes do (`campaign.execution.isolation`): nothing that a driver prints can then land in a report or in JSON.
-Elsewhere nothing is kept, and prints go where they always go.
+Worker processes use it (`campaign.execution.isolation`), so that a driver's output cannot end up in a report or in
+JSON. In other processes output goes where it always goes.
 """
 
 from __future__ import annotations
@@ -14,19 +14,20 @@ import sys
 from dataclasses import dataclass
 
 SHOWN = 4_000
-"""Characters of a run's output that are kept from its beginning, and as many from its end. Ours: two screens each."""
+"""Maximum number of characters kept from the beginning of a run's output, and from its end. Ours: two screens each."""
 LONGEST = 4_000_000
-"""Bytes of a file before its middle is dropped. Ours: a driver that prints in a loop fills no disk."""
+"""Size of the file above which its middle is dropped, bytes. Ours: so that a driver that prints in a loop does not fill
+the disk."""
 
 
 @dataclass
 class Printed:
-    """The files of this process.
+    """The output files of this process.
 
     Attributes:
-        output: descriptor of the file, opened to append, that standard output and error go into.
-        stacks: descriptor of the file in which a process that breaks leaves where it was.
-        head: what was dropped from the file's beginning.
+        output: descriptor of the file, opened to append, that gets standard output and error.
+        stacks: descriptor of the file that gets the stack of a process that crashes.
+        head: the beginning of the output, once the file was emptied.
     """
 
     output: int
@@ -34,24 +35,24 @@ class Printed:
     head: str = ""
 
     def begin(self) -> None:
-        """Forget what was printed so far: a run begins."""
+        """Delete the output so far, at the beginning of a run."""
         _flush()
         self.head = ""
         os.ftruncate(self.output, 0)
 
     def text(self) -> str:
-        """Return what was printed since then, without its middle where it is long."""
+        """Return the output of the run, without its middle if it is long."""
         _flush()
         return self.head + shortened(read_all(self.output))
 
     def trim(self) -> None:
-        """Drop the middle of a file that has become too long."""
+        """Empty the file when it has become too long, and keep its beginning in `head`."""
         if os.fstat(self.output).st_size > LONGEST:
             self.head = self.head or os.pread(self.output, SHOWN, 0).decode("utf-8", "replace") + "\n...\n"
             os.ftruncate(self.output, 0)
 
     def end_after(self, seconds: float) -> None:
-        """End this process when so much time passes: the way out of code that no signal's handler interrupts."""
+        """End this process after this time (s): the only way out of library code that a signal handler cannot stop."""
         faulthandler.dump_traceback_later(seconds, exit=True, file=self.stacks)
 
 
@@ -59,24 +60,24 @@ _here: list[Printed] = []
 
 
 def keep_prints(output: int, stacks: int) -> None:
-    """From now on this process's standard output and error go into a file; crashes leave their stack in the other."""
+    """Redirect this process's standard output and error to one file, and the stack of a crash to another."""
     _flush()
     for stream in (1, 2):
         os.dup2(output, stream)
     for text in (sys.stdout, sys.stderr):
-        with contextlib.suppress(AttributeError, OSError):  # a driver's process may have others
+        with contextlib.suppress(AttributeError, OSError):  # replaced streams may lack it
             text.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
     faulthandler.enable(file=stacks)
     _here[:] = [Printed(output, stacks)]
 
 
 def printed_here() -> Printed | None:
-    """Return the files of this process, None where nothing is kept."""
+    """Return the output files of this process, None if output is not redirected."""
     return _here[0] if _here else None
 
 
 def read_all(descriptor: int) -> bytes:
-    """Return the two ends of a file as it is now, the middle dropped where it is long."""
+    """Return a file's content; of a long file only its beginning and end."""
     size = os.fstat(descriptor).st_size
     if size <= 8 * SHOWN:
         return os.pread(descriptor, 8 * SHOWN, 0)
@@ -84,7 +85,7 @@ def read_all(descriptor: int) -> bytes:
 
 
 def shortened(data: bytes) -> str:
-    """Return what was printed as text; of a long one the beginning and the end."""
+    """Return output as text; of a long one only the beginning and the end."""
     text = data.decode("utf-8", "replace")
     if len(text) <= 2 * SHOWN:
         return text
@@ -95,5 +96,5 @@ def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(Exception):  # a driver may have closed or replaced it
             stream.flush()
-    with contextlib.suppress(Exception):  # no C library that says so
+    with contextlib.suppress(Exception):  # not every platform's C library has it
         ctypes.CDLL(None).fflush(None)

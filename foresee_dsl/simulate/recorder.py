@@ -1,4 +1,4 @@
-"""Records every actor at every frame, and makes a trace of it."""
+"""Records all actors at every frame, and returns them as a trace."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Recorder:
     """Collects frames of one run; `frame` once a step, `trace` at the end.
 
     Args:
-        actors: in the scene's order, the ego first. state_table: the same, as tables.
-        signals: the bundle's, by junction.
+        actors: all actors in the scene's order, the ego first. state_table: their states.
+        signals: the signals of the bundle, by junction.
     """
 
     def __init__(self, actors: Sequence[PlacedActor], state_table: StateTable, signals: Mapping[str, Signal]) -> None:
@@ -31,23 +31,23 @@ class Recorder:
         self._rows: list[FloatArray] = []
         self._lanes: list[IntArray] = []
         self._along: list[FloatArray] = []
-        self._now_s: list[float] = []  # of each frame, in SUMO's time
-        self._until_s = -math.inf  # the next moment at which a signal may show something else
-        self._shown: list[tuple[int, list[int], list[float]]] = []  # from which frame on; stages; when they began
+        self._now_s: list[float] = []  # SUMO's time at each frame
+        self._until_s = -math.inf  # the next time at which a signal may switch
+        self._stages: list[tuple[int, list[int], list[float]]] = []  # first frame, stages, times at which they began
         self.events: list[Event] = []
 
     @Part.RECORDING.measured
     def event(self, time_s: float, actor: str, what: str, detail: dict[str, Any] | None = None) -> None:
-        """Note something that changed how an actor behaves."""
+        """Record an event: a change of an actor's behaviour."""
         self.events.append(Event(round(time_s, 6), actor, what, detail or {}))
 
     @property
     def frames(self) -> int:
-        """How many were recorded."""
+        """Number of recorded frames."""
         return len(self._rows)
 
     def stands_since(self, index: int, slower_mps: float) -> float:
-        """Return since when an actor is slower than that, s; the moment of the last frame where it is not."""
+        """Return the time (s) from which an actor is slower than `slower_mps`; if it is not, the next frame's time."""
         count = 0
         for row in reversed(self._rows):
             if row.item(index, SPEED) >= slower_mps:
@@ -56,8 +56,8 @@ class Recorder:
         return max(len(self._rows) - count, 0) * STEP_S
 
     def frame(self, signals: Signals) -> FloatArray:
-        """Record where all actors are ([A, 7] the columns of `Trace.states`, not to be changed), and what the signals
-        show."""
+        """Record the states of all actors and signals; return the states ([A, 7] the columns of `Trace.states`), which
+        must not be changed."""
         now_s = signals.now_s
         if now_s >= self._until_s:
             self._look_at_signals(signals)
@@ -69,24 +69,24 @@ class Recorder:
         return states
 
     def look_again(self) -> None:
-        """Take note at the next frame that a signal shows something else than its program says."""
+        """Read the signals again at the next frame: one of them was switched outside its program."""
         self._until_s = -math.inf
 
     def _look_at_signals(self, signals: Signals) -> None:
-        """Note the stages that are shown from this frame on, and when (in SUMO's time) they began."""
-        shown = [signals.shown(signal.tls) for signal in self._signals]
-        self._until_s = min((until for *_, until in shown), default=math.inf)
-        self._shown.append((len(self._now_s), [stage for stage, *_ in shown], [since for _, since, _ in shown]))
+        """Record the signals' stages from this frame on, and the times (SUMO's) at which they began."""
+        stages = [signals.stage_span(signal.tls) for signal in self._signals]
+        self._until_s = min((until for *_, until in stages), default=math.inf)
+        self._stages.append((len(self._now_s), [stage for stage, *_ in stages], [since for _, since, _ in stages]))
 
     @Part.RECORDING.measured
     def trace(self, waypoints: FloatArray, meta: dict[str, Any], director: DirectorRecord) -> Trace:
-        """Return the run so far."""
+        """Return the trace of the run so far."""
         t, a, s = len(self._rows), len(self._actors), len(self._signals)
-        # For each frame, which of `_shown` holds.
-        at = np.searchsorted([first for first, *_ in self._shown], np.arange(t), side="right") - 1
-        shape = len(self._shown), s
-        stages = np.array([stages for _, stages, _ in self._shown], dtype=np.int16).reshape(shape)[at]
-        since_s = np.array([since for *_, since in self._shown], dtype=np.float64).reshape(shape)[at]
+        # For each frame the index of its entry in `_stages`.
+        at = np.searchsorted([first for first, *_ in self._stages], np.arange(t), side="right") - 1
+        shape = len(self._stages), s
+        stages = np.array([stages for _, stages, _ in self._stages], dtype=np.int16).reshape(shape)[at]
+        since_s = np.array([since for *_, since in self._stages], dtype=np.float64).reshape(shape)[at]
         return Trace(
             time_s=np.round(np.arange(t) * STEP_S, 6),
             states=np.array(self._rows, dtype=np.float64).reshape(t, a, len(FIELDS)),

@@ -1,4 +1,4 @@
-"""Runs a compiled test case with a driver, 20 steps a second, until it is decided how it ends."""
+"""Runs a compiled test case with a driver, in steps of 0.05 s, until its end is decided."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from foresee_dsl.simulate.triggers.director import Director
 from foresee_dsl.simulate.world import World
 
 WAYPOINT_M = 2.0
-"""Spacing of the trace's waypoints (asked for by the trace's layout)."""
+"""Spacing of the trace's waypoints, m (see `Trace.waypoints`)."""
 
 
 def run(
@@ -49,13 +49,13 @@ def run(
 
     Args:
         bundle: the compiled test case.
-        driver: the software under test. What it raises is the run's result (`crash`), not an exception of this call. A
-            driver that can be closed is closed when the run is over, however it ended.
-        seed: given to the driver, and what the sensors' noise and track numbers are drawn from.
-        meta: goes into the trace's `meta`, over what is there by itself.
-        sensors: what the driver's sensors can do.
-        deadlines: a driver that takes longer is interrupted, which is a result as well (`timeout`, with the `hang` in
-            its notes). None: it takes as long as it takes.
+        driver: the software under test. An exception of the driver becomes the result `crash`, not an exception of this
+            call. A driver with `close` is closed after the run, regardless of its outcome.
+        seed: passed to the driver, and the seed of the sensors' noise and of the track numbers.
+        meta: entries of the trace's `meta`, which replace the standard ones.
+        sensors: settings of the driver's sensors.
+        deadlines: a driver that exceeds one is interrupted; the result is a `timeout`, with the `hang` in its notes.
+            None: without a limit.
 
     Raises:
         SimulationError: the scene cannot be set up in SUMO.
@@ -80,7 +80,7 @@ def run(
 
 
 def _closed(driver: Driver, watch: Watch) -> Fault | None:
-    """Close a driver that can be closed; what it raises then changes no verdict."""
+    """Close a driver that has `close`; return its exception, which does not change the verdict."""
     if not isinstance(driver, Closing):
         return None
     try:
@@ -104,7 +104,7 @@ class _Run:
         self._world = World.shared(bundle)
         self._simulation = Simulation(bundle, self._world)
         self._recorder = Recorder(bundle.scene.actors, self._simulation.state_table, bundle.signals)
-        for patch in bundle.scene.slippery:  # a clip has them at these places
+        for patch in bundle.scene.slippery:  # a clip needs their positions
             at = {"x": patch.x, "y": patch.y, "radius_m": patch.radius_m, "friction": patch.friction}
             self._recorder.event(0.0, patch.name, "slippery", at)
         self._mission = mission_of(bundle)
@@ -135,42 +135,42 @@ class _Run:
         return self._finish(decision, steps)
 
     def _reset(self) -> Decision | None:
-        """Prepare the driver; return how the run ends where that fails."""
+        """Reset the driver; return the run's end if that fails."""
         try:
             with self._watch.call("reset"):
                 self._driver.reset(self._mission, self._simulation.ego.limits, self._seed)
         except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
             failed = self._broken(err)
             self._order()
-            self._record(Frame(self._simulation.time_s))  # a trace has a frame at least
+            self._record(Frame(self._simulation.time_s))  # a trace has at least one frame
             return failed
         self._watch.starts()
         return None
 
     def _order(self) -> None:
-        """Let triggers that fire tell the actors what to do; nothing of the frame is read or written."""
+        """Evaluate the triggers and carry out their orders; reads and sets no field of the frame."""
         with Part.DIRECTOR:
             self._director.step()
 
     def _record(self, frame: Frame) -> None:
-        """Writes the states, and the trace's frame."""
+        """Record a frame of the trace, and set the states."""
         with Part.RECORDING:
             frame.states = self._recorder.frame(self._world.signals)
 
     def _sense(self, frame: Frame) -> None:
-        """Reads the states; writes the observation."""
+        """Set the observation from the states."""
         with Part.SENSING:
             frame.observation = self._sensing.observe(frame.states)
 
     def _judge(self, frame: Frame) -> None:
-        """Reads the states; writes the decision. The scenario's expectations read both."""
+        """Set the decision from the states, then evaluate the scenario's expectations."""
         with Part.JUDGING:
             self._judging.step(frame)
             hit = frame.decision is not None and bool(frame.decision.with_)
             self._expectations.look(frame.time_s, ego_hit=hit)
 
     def _drive(self, frame: Frame) -> None:
-        """Reads the observation; writes the control, or the decision where the driver fails."""
+        """Set the control from the observation, or the decision if the driver fails."""
         try:
             with self._watch.call("step"):
                 answer = self._driver.step(frame.observation)
@@ -179,7 +179,7 @@ class _Run:
             frame.decision = self._broken(err)
 
     def _move(self, frame: Frame) -> None:
-        """Reads the control, moves all actors to the next frame; writes the decision where SUMO fails."""
+        """Move all actors to the next frame with the control; set the decision if SUMO fails."""
         try:
             with Part.ACTORS:
                 left = self._simulation.step(frame.control)
@@ -214,8 +214,8 @@ class _Run:
         expectations = self._expectations.results()
         reason = decision.reason
         if decision.verdict is Verdict.PASS:
-            broken = [one.broken_sentence for one in expectations if not one.held]
-            reason = "; ".join((*broken, reason)).replace('"', "'")  # a mutant's file has it in double quotes
+            broken = [result.broken_sentence for result in expectations if not result.held]
+            reason = "; ".join((*broken, reason)).replace('"', "'")  # a mutant's file quotes the reason
         meta = {
             "test_case": self._bundle.name,
             "driver": self._driver.name,
@@ -243,7 +243,7 @@ class _Run:
 
 
 def _waypoints(bundle: SumoBundle) -> FloatArray:
-    """The ego's route from its start to the route's end, a point each 2 m."""
+    """Return points of the ego's route from its start to the route's end, one every 2 m."""
     line = bundle.scene.ego.line
     if line is None:
         return np.empty((0, 2))

@@ -1,4 +1,4 @@
-"""How SUMO is started, and its empty state: every run begins by loading it, ten times faster than a restart."""
+"""Options for starting SUMO, and its empty state: every run begins by loading it, ten times faster than a restart."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 _VEHICLE_TYPE = re.compile(r'^ *<vType id="([^"]+)"[^>]*/>\n', re.MULTILINE)
-"""A vehicle type in a state that SUMO saved."""
+"""Matches a vehicle type in a state file of SUMO."""
 _SUMO_SEED = 42
-"""SUMO's own random numbers decide nothing here (sigma and speedDev are 0); fixed to be sure."""
+"""Seed of SUMO's random numbers. They have no effect here (sigma and speedDev are 0); the seed is fixed to be safe."""
 
 
 def options(bundle: SumoBundle) -> list[str]:
@@ -29,7 +29,7 @@ def options(bundle: SumoBundle) -> list[str]:
         "additional-files": bundle.types_file,
         "step-length": STEP_S,
         "time-to-teleport": -1,
-        "time-to-impatience": -1,  # impatience grows with the time waited, which no description holds
+        "time-to-impatience": -1,  # impatience grows with the waiting time, which a scene does not contain
         "collision.action": "none",
         "pedestrian.striping.dawdling": 0,
         "save-state.precision": 17,
@@ -41,49 +41,49 @@ def options(bundle: SumoBundle) -> list[str]:
 
 
 class EmptyState:
-    """The state of a SUMO in which nobody drives yet, kept in memory-backed storage."""
+    """A saved state of SUMO without vehicles, in memory-backed storage."""
 
     def __init__(self, sumo: ModuleType) -> None:
-        """Save the state that SUMO is in; SUMO's own errors where it cannot."""
+        """Save the current state of SUMO; raises SUMO's own exceptions."""
         self._sumo = sumo
         self._folder = tempfile.TemporaryDirectory(prefix="foresee-", dir=_memory_folder())
         self._file = Path(self._folder.name) / "empty.xml"
         try:
             sumo.simulation.saveState(str(self._file))
-            # The state itself, without the comment in front of it that repeats SUMO's configuration.
+            # Drop the comment before the state, which repeats SUMO's configuration.
             self._text = "<snapshot" + self._file.read_text("utf-8").partition("<snapshot")[2]
         except BaseException:
             self.close()
             raise
 
     def load(self, models: set[str]) -> float:
-        """Load the state at a time that no earlier run of this process has come to; return that time, s.
+        """Load the state with a time later than all earlier runs of this process; return that time, s.
 
-        SUMO 1.28 remembers for each edge when vehicles last considered changing lanes on it, and skips the edge if that
-        was at the present time. Loading a state does not clear this. With all runs beginning at 0, a vehicle that came
-        to an edge at the very time at which an earlier run had ended there did not change lanes in that step (measured:
-        2 of 1,212 children depended on what the process had run before). The fault is gone when `MSEdgeControl` forgets
-        these times as it loads a state.
+        SUMO 1.28 stores for each edge when vehicles last considered changing lanes on it, and skips the edge if that
+        was at the current time. Loading a state does not clear this. If all runs began at 0, a vehicle that reached an
+        edge at the very time at which an earlier run had ended there would not change lanes in that step (measured: 2
+        of 1,212 children depended on earlier runs of the process). The fault is gone when `MSEdgeControl` clears these
+        times on loading a state.
 
         Args:
-            models: what the run has; the other vehicle types are left out, which halves the 2 ms of loading.
+            models: vehicle types of the run; leaving out the other types halves the 2 ms of loading.
         """
         now_s = self._sumo.simulation.getTime()
         begins_s = math.ceil(now_s) + 1 if now_s > 0 else 0
         used = {*models, GHOST_TYPE}
-        text = _VEHICLE_TYPE.sub(lambda found: found[0] if found[1] in used else "", self._text)
+        text = _VEHICLE_TYPE.sub(lambda match: match[0] if match[1] in used else "", self._text)
         text = re.sub(r'\btime="[^"]*"', f'time="{begins_s}.000"', text, count=1)
-        text = re.sub(r' until="(\d+)"', lambda found: f' until="{int(found[1]) + begins_s * 1000}"', text)
+        text = re.sub(r' until="(\d+)"', lambda match: f' until="{int(match[1]) + begins_s * 1000}"', text)
         self._file.write_text(text, "utf-8")
         self._sumo.simulation.loadState(str(self._file))
         return float(begins_s)
 
     def close(self) -> None:
-        """Remove what was saved."""
+        """Remove the saved state."""
         self._folder.cleanup()
 
 
 def _memory_folder() -> str | None:
-    """Return a folder that is kept in memory; None (the usual one) where there is none."""
+    """Return a memory-backed folder; None (the usual temporary folder) without one."""
     shm = "/dev/shm"  # noqa: S108 - a private folder is made inside
     return shm if os.access(shm, os.W_OK) else None

@@ -1,4 +1,4 @@
-"""The trace: every actor, every frame, in one numpy layout; the forecast and the clips are made from it."""
+"""The trace of a run: all actors at every frame as numpy arrays; forecasts and clips are computed from it."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ FIELDS = ("x", "y", "heading", "speed", "acceleration", "yaw_rate", "steer")
 
 X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE, STEER = range(7)
 STEP_S = 0.05
-"""20 frames a second, as in the paper (section 4.2)."""
+"""Length of a simulation step, s: 20 frames a second, as in the paper (section 4.2)."""
 FORMAT = 1
 
 
 _DAMAGED = (KeyError, TypeError, AttributeError, ValueError, RecursionError)
-"""What reading raises where a file is none of ours, or was changed."""
+"""Exceptions of reading a file that is not a trace, or is damaged."""
 
 
 @dataclass(frozen=True)
 class ActorInfo:
-    """What stays the same about an actor during a run.
+    """The constant data of an actor during a run.
 
     Attributes:
         id: `ego`, the actor's name, or `others_03`. kind: the model's class (car, van, ..., pedestrian, obstacle).
-        front_m: from the centre of the footprint to the front bumper (half the length).
-        route: edge ids from where it was at the first frame to its end; empty for path-followers and obstacles.
+        front_m: distance from the centre of the footprint to the front bumper (half the length).
+        route: edge ids from the edge at the first frame to the route's end; empty for path-followers and obstacles.
         path: points (m) of a path-follower, empty for the others.
-        cruise_mps: what it drives where nothing hinders it.
+        cruise_mps: speed where nothing hinders it.
     """
 
     id: str
@@ -57,16 +57,16 @@ class ActorInfo:
 
     @property
     def front_m(self) -> float:
-        """From the centre of the footprint to its front."""
+        """Distance from the centre of the footprint to its front, m."""
         return self.length_m / 2
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that changed how an actor behaves: a trigger's action taking effect, an arrival, a collision.
+    """A change of an actor's behaviour: a trigger's action that takes effect, an arrival, a collision.
 
     `what`: `starts`, `ignores`, `meets`, `changes_speed`, `changes_lane`, `stops`, `trigger`, `arrived`,
-    `collision`, ...; `detail` is JSON-able.
+    `collision`, ...; `detail` can be written as JSON.
     """
 
     time_s: float
@@ -77,17 +77,17 @@ class Event:
 
 @dataclass(frozen=True)
 class Trace:
-    """One run.
+    """One recorded run of T frames, A actors and S signals.
 
     Attributes:
         time_s: [T] float64, s, from 0 in steps of 0.05; frame 0 is the state at the beginning.
         states: [T, A, 7] float64, columns `FIELDS`; x, y is the centre of the footprint; NaN where the actor is
             absent. Actor 0 is the ego.
-        lanes: [T, A] int32, index into `lane_ids`, -1 when on none (path-followers, obstacles, off the road).
-        along: [T, A] float64, m: for path-followers, how far they have come along their path; NaN otherwise.
-        stages: [T, S] int16 and elapsed [T, S] float64 (s): the stage (index into `signal_stages[signal]`) of each
-            of `signals`, and time since it began.
-        waypoints: [W, 2] float64: the valid waypoints of the ego's route, 2 m apart.
+        lanes: [T, A] int32, index into `lane_ids`, -1 off the lanes (path-followers, obstacles, off the road).
+        along: [T, A] float64, length along the path of a path-follower, m; NaN for the others.
+        stages: [T, S] int16, index of each signal's stage in `signal_stages[signal]`. elapsed: [T, S] float64, time
+            since that stage began, s.
+        waypoints: [W, 2] float64, waypoints of the ego's route, m, 2 m apart.
     """
 
     time_s: NDArray[np.float64]
@@ -105,12 +105,12 @@ class Trace:
     meta: dict[str, Any] = field(default_factory=dict)
     """test_case, driver, driver_version, seed, verdict, scenario (name), meaning (hash of what was run), ..."""
     director: DirectorRecord | None = None
-    """What the run's triggers did and what they told its actors; None in a file of a version that did not write it."""
+    """The states of the run's triggers and orders; None in a file of a version that did not write them."""
 
     _ARRAYS = ("time_s", "states", "lanes", "along", "stages", "elapsed", "waypoints")
 
     def part(self, first: int, beyond: int | None = None) -> Trace:
-        """Return the run from one frame to before another, by default its end; its time begins at 0."""
+        """Return the part of the run from one frame up to before another (default: the end); its time begins at 0."""
         names = ("time_s", "states", "lanes", "along", "stages", "elapsed")
         cut = {name: getattr(self, name)[first:beyond] for name in names}
         return replace(self, **cut | {"time_s": cut["time_s"] - cut["time_s"][:1]})
@@ -122,17 +122,17 @@ class Trace:
 
     @property
     def duration_s(self) -> float:
-        """Time of the last frame."""
+        """Time of the last frame, s."""
         return float(self.time_s[-1]) if self.frames else 0.0
 
     def boxes(self, actor: int) -> NDArray[np.float64]:
-        """Return [T, 5] the footprints of an actor: x, y, heading, length, width."""
+        """Return the footprints of an actor, [T, 5]: x, y, heading, length, width."""
         info = self.actors[actor]
         size = np.broadcast_to((info.length_m, info.width_m), (self.frames, 2))
         return np.column_stack([self.states[:, actor][:, [X, Y, HEADING]], size])
 
     def index(self, actor: str) -> int:
-        """Return the column of an actor's id; a `KeyError` for none."""
+        """Return the column of an actor by its id; raises `KeyError` without such an actor."""
         for k, info in enumerate(self.actors):
             if info.id == actor:
                 return k
@@ -145,7 +145,7 @@ class Trace:
     @cached_property
     @Part.RECORDING.measured
     def digest(self) -> str:
-        """Hash over everything but `meta` and `director`: equal for equal runs."""
+        """Hash of all data except `meta` and `director`; equal runs have equal digests."""
         h = hashlib.sha256()
         for name in self._ARRAYS:
             array = np.ascontiguousarray(getattr(self, name))
@@ -165,7 +165,7 @@ class Trace:
 
     @Part.RECORDING.measured
     def packed(self) -> bytes:
-        """Return what `save` writes."""
+        """Return the content of the file that `save` writes."""
         buffer = io.BytesIO()
         arrays: dict[str, Any] = {name: getattr(self, name) for name in self._ARRAYS}
         texts = {"header": json.dumps(self._header(meta=True), sort_keys=True).encode()}
@@ -177,8 +177,11 @@ class Trace:
 
     @classmethod
     def load(cls, path: Path | BinaryIO) -> Trace:
-        """Read a trace from its file; a `ValueError` where it holds none, one of another format version, or one that
-        would take more memory than the limit `trace` allows."""
+        """Read a trace from its file.
+
+        Raises:
+            ValueError: the file is not a trace, has another format version, or exceeds the memory limit `trace`.
+        """
         name = path if isinstance(path, Path) else "this"
         try:
             data = read_arrays(path)
@@ -187,7 +190,7 @@ class Trace:
         except TooLargeError as err:
             raise ValueError(f"{name} is too large to be read: {err}") from err
         except _DAMAGED as err:
-            raise ValueError(_no_trace(name)) from err
+            raise ValueError(_not_a_trace(name)) from err
         if written != FORMAT:
             raise ValueError(f"{name} has trace format {written!s:.20}, this version reads {FORMAT}")
         try:
@@ -208,11 +211,11 @@ class Trace:
             )
             trace._check_shapes()
         except _DAMAGED as err:
-            raise ValueError(_no_trace(name)) from err
+            raise ValueError(_not_a_trace(name)) from err
         return trace
 
     def _check_shapes(self) -> None:
-        """Raise a `ValueError` where arrays do not fit each other: their file was damaged, or is none of ours."""
+        """Raise a `ValueError` if the arrays do not fit each other: the file is damaged or was not written by us."""
         frames, actors, signals = self.frames, len(self.actors), len(self.signals)
         expected: dict[str, tuple[str, tuple[int, ...]]] = {
             "time_s": ("f8", (frames,)),
@@ -246,12 +249,12 @@ class Trace:
         return header
 
 
-def _no_trace(name: object) -> str:
-    return f"{name} is no trace, or a damaged one; `foresee run FILE --out DIR` writes traces"
+def _not_a_trace(name: object) -> str:
+    return f"{name} is not a trace, or is damaged; `foresee run FILE --out DIR` writes traces"
 
 
 class _Header(TypedDict):
-    """What is written as JSON."""
+    """The part of a trace that its file holds as JSON."""
 
     format: int
     actors: list[ActorInfo]
@@ -263,7 +266,7 @@ class _Header(TypedDict):
 
 
 def _check_header(header: object) -> None:
-    """Raise a `ValueError` for a header that this package would not write."""
+    """Raise a `ValueError` for a header that this package cannot have written."""
     _header_type().validate_python(header)
 
 

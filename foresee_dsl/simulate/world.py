@@ -1,9 +1,9 @@
 """SUMO with the network of a test case: the only module that imports libsumo.
 
-One SUMO lives in a process (libsumo allows no more). It is started once per network, and emptied for every run (see
-`sumo_start`). Vehicles that SUMO drives are here, those that are moved from outside in `moved_bodies`.
+A process has one SUMO (libsumo does not allow more). It is started once per network and emptied for every run (see
+`sumo_start`). This module controls the vehicles that SUMO drives, `moved_bodies` those that are moved from outside.
 
-Positions are SUMO's: the middle of the front bumper (`bodies` makes footprints of them). Headings are radians
+Positions are those of the middle of the front bumper, as in SUMO. Headings are radians
 counter-clockwise from east in this package, degrees clockwise from north in SUMO.
 """
 
@@ -32,50 +32,51 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 ON_LANE_M = 1e-3
-"""The same for a vehicle on the middle of a lane inside a junction, where lanes overlap: with 5 m SUMO 1.28 takes any
-of them, of another movement too. Ours: the vehicle is on the very shape, and lanes that begin together soon lie further
-apart."""
+"""Search radius of moveToXY for a vehicle in the middle of a lane inside a junction, where lanes overlap, m: with 5 m
+SUMO 1.28 may take a lane of another movement. Ours: the vehicle is exactly on the shape, and lanes that begin together
+soon lie farther apart."""
 LANE_CHANGE_MODE = 1024 + 512 + 4 + 1
-"""Changes lane for its route and to cooperate, gently. Ours: changes for speed or to keep right depend on
-accumulators inside SUMO that no clip can restore."""
+"""Lane change mode of SUMO's vehicles: they change lane for their route and to cooperate, gently. Ours: changes for
+speed or to keep right depend on accumulators inside SUMO that a clip cannot restore."""
 _LOOKS = "lookAheadSpeed"
 LANE_CHANGE_MODEL = {"lcStrategic": "10000", _LOOKS: "10"}
-"""Looks for the lane that its route needs from where it is to its end. Ours: SUMO's vehicles look as far as the speed
-of their last 10 s takes them, which no clip can state (measured with SUMO 1.28: a bus off by 32 m after 10 s)."""
+"""Parameters with which a vehicle considers its whole remaining route for the choice of its lane. Ours: by default SUMO
+looks ahead by a distance that depends on the speed of the last 10 s, which a clip cannot restore (measured with SUMO
+1.28: a bus was off by 32 m after 10 s)."""
 CLOSE_S, CLOSE_M = 0.1, 0.5
-"""SUMO's headway and gap at a standstill of a vehicle that is told which gap to keep. Ours: two steps, so that it can
+"""SUMO's headway (s) and standstill gap (m) of a vehicle with an order to keep a gap. Ours: two steps, so that it can
 still brake in time."""
 _OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
-"""Speed modes: 31 is SUMO's default; 55 is that without the right of way, before the junction and inside; 39 is 55
-without the red light."""
+"""Speed modes: 31 is SUMO's default; 55 ignores the right of way before and inside a junction; 39 ignores red lights
+too."""
 _BRAKES_IN_COMFORT = 4
-"""The bit of a speed mode that lets a vehicle brake for a new speed no harder than in comfort."""
+"""The bit of a speed mode that limits braking for a new speed to comfortable braking."""
 _CRAWLS_MPS = 0.1
-"""The least that is set as a vehicle's top speed: SUMO refuses 0."""
+"""Lowest top speed that is set for a vehicle, m/s: SUMO refuses 0."""
 _ASKS = 8
-"""Speed mode: drives what it is told, but asks at a junction whether it may."""
+"""Speed mode of a vehicle that drives exactly the set speed but respects the right of way at junctions."""
 
 
 @dataclass(slots=True)
-class _Known:
-    """What is known of a vehicle that SUMO drives."""
+class _Vehicle:
+    """The settings and last state of a vehicle that SUMO drives."""
 
     cruise_mps: float = 0.0
-    edge: str = ""  # the last one that is no junction's, with the underscore that lane ids have after it
-    lane: str = ""  # that it was on after the last step
+    edge: str = ""  # the last edge outside junctions, with the underscore that follows it in lane ids
+    lane: str = ""  # the lane after the last step
     factor: float = 1.0
-    top_mps: float = math.nan  # its top speed, as SUMO was told last
+    top_mps: float = math.nan  # the last top speed set in SUMO
     placed: bool = False
     ignores: set[str] = field(default_factory=set)
 
 
 class Seen(NamedTuple):
-    """The vehicles that SUMO drives, after a step.
+    """The states of the N vehicles that SUMO drives, after a step.
 
     Attributes:
-        names: N ids; the same object as after the step before where they are the same.
-        numbers: 3 N: for each, x, y of the middle of its front bumper, m; and then the N speeds, m/s.
-        changed: id and lane of those on another lane than after the step before.
+        names: their ids; the same object as after the previous step if the ids did not change.
+        numbers: [3 N] for each vehicle x, y of the middle of its front bumper, m; then the N speeds, m/s.
+        changed: id and lane of the vehicles on another lane than after the previous step.
     """
 
     names: tuple[str, ...]
@@ -84,43 +85,43 @@ class Seen(NamedTuple):
 
 
 class World:
-    """A loaded network in which vehicles can be placed, driven and read.
+    """A network loaded in SUMO, in which vehicles can be placed, driven and read.
 
-    Use `World.shared(bundle)`: it gives this process's one SUMO, freshly emptied.
+    Use `World.shared(bundle)`: it returns this process's only SUMO, emptied.
     """
 
     _current: World | None = None
 
     def __init__(self, bundle: SumoBundle) -> None:
-        """Start SUMO on a bundle's network; a `SimulationError` where a file is missing, or SUMO refuses it."""
+        """Start SUMO with a bundle's network; raises `SimulationError` if a file is missing or SUMO refuses it."""
         for file in (bundle.net_file, bundle.types_file):
-            if not file.is_file():  # asked first: SUMO 1.28 can end the whole process when a file fails to load
+            if not file.is_file():  # checked first: SUMO 1.28 may end the whole process if a file fails to load
                 raise SimulationError(f"{file} is gone; compile the test case again")
         self._sumo = _import_libsumo()
         self._errors: tuple[type[Exception], ...] = (self._sumo.TraCIException, self._sumo.FatalTraCIError)
         self.signals = Signals(self._sumo, bundle)
         self.key = bundle.key
-        self._vehicles: dict[str, _Known] = {}
+        self._vehicles: dict[str, _Vehicle] = {}
         self._on_road: tuple[str, ...] = ()
         self._names: tuple[str, ...] = ()
         self._lanes: list[str] = []
         self._routes: dict[tuple[str, ...], str] = {}
         self._limits: dict[str, float] = {}
-        self._changed_limits: dict[str, float] = {}  # what changed lanes had before
-        self._rates: dict[str, tuple[float, float, float]] = {}  # of those that were on slippery ground
-        self._usual: dict[str, tuple[float, float]] = {}  # headway and gap of those that were told another one
+        self._changed_limits: dict[str, float] = {}  # original limits of changed lanes
+        self._rates: dict[str, tuple[float, float, float]] = {}  # own rates of vehicles that were on slippery ground
+        self._usual: dict[str, tuple[float, float]] = {}  # own headway and gap of vehicles with an order to keep a gap
         self.bodies = MovedBodies(self._sumo, self._errors, self._route)
         try:
             self._sumo.simulation.start(["sumo", *options(bundle)])
             self._empty = EmptyState(self._sumo)
         except self._errors as err:
             raise SimulationError(f"SUMO cannot load {bundle.net_file.name}: {err}") from err
-        # Networks and modules stay: looking for cycles in them again and again took 8 % of a run.
+        # Networks and modules are never freed: searching them for reference cycles took 8 % of a run.
         gc.freeze()
 
     @classmethod
     def shared(cls, bundle: SumoBundle) -> World:
-        """Return this process's world on the bundle's network, empty, with the signals at the scene's beginning."""
+        """Return this process's world with the bundle's network, empty, with the signals of the scene's first frame."""
         world = cls._current
         if world is None or world.key != bundle.key:
             cls.close_shared()
@@ -139,14 +140,14 @@ class World:
             world.close()
 
     def close(self) -> None:
-        """End SUMO and remove the kept state."""
+        """End SUMO and remove the saved state."""
         self._sumo.simulation.close()
         self._empty.close()
 
     # --- a run -----------------------------------------------------------------------------------------------------
 
     def reset(self, bundle: SumoBundle) -> None:
-        """Empty the world and set the signals as the scene says (others at the beginning of their first stage)."""
+        """Empty the world and set the signals as in the scene (others to the beginning of their first stage)."""
         begins_s = self._empty.load({actor.model.name for actor in bundle.scene.actors})
         self._vehicles.clear()
         self._on_road, self._names, self._lanes = (), (), []
@@ -162,7 +163,7 @@ class World:
         self.signals.start(bundle, STEP_S)
 
     def step(self) -> None:
-        """Let SUMO simulate one step of 0.05 s; a `SimulationError` where it breaks."""
+        """Let SUMO simulate one step of 0.05 s; raises `SimulationError` if SUMO fails."""
         try:
             with Part.SUMO:
                 self._sumo.simulation.step(0)
@@ -174,20 +175,20 @@ class World:
     # --- vehicles --------------------------------------------------------------------------------------------------
 
     def add_vehicle(self, actor: PlacedActor) -> None:
-        """Put an actor that has a route into the world where it is placed, exactly.
+        """Insert an actor with a route at its exact position.
 
-        The route's first edge is the one it is on; on a junction, the one before the junction, and that is allowed
-        for a vehicle that has just left it, too: SUMO then knows where its rear is. After the next `step`, `settle`
-        gives it its speed: SUMO computes one of its own for the placement.
+        The route's first edge is the actor's current edge; on a junction, the edge before it. A vehicle that has just
+        left a junction may also begin with the edge before it: SUMO then knows the position of its rear. After the next
+        `step`, `settle` must set its speed, because SUMO computes another one from the placement.
 
         Raises:
-            SimulationError: SUMO refused route or place.
+            SimulationError: SUMO refused the route or the position.
         """
         try:
-            known = self._add(actor.id, actor.model.name, actor.route)
+            vehicle = self._add(actor.id, actor.model.name, actor.route)
             if actor.lane and not actor.lane.startswith(":"):
-                known.edge = actor.lane[: actor.lane.rindex("_") + 1]
-            known.cruise_mps = actor.cruise_mps
+                vehicle.edge = actor.lane[: actor.lane.rindex("_") + 1]
+            vehicle.cruise_mps = actor.cruise_mps
             if actor.cruise_mps > 0:
                 self.set_cruise(actor.id, actor.cruise_mps)
         except self._errors as err:
@@ -195,7 +196,7 @@ class World:
         self.hold(actor)
 
     def hold(self, actor: PlacedActor) -> None:
-        """Keep an actor that was added where it is placed for one more step."""
+        """Hold an inserted actor at its position for one more step."""
         try:
             edge, index = edge_and_index(actor.lane)
             angle, keep_route, within_m = degrees(actor.heading_rad), 1, MATCH_M
@@ -208,42 +209,42 @@ class World:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
 
     def roll(self, vehicle: str, speed_mps: float, *, free: bool) -> None:
-        """Let a vehicle drive exactly a speed, whatever is ahead of it, until `let_go`.
+        """Let a vehicle drive at exactly this speed, regardless of the traffic ahead, until `let_go`.
 
-        `free`: it may enter the junction ahead. SUMO counts a vehicle that enters without asking as one that has
-        already stopped at its stop sign.
+        `free`: whether it may enter the junction ahead. SUMO treats a vehicle that enters without regard to the right
+        of way as if it had already stopped at its stop sign.
         """
         self._sumo.vehicle.setSpeedMode(vehicle, 0 if free else _ASKS)
         self._sumo.vehicle.setSpeed(vehicle, speed_mps)
 
     def let_go(self, vehicle: str) -> None:
-        """Give a vehicle that rolls back to car-following."""
+        """End `roll`: let a vehicle follow SUMO's car-following model again."""
         self._sumo.vehicle.setSpeed(vehicle, -1.0)
         self._sumo.vehicle.setSpeedMode(vehicle, _OBEYS)
 
     def settle(self, vehicle: str, speed_mps: float, acceleration_mps2: float) -> None:
-        """State what speed a vehicle had during the last step; SUMO continues from it."""
+        """Set the speed that a vehicle had during the last step; SUMO continues from it."""
         try:  # noqa: SIM105  at every step: `contextlib.suppress` costs as much as the call
             self._sumo.vehicle.setPreviousSpeed(vehicle, speed_mps, acceleration_mps2)
-        except self._errors:  # a body may have come to the end of its route
+        except self._errors:  # a body may have reached the end of its route
             pass
 
     def remove(self, vehicle: str) -> None:
-        """Take a vehicle out, if it is in."""
+        """Remove a vehicle if it is there."""
         self._forget(vehicle)
         self.bodies.forget(vehicle)
         with contextlib.suppress(*self._errors):  # it may have left by itself
             self._sumo.vehicle.remove(vehicle)
 
     def take_over(self, actor: PlacedActor) -> None:
-        """From now on a vehicle that SUMO drove is moved from outside."""
+        """Move a vehicle from outside from now on that SUMO drove before."""
         self._forget(actor.id)
         self.bodies.adopt(actor.id, actor.model.name, actor.route[-1:])
         self._sumo.vehicle.setSpeedMode(actor.id, 0)
 
     def vehicles(self) -> Seen:
-        """Return where every vehicle that SUMO drives is now; those that have left the road are forgotten."""
-        # Asking for each value is cheaper than SUMO's subscriptions (14 us to 27 us).
+        """Return the states of all vehicles that SUMO drives; vehicles that have left the road are dropped."""
+        # Reading each value is cheaper than SUMO's subscriptions (14 us against 27 us).
         vehicle = self._sumo.vehicle
         on_road = vehicle.getIDList()
         if on_road != self._on_road:
@@ -257,25 +258,25 @@ class World:
             changed = [pair for pair in zip(names, lanes, strict=True) if self._vehicles[pair[0]].lane != pair[1]]
             self._lanes = lanes
         for name, lane in changed:
-            known = self._vehicles[name]
-            known.lane = lane
-            if known.cruise_mps and not lane.startswith((":", known.edge)):
-                self._limit_speed(name, known, lane)
+            state = self._vehicles[name]
+            state.lane = lane
+            if state.cruise_mps and not lane.startswith((":", state.edge)):
+                self._limit_speed(name, state, lane)
         return Seen(names, numbers, changed)
 
     def _forget(self, vehicle: str) -> None:
-        """Do not count a vehicle among those that SUMO drives any more."""
+        """Drop a vehicle from those that SUMO drives."""
         if self._vehicles.pop(vehicle, None) is not None:
             self._on_road = ()
 
     def _count(self, on_road: tuple[str, ...]) -> None:
-        """Find out which vehicles are on the road, now that it is not the same any more."""
+        """Update the vehicles after the set of vehicles on the road has changed."""
         self._on_road = on_road
         here = set(on_road)
-        for vehicle, known in list(self._vehicles.items()):
+        for vehicle, state in list(self._vehicles.items()):
             if vehicle in here:
-                known.placed = True
-            elif known.placed:
+                state.placed = True
+            elif state.placed:
                 del self._vehicles[vehicle]
         names = tuple(vehicle for vehicle in self._vehicles if vehicle in here)
         if names != self._names:
@@ -285,74 +286,74 @@ class World:
         return vehicle in self._vehicles
 
     def set_speed(self, vehicle: str, speed_mps: float | None) -> None:
-        """Ask a vehicle to drive a speed while that is safe; None gives it back to car-following."""
+        """Let a vehicle drive at a speed while that is safe; None: it follows the car-following model again."""
         self._sumo.vehicle.setSpeed(vehicle, -1.0 if speed_mps is None else speed_mps)
 
     def set_cruise(self, vehicle: str, speed_mps: float) -> None:
-        """Set what a vehicle drives where nothing hinders it, m/s; over the limit of its road if need be."""
-        known = self._vehicles[vehicle]
-        known.cruise_mps = max(speed_mps, _CRAWLS_MPS)
-        self._set_top(vehicle, known, known.cruise_mps)
-        self._limit_speed(vehicle, known, known.edge)
+        """Set the speed of a vehicle where nothing hinders it, m/s; it may exceed the limit of the road."""
+        state = self._vehicles[vehicle]
+        state.cruise_mps = max(speed_mps, _CRAWLS_MPS)
+        self._set_top(vehicle, state, state.cruise_mps)
+        self._limit_speed(vehicle, state, state.edge)
 
     def limit_speed(self, vehicle: str, speed_mps: float) -> None:
-        """Let a vehicle drive at most this, which is no more than its cruise speed, until that is set anew."""
-        known = self._vehicles.get(vehicle)
-        if known is not None:
-            self._set_top(vehicle, known, max(speed_mps, _CRAWLS_MPS))
+        """Limit a vehicle's speed, to at most its cruising speed, until the latter is set again."""
+        state = self._vehicles.get(vehicle)
+        if state is not None:
+            self._set_top(vehicle, state, max(speed_mps, _CRAWLS_MPS))
 
-    def _set_top(self, vehicle: str, known: _Known, speed_mps: float) -> None:
-        if speed_mps != known.top_mps:
-            known.top_mps = speed_mps
+    def _set_top(self, vehicle: str, state: _Vehicle, speed_mps: float) -> None:
+        if speed_mps != state.top_mps:
+            state.top_mps = speed_mps
             self._sumo.vehicle.setMaxSpeed(vehicle, speed_mps)
 
     def set_limit(self, lane: str, speed_mps: float) -> None:
-        """Give a lane another speed limit, m/s, for the rest of the run."""
+        """Change the speed limit of a lane, m/s, for the rest of the run."""
         self._changed_limits.setdefault(lane, float(self._sumo.lane.getMaxSpeed(lane)))
         self._sumo.lane.setMaxSpeed(lane, speed_mps)
         self._limits.pop(lane.rpartition("_")[0], None)
 
     def set_acceleration(self, vehicle: str, acceleration_mps2: float) -> None:
-        """Set how fast a vehicle gains speed at most."""
+        """Set a vehicle's maximum acceleration, m/s^2."""
         self._sumo.vehicle.setAccel(vehicle, acceleration_mps2)
 
     def hold_tyres(self, vehicle: str, most_mps2: float | None) -> None:
-        """Let a vehicle speed up and brake with no more than this; None: as its type can."""
-        one = self._sumo.vehicle
+        """Limit a vehicle's acceleration and braking to this value, m/s^2; None: to the rates of its type."""
+        api = self._sumo.vehicle
         rates = self._rates.setdefault(
-            vehicle, (float(one.getAccel(vehicle)), float(one.getDecel(vehicle)), float(one.getEmergencyDecel(vehicle)))
+            vehicle, (float(api.getAccel(vehicle)), float(api.getDecel(vehicle)), float(api.getEmergencyDecel(vehicle)))
         )
         accel, decel, emergency = (min(rate, most_mps2) if most_mps2 is not None else rate for rate in rates)
-        one.setAccel(vehicle, accel)
-        one.setEmergencyDecel(vehicle, emergency)
-        one.setDecel(vehicle, decel)
+        api.setAccel(vehicle, accel)
+        api.setEmergencyDecel(vehicle, emergency)
+        api.setDecel(vehicle, decel)
 
     def ignore(self, vehicle: str, what: str, *, on: bool = True) -> None:
-        """Let a vehicle ignore `signals` (and vehicles that have green there) or `priority`, or obey again."""
-        known = self._vehicles[vehicle]
-        (known.ignores.add if on else known.ignores.discard)(what)
-        self._sumo.vehicle.setSpeedMode(vehicle, _mode(known.ignores))
+        """Let a vehicle ignore `signals` (and vehicles with a green light there) or `priority`, or obey them again."""
+        state = self._vehicles[vehicle]
+        (state.ignores.add if on else state.ignores.discard)(what)
+        self._sumo.vehicle.setSpeedMode(vehicle, _mode(state.ignores))
 
     def brake(self, vehicle: str, speed_mps: float | None) -> None:
-        """Let a vehicle drive at most this in the next step, however hard it brakes for that; None: as before."""
+        """Limit a vehicle's speed in the next step, without a limit on its braking; None: as before."""
         mode = _mode(self._vehicles[vehicle].ignores)
         self._sumo.vehicle.setSpeedMode(vehicle, mode if speed_mps is None else mode & ~_BRAKES_IN_COMFORT)
         self.set_speed(vehicle, speed_mps)
 
     def change_lane(self, vehicle: str, side: int) -> None:
-        """Ask for a change by one lane: 1 to the next higher index, -1 to the next lower; kept there for 60 s."""
+        """Order a change to the next lane: 1 to the higher index, -1 to the lower one; it keeps that lane for 60 s."""
         self._sumo.vehicle.changeLaneRelative(vehicle, side, 60.0)
 
     def close_up(self, vehicle: str, *, on: bool) -> None:
-        """Let a vehicle come as near to others as it is told, or keep the distance of its type again."""
-        one = self._sumo.vehicle
-        usual = self._usual.setdefault(vehicle, (float(one.getTau(vehicle)), float(one.getMinGap(vehicle))))
+        """Let a vehicle come as near to others as its orders require, or keep the gap of its type again."""
+        api = self._sumo.vehicle
+        usual = self._usual.setdefault(vehicle, (float(api.getTau(vehicle)), float(api.getMinGap(vehicle))))
         tau_s, room_m = (CLOSE_S, CLOSE_M) if on else usual
-        one.setTau(vehicle, tau_s)
-        one.setMinGap(vehicle, room_m)
+        api.setTau(vehicle, tau_s)
+        api.setMinGap(vehicle, room_m)
 
     def keep_to_lane(self, vehicle: str, index: int) -> None:
-        """Ask for a change to a lane of the edge, or for staying on it, over the next two steps."""
+        """Order a change to a lane of the edge, or staying on it, for the next two steps."""
         self._sumo.vehicle.changeLane(vehicle, index, 2 * STEP_S)
 
     def look_ahead(self, vehicle: str) -> None:
@@ -365,13 +366,13 @@ class World:
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    def _add(self, vehicle: str, model: str, route: tuple[str, ...]) -> _Known:
+    def _add(self, vehicle: str, model: str, route: tuple[str, ...]) -> _Vehicle:
         self._sumo.vehicle.add(vehicle, self._route(route), typeID=model)
         self._sumo.vehicle.setLaneChangeMode(vehicle, LANE_CHANGE_MODE)
         for key, value in LANE_CHANGE_MODEL.items():
             self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{key}", value)
-        known = self._vehicles[vehicle] = _Known(edge=f"{route[0]}_")
-        return known
+        state = self._vehicles[vehicle] = _Vehicle(edge=f"{route[0]}_")
+        return state
 
     def _route(self, edges: tuple[str, ...]) -> str:
         name = self._routes.get(edges)
@@ -380,19 +381,19 @@ class World:
             self._sumo.route.add(name, list(edges))
         return name
 
-    def _limit_speed(self, vehicle: str, known: _Known, lane: str) -> None:
-        """Let a vehicle drive its cruise speed on this edge (not a junction's), over the limit if need be.
+    def _limit_speed(self, vehicle: str, state: _Vehicle, lane: str) -> None:
+        """Set the speed factor with which a vehicle reaches its cruising speed on this edge, even above the limit.
 
-        Done anew on every edge, so that it depends on where the vehicle is and not on where it came from.
+        It is set on every edge outside junctions, so that it depends on the current edge only, not on earlier ones.
         """
-        known.edge = lane[: lane.rindex("_") + 1]
-        factor = max(1.0, known.cruise_mps / self._speed_limit(known.edge[:-1]))
-        if factor != known.factor:
-            known.factor = factor
+        state.edge = lane[: lane.rindex("_") + 1]
+        factor = max(1.0, state.cruise_mps / self._speed_limit(state.edge[:-1]))
+        if factor != state.factor:
+            state.factor = factor
             self._sumo.vehicle.setSpeedFactor(vehicle, factor)
 
     def _speed_limit(self, edge: str) -> float:
-        """An edge's limit; that of its fastest lane, as lane 0 may be a sidewalk."""
+        """Return an edge's speed limit, m/s: that of its fastest lane, as lane 0 may be a sidewalk."""
         limit = self._limits.get(edge)
         if limit is None:
             lanes = range(self._sumo.edge.getLaneNumber(edge))

@@ -95,7 +95,7 @@ def test_arrays_and_headers_that_do_not_fit_are_no_trace(trace: Trace) -> None:
         {"header": _bytes([])},
     ]
     for change in wrong:
-        with pytest.raises(ValueError, match="is no trace, or a damaged one"):
+        with pytest.raises(ValueError, match="is not a trace, or is damaged"):
             Trace.load(io.BytesIO(packed(**{**arrays, **change})))
 
 
@@ -110,7 +110,7 @@ def test_a_changed_file_is_read_or_refused_in_words(trace: Trace) -> None:
             Trace.load(io.BytesIO(bytes(changed)))
         except ValueError as err:
             refused += 1
-            assert "is no trace" in str(err) or "format" in str(err) or "too large" in str(err)
+            assert "is not a trace" in str(err) or "format" in str(err) or "too large" in str(err)
     assert refused > 50
 
 

@@ -1,1 +1,1 @@
-"""The actors of a run and how each kind moves."""
+"""The actors of a run, and how each kind of them moves."""

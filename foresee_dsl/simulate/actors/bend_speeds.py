@@ -1,4 +1,4 @@
-"""How fast the bends of a line may be taken, so that no vehicle turns with more than its tyres or its balance hold."""
+"""Speeds at which a vehicle can drive through the bends of a line without sliding or tipping over."""
 
 from __future__ import annotations
 
@@ -21,34 +21,36 @@ from foresee_dsl.kernels.lines import speed_points
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 
 TURNS_WITH = 0.6
-"""Share of the lateral acceleration that a vehicle can hold with which it takes bends. Ours: 5.3 m/s^2 on a dry road,
-just under the 5.5 m/s^2 that netconvert makes the limits inside junctions from; the rest is for what comes on top of a
-bend: corners of a map's lines, and braking."""
+"""Share of its lateral limit that a vehicle uses in a bend. Ours: 5.3 m/s^2 on a dry road, just under the 5.5 m/s^2
+from which netconvert computes the speed limits inside junctions. The rest is a reserve for corners in a map's lines and
+for braking within a bend."""
 
 PLANNED_SHARE = 0.8
-"""Share of comfortable braking that is planned with; ours, the rest is for the lag."""
+"""Share of comfortable braking with which the approach of a bend is planned. Ours: the rest makes up for the lag of the
+brakes."""
 
 _SLOWEST_MPS = 1.0
-"""A line that folds back says nothing of how fast it can be driven."""
+"""Lowest speed limit of a bend, m/s: where a line folds back, its curvature does not describe a drivable bend."""
 
 
 AHEAD_M = 60.0
-"""So far beyond its lane the bends are known. Ours: braking from 70 km/h with 3.2 m/s^2 takes 58 m."""
+"""Distance beyond the end of its lane up to which a vehicle considers bends, m. Ours: braking from 70 km/h with
+3.2 m/s^2 takes 58 m."""
 _EDGES = 4
-"""Nor beyond so many edges of its route; ours, in a town they are more than `AHEAD_M`."""
+"""Maximum number of edges of its route that it considers. Ours: in a town four edges are longer than `AHEAD_M`."""
 
 
 class BendSpeeds:
-    """The speed at each place of a line from which every bend that follows can be met.
+    """The highest speed at each point of a line from which a vehicle can still slow down for every bend that follows.
 
     Args:
         marks: [N] m along the line. heading: [N] rad, continuous.
-        axle_m: how far the rear axle lies behind what follows the line: a bend that is shorter counts as this long.
-        lateral_mps2: what the vehicle can hold; it uses `TURNS_WITH` of it.
-        braking_mps2: how hard it brakes in comfort.
+        axle_m: distance of the rear axle behind the point that follows the line, m; a shorter bend counts as this long.
+        lateral_mps2: largest lateral acceleration of the vehicle, m/s^2, of which it uses the share `TURNS_WITH`.
+        braking_mps2: comfortable braking of the vehicle, m/s^2.
 
     Attributes:
-        marks: [N] m. speeds: [N] m/s. slowest_mps: the least of these.
+        marks: [N] m along the line. speeds: [N] m/s. slowest_mps: the lowest of these speeds.
     """
 
     def __init__(
@@ -71,10 +73,10 @@ class BendSpeeds:
 
 
 class Stretch(NamedTuple):
-    """Where the bends of a lane and of those that follow it lie in the arrays of `LaneBends`.
+    """The part of `LaneBends.points` that holds the bends of one lane and of the lanes that follow it.
 
     Attributes:
-        begin, end: of them. slowest_mps: the least of their speeds.
+        begin, end: indices of the first point and after the last one. slowest_mps: the lowest of their speeds.
     """
 
     begin: int
@@ -83,14 +85,14 @@ class Stretch(NamedTuple):
 
 
 NO_BENDS = Stretch(0, 0, math.inf)
-"""Of a vehicle that is on no lane."""
+"""The stretch of a vehicle that is not on a lane."""
 
 
-class _Known:
-    """What was computed for a network: the children of a clip drive on the same one.
+class _StretchCache:
+    """The stretches that were computed for a network: all children of a clip drive on the same network.
 
     Attributes:
-        stretches: by lane, model, next edges and friction. points: of all of them, one after the other.
+        stretches: by lane, model, next edges and friction. points: the `SpeedPoint`s of all stretches.
     """
 
     def __init__(self) -> None:
@@ -103,33 +105,34 @@ class _Known:
         return Stretch(begin, len(self.points), bends.slowest_mps)
 
 
-_KNOWN: WeakKeyDictionary[RoadNetwork, _Known] = WeakKeyDictionary()
+_CACHES: WeakKeyDictionary[RoadNetwork, _StretchCache] = WeakKeyDictionary()
 _MOST_POINTS = 2**18
-"""With more points, 4 MB, a network's next run begins anew. Ours: 400 drawn test cases of a town have 350,000."""
+"""Number of points (4 MB) above which a network's next run empties the cache. Ours: 400 random test cases of one town
+have 350,000."""
 
 
 class LaneBends:
-    """How fast the vehicles that SUMO drives may go, by their lane and those that follow on their route.
+    """The speeds at which the vehicles that SUMO drives can take the bends of their lane and of the next ones.
 
-    Nothing depends on where a vehicle was before, so that a run that is rebuilt from a description continues in the
-    same way: what a lane's vehicle has just turned through is not counted.
+    The speeds do not depend on earlier positions, so that a run rebuilt from a description continues in the same way: a
+    bend that the vehicle has just driven through is not counted.
     """
 
     def __init__(self, network: RoadNetwork, friction: float) -> None:
-        """Know a network, and how wet it is."""
+        """Use the cache of a network; `friction`: tyre-road friction coefficient."""
         self._network, self._friction = network, friction
-        if len(_KNOWN.setdefault(network, _Known()).points) > _MOST_POINTS:
-            _KNOWN[network] = _Known()
-        self._known = _KNOWN[network]
-        self._done: dict[str, int] = {}
+        if len(_CACHES.setdefault(network, _StretchCache()).points) > _MOST_POINTS:
+            _CACHES[network] = _StretchCache()
+        self._cache = _CACHES[network]
+        self._passed: dict[str, int] = {}
 
     @property
     def points(self) -> Records:
-        """[P] `SpeedPoint`s: lengths along the lane of the stretch that a point belongs to, and what may be driven."""
-        return self._known.points
+        """[P] `SpeedPoint`s: the length along the lane of the point's stretch, and the speed that is possible there."""
+        return self._cache.points
 
     def ahead(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> Stretch:
-        """Return the bends of the lane that a vehicle is on and of those that follow on its route."""
+        """Return the bends of a vehicle's lane and of the lanes that follow on its route."""
         if lane not in self._network.lanes:
             return NO_BENDS
         return self._of(vehicle, model, lane, route)
@@ -139,17 +142,17 @@ class LaneBends:
         edge = movement.to_edge if movement is not None else self._network.lanes[lane].edge
         edges = self._left(vehicle, route, edge)
         key = (lane, model, edges, self._friction)
-        found = self._known.stretches.get(key)
-        if found is None:
-            found = self._known.stretches[key] = self._known.add(self._bends(lane, movement, edges, model))
-        return found
+        stretch = self._cache.stretches.get(key)
+        if stretch is None:
+            stretch = self._cache.stretches[key] = self._cache.add(self._bends(lane, movement, edges, model))
+        return stretch
 
     def _left(self, vehicle: str, route: Sequence[str], edge: str) -> tuple[str, ...]:
         """Return the next edges of a route, which may pass an edge twice."""
-        done = self._done.get(vehicle, 0)
+        done = self._passed.get(vehicle, 0)
         if edge not in route[done:]:
             return (edge,)
-        done = self._done[vehicle] = route.index(edge, done)
+        done = self._passed[vehicle] = route.index(edge, done)
         return tuple(route[done : done + _EDGES])
 
     def _bends(self, lane: str, movement: Movement | None, edges: tuple[str, ...], model: ModelSpec) -> BendSpeeds:
@@ -158,7 +161,7 @@ class LaneBends:
         for name in self._following(lane, movement, edges, model):
             line = self._network.lanes[name].line
             turn = remainder(line.angles[0] - angles[-1], tau) - (line.angles[0] - angles[-1])
-            # Two points may fall on each other where lanes meet: the turn there is what matters.
+            # Where lanes meet, two points may coincide; they are both kept, as the heading may change between them.
             points += line.xy
             angles += [angle + turn for angle in line.angles]
         marks = lengths(points)
@@ -173,7 +176,7 @@ class LaneBends:
     def _following(
         self, lane: str, movement: Movement | None, edges: tuple[str, ...], model: ModelSpec
     ) -> Iterator[str]:
-        """Yield the lanes after one on a route, for `AHEAD_M`; where there are several, the one nearest beside."""
+        """Yield the lanes that follow on a route, up to `AHEAD_M`; of parallel lanes the nearest to the current one."""
         far = 0.0
         if movement is not None:
             rest = (*movement.via[movement.via.index(lane) + 1 :], movement.to_lane)
@@ -194,15 +197,15 @@ class LaneBends:
 
 
 def approached(limits: Sequence[float], s: Sequence[float], braking_mps2: float) -> list[float]:
-    """Return the speeds (m/s) at points of a line from which this braking meets every limit that follows."""
-    found = list(limits)
-    for k in range(len(found) - 2, -1, -1):
-        found[k] = min(found[k], sqrt(found[k + 1] ** 2 + 2 * braking_mps2 * (s[k + 1] - s[k])))
-    return found
+    """Return the highest speed (m/s) at each point from which this braking meets every limit that follows."""
+    speeds = list(limits)
+    for k in range(len(speeds) - 2, -1, -1):
+        speeds[k] = min(speeds[k], sqrt(speeds[k + 1] ** 2 + 2 * braking_mps2 * (s[k + 1] - s[k])))
+    return speeds
 
 
 def _turned(s: FloatArray, heading: FloatArray, behind_m: float, span_m: float) -> FloatArray:
-    """Return by how much a line turns, at each of its points, over a span that ends so far behind it, rad."""
+    """Return, for each point, the change of heading (rad) over the `span_m` that end `behind_m` before the point."""
     ends = s - behind_m
-    found: FloatArray = np.abs(np.interp(ends, s, heading) - np.interp(ends - span_m, s, heading))
-    return found
+    turned: FloatArray = np.abs(np.interp(ends, s, heading) - np.interp(ends - span_m, s, heading))
+    return turned

@@ -1,4 +1,4 @@
-"""Doors: bodies at the side of a vehicle, which are there while they are open."""
+"""Doors of vehicles: bodies at the vehicle's side that exist while they are open."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from foresee_dsl.simulate.world import World
 
 
 class OpenDoor(StaticActor):
-    """A door of an actor; it moves with it."""
+    """A door of an actor, which moves with that actor."""
 
     __slots__ = ("_network", "_of", "is_open", "owner")
 
     def __init__(self, actor: PlacedActor, of: DoorOf, world: World, network: RoadNetwork, edge: str) -> None:
-        """Be shut."""
+        """Start absent; `belongs_to` and `follow` put the door at its owner's side."""
         super().__init__(actor, world, network, edge)
         self._network, self._of = network, of
         self.owner: Actor = self
@@ -28,16 +28,16 @@ class OpenDoor(StaticActor):
         self.positions = ()
 
     def belongs_to(self, actors: Mapping[str, Actor]) -> None:
-        """Find the actor whose door it is."""
+        """Set `owner` to the actor whose door it is."""
         self.owner = actors[self._of.actor]
 
     def swing(self, *, opens: bool) -> None:
-        """Be open, or shut."""
+        """Open or shut the door."""
         self.is_open = opens
         self.follow()
 
     def follow(self) -> None:
-        """Be where its owner is."""
+        """Move to the owner's side; absent while the door is shut or the owner is absent."""
         self.present = self.is_open and self.owner.present
         if not self.present:
             self.positions = ()

@@ -1,8 +1,8 @@
-"""How a driven vehicle moves: a kinematic bicycle with a steering rate, a drivetrain lag and a friction ellipse.
+"""Motion of a driven vehicle: a kinematic bicycle with a steering rate, a drivetrain lag and a friction ellipse.
 
 The motion is that of the rear axle's centre, which follows the front wheels without slip (Rajamani, Vehicle Dynamics
-and Control, 2nd ed., section 2.2); states are given at the centre of the footprint, as everywhere else. All that the
-next step needs is in the state, so a run restored from a state continues exactly.
+and Control, 2nd ed., section 2.2); states refer to the centre of the footprint, as everywhere else. The state holds
+everything that the next step needs, so a run restored from a state continues exactly.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from foresee_dsl.kernels.records import dtype_of
 _STATE = dtype_of(VehicleState)
 
 GRAVITY_MPS2 = 9.81
-"""Standard gravity, to the figures that `VehicleLimits` is defined with."""
+"""Standard gravity, m/s^2, with the digits that the definition of `VehicleLimits` uses."""
 
 TIPS_AT_G: Mapping[str, float] = MappingProxyType(
     {"van": 0.7, "truck": 0.4, "bus": 0.5, "motorcycle": 0.8, "bicycle": 0.4}
 )
-"""The lateral acceleration, in g, over which a class of vehicle tips or its rider does not lean; cars slide before.
-Ours, within what is measured: large trucks roll over from 0.2 g on, light trucks and vans at 0.8 to 1.2 g, cars over
-1 g (Winkler and Ervin, Rollover of Heavy Commercial Vehicles, UMTRI-99-19); tank trucks are asked for 0.4 g. Riders
-lean to 39 deg (0.8 g) and, on a bicycle, to 22 deg (0.4 g)."""
+"""Lateral acceleration, in g, above which a class of vehicle tips over or a rider does not lean further; a car slides
+before it tips. Ours, within measured ranges: large trucks roll over from 0.2 g, light trucks and vans at 0.8 to 1.2 g,
+cars above 1 g (Winkler and Ervin, Rollover of Heavy Commercial Vehicles, UMTRI-99-19); tank trucks must hold 0.4 g. A
+motorcyclist leans up to 39 deg (0.8 g), a cyclist up to 22 deg (0.4 g)."""
 
 
 @dataclass(slots=True)
@@ -59,7 +59,7 @@ class BicycleState:
 
 
 def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
-    """Return what a model can do on a road of this friction."""
+    """Return the limits of a vehicle model on a road with this friction coefficient."""
     return VehicleLimits(
         model=model.name,
         length_m=model.length_m,
@@ -77,19 +77,19 @@ def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
 
 
 def lateral_limit_mps2(model: str, friction: float) -> float:
-    """Return the lateral acceleration that a model (`class.variant`) can hold: what its tyres hold with this friction,
-    or less where it would tip."""
+    """Return the largest lateral acceleration of a model (`class.variant`): that of its tyres at this friction, or less
+    where it would tip over."""
     return min(friction, TIPS_AT_G.get(model.partition(".")[0], inf)) * GRAVITY_MPS2
 
 
 class Bicycle:
-    """Moves one kind of vehicle.
+    """Moves vehicles of one model.
 
-    Its acceleration stays in an ellipse: along, friction times gravity (motor and brakes may give less); across,
-    `lateral_limit_mps2`.
+    The acceleration stays within an ellipse: lengthwise up to friction times gravity (motor and brakes may give less),
+    sideways up to `lateral_limit_mps2`.
 
     Args:
-        limits: what the vehicle can do.
+        limits: of the vehicle.
 
     Raises:
         ValueError: a limit that must be positive is not.
@@ -101,7 +101,7 @@ class Bicycle:
                 raise ValueError(f"{limits.model}: {name} is {getattr(limits, name)}, must be positive")
         self.limits = limits
         self.rear_axle_m = limits.wheelbase_m + limits.front_overhang_m - limits.length_m / 2
-        """How far the rear axle lies behind the centre of the footprint."""
+        """Distance of the rear axle behind the centre of the footprint, m."""
         self.grip_mps2 = limits.friction * GRAVITY_MPS2
         self.lateral_mps2 = lateral_limit_mps2(limits.model, limits.friction)
         record = BicycleLimits(
@@ -118,14 +118,14 @@ class Bicycle:
         self._limits = np.array([record], dtype_of(BicycleLimits))
 
     def hold(self, friction: float) -> None:
-        """Let the tyres hold this much from now on, whatever `limits` say (the driver is told those)."""
+        """Use this friction coefficient from now on; `limits`, which the driver receives, keep the road's friction."""
         self._limits["grip"] = friction * GRAVITY_MPS2
         self._limits["lateral"] = lateral_limit_mps2(self.limits.model, friction)
 
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
-        """Return the state `dt` seconds later; `state` is left as it is.
+        """Return the state `dt` seconds later; `state` does not change.
 
-        Values of the control out of range mean the nearest allowed one; for a NaN, or what is no number, a
+        A control value out of range counts as the nearest allowed value; a NaN or a value that is not a number raises a
         `ValueError`.
         """
         row = np.array((state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer))
@@ -133,14 +133,14 @@ class Bicycle:
         return BicycleState(*row.tolist())
 
     def move(self, state: Records, control: Control, dt: float) -> None:
-        """Do the same to a state that is given as an array of one `VehicleState`, which is changed.
+        """Advance a state by `dt` seconds in place; the state is an array of one `VehicleState`.
 
         `control`: within its ranges (`checked`).
         """
         step(state, self._limits, control.steer, control.throttle, control.brake, dt)
 
     def steer_for(self, curvature: float) -> float:
-        """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""
+        """Return the front wheel angle (rad), within its limit, with which the rear axle follows a curvature (1/m)."""
         limit = self.limits.steer_max_rad
         return max(-limit, min(limit, atan(self.limits.wheelbase_m * curvature)))
 
@@ -152,7 +152,7 @@ class Bicycle:
         )
 
     def wheels(self, state: BicycleState, inset_m: float) -> FloatArray:
-        """Return [4, 2] m, a point for each wheel: on its axle, `inset_m` inside the vehicle's side.
+        """Return one point for each wheel, [4, 2] m: on its axle, `inset_m` inside the vehicle's side.
 
         The order is front left, rear left, rear right, front right.
         """
@@ -160,13 +160,13 @@ class Bicycle:
         return points
 
     def axles(self, inset_m: float) -> tuple[float, float, float]:
-        """Return how far ahead of the centre the front and the rear axle are, and how far beside it such a point, m."""
+        """Return the distances of both axles ahead of the centre, and that of a wheel's point to its side, m."""
         rear = -self.rear_axle_m
         return self.limits.wheelbase_m + rear, rear, max(self.limits.width_m / 2 - inset_m, 0.0)
 
 
 def checked(control: Control) -> tuple[float, float, float]:
-    """Return steer, throttle and brake as floats within their ranges; a `ValueError` for a NaN or what is no number."""
+    """Return steer, throttle and brake as floats within their ranges; a `ValueError` for a NaN or for a non-number."""
     try:
         steer, throttle, brake = float(control.steer), float(control.throttle), float(control.brake)
     except (TypeError, ValueError, AttributeError) as err:
@@ -177,5 +177,5 @@ def checked(control: Control) -> tuple[float, float, float]:
 
 
 def centre_of_front(x: float, y: float, heading: float, length: float) -> tuple[float, float]:
-    """Return the centre of the footprint (m) whose front bumper's middle, SUMO's reference point, is at x, y."""
+    """Return the centre of a footprint (m) from the middle of its front bumper, x and y (SUMO's reference point)."""
     return x - length / 2 * cos(heading), y - length / 2 * sin(heading)

@@ -1,4 +1,4 @@
-"""Vehicles that follow a path for a while and SUMO's lanes for the rest: where they change from one to the other."""
+"""Vehicles that follow a path for part of a run and that SUMO drives otherwise, and the changes between them."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 GOES_ON_M = 20.0
-"""So far beyond its path's end the lanes belong to the path of a vehicle that joins them. Ours: a step at any speed,
-and the length of a lorry behind which its heading is drawn."""
+"""Length along the lanes, beyond the end of its path, that is added to the path of a vehicle that joins them, m. Ours:
+longer than one step at any speed plus the length of a lorry, whose heading is computed over its length."""
 _EVERY_M = 2.0
 THERE_M = 0.1
-"""A vehicle that reverses has come so far as it was told when it stands this near to it. Ours."""
+"""Distance to the end of its path within which a reversing vehicle that stands has arrived, m. Ours."""
 
 
 class GuidedVehicle(SumoVehicle):
-    """A vehicle that SUMO drives, but where it follows a path.
+    """A vehicle that SUMO drives except while it follows a path.
 
     Attributes:
-        guide: what follows the path, while it does; the vehicle is where that is.
+        guide: the actor on the path whose position the vehicle takes over, None while SUMO drives it.
         way: the line of the edges that it joins at the path's end, None where it stays there. route: these edges.
-        ends_m: how long its path is. backs: it goes backwards along its path.
+        ends_m: length of its path, m. backs: whether it reverses along its path.
     """
 
     __slots__ = ("_edge", "_friction", "_group", "_roads", "_world", "backs", "ends_m", "guide", "route", "way")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
-        """Start where the actor is placed: on a path, or on the lanes."""
+        """Start where the scene places the actor: on a path, or on the lanes."""
         self._world, self._roads, self._edge, self._friction = world, network, edge, friction
         self.guide: PathActor | None = None
         self.way: RouteLine | None = None
@@ -53,7 +53,7 @@ class GuidedVehicle(SumoVehicle):
     def follow(
         self, path: Points, way: RouteLine | None, *, along_m: float = 0.0, speed_mps: float, timing: float = 1.0
     ) -> None:
-        """Follow a path from so far along it on; its speeds are times `timing`."""
+        """Follow a path, beginning `along_m` from its start; its speeds are multiplied by `timing`."""
         self.way, self.ends_m, self.backs = way, line_of(path).length_m, False
         placed = replace(
             self.placed,
@@ -67,16 +67,16 @@ class GuidedVehicle(SumoVehicle):
             timing=timing,
             walk_stops=(),
         )
-        was, self.guide = self.guide, PathActor(placed, self._world, self._edge, self._friction)
-        if was is not None:
-            self.guide.stand_in = was.stand_in  # SUMO has it already
+        before, self.guide = self.guide, PathActor(placed, self._world, self._edge, self._friction)
+        if before is not None:
+            self.guide.stand_in = before.stand_in  # SUMO has it already
         self._group = PathGroup((self.guide,), (0,), StateTable((self.guide,)), self._roads)
         self.along = along_m
         self.lane = ""
 
     @property
     def joins_now(self) -> bool:
-        """Whether it comes to the end of its path in the next step, and goes on in traffic."""
+        """Whether it reaches the end of its path in the next step and SUMO drives it from there."""
         guide = self.guide
         if self.backs:
             return guide is not None and guide.along >= self.ends_m - THERE_M and guide.speed < STANDS_MPS
@@ -84,11 +84,11 @@ class GuidedVehicle(SumoVehicle):
 
     @property
     def arrived(self) -> bool:
-        """Whether it has come to the end of a path at which it stays."""
+        """Whether it has reached the end of a path and stays there."""
         return self.guide is not None and self.way is None and self.guide.follower.arrived
 
     def back_up(self, length_m: float) -> None:
-        """Go backwards along its lane from where it stands; at the end it goes on in traffic as before."""
+        """Reverse along its lane by `length_m` from where it stands; afterwards SUMO drives it as before."""
         line = self.placed.line
         if line is None:
             return
@@ -102,7 +102,7 @@ class GuidedVehicle(SumoVehicle):
 
     @property
     def room_m(self) -> float:
-        """What is left of its path, m."""
+        """Remaining length of its path, m."""
         return self.ends_m - self.along
 
     def step_on_path(self) -> None:
@@ -118,13 +118,13 @@ class GuidedVehicle(SumoVehicle):
             self.along = guide.along
 
     def show(self) -> None:
-        """Let SUMO's vehicles see it while it is on the path."""
+        """Show it to SUMO's vehicles while it is on the path."""
         if self.guide is not None and self.present:
             self._group.show()
 
     def hand_over(self) -> PlacedActor | None:
-        """Leave the path for the lanes: return the vehicle as SUMO is to have it at the end of the next step, in the
-        middle of its lane; None without a way to join."""
+        """Leave the path for the lanes: return the vehicle as SUMO must place it at the end of the next step, in the
+        middle of its lane; None if it does not join lanes."""
         guide, way = self.guide, self.way
         if guide is None or way is None:
             return None
@@ -149,7 +149,7 @@ class GuidedVehicle(SumoVehicle):
 
 
 def _going_on(path: Points, way: RouteLine | None) -> Points:
-    """Return a path that goes on along the lanes that are joined at its end."""
+    """Return a path extended by `GOES_ON_M` along the lanes that it joins at its end."""
     if way is None:
         return path
     s, _ = way.project(*path[-1])

@@ -1,4 +1,4 @@
-"""Inserting the actors of a scene into SUMO, so that it knows at frame 0 what it would have known on the way there."""
+"""Inserts the actors of a scene into SUMO so that its right of way at frame 0 is as if they had driven there."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HELD_MPS = 0.6
 """Least speed of a moving vehicle that is held in place while others are inserted. Per step SUMO 1.28 takes 0.45 m/s
 (its emergency braking) off a held vehicle's speed, and one that reaches 0 counts as having stopped at a stop sign.
 Ours: enough that none does."""
-KNOWN_AFTER = 1
+REGISTRATION_STEPS = 1
 """Steps for which all vehicles are held after the last insertion. Ours: SUMO 1.28 registers a vehicle that approaches a
 junction one step later."""
 
@@ -35,21 +35,25 @@ class Insertion:
     def __init__(
         self,
         world: World,
-        shown: ShownActors,
+        shown_actors: ShownActors,
         traffic: SumoTraffic,
         vehicles: Mapping[str, SumoVehicle],
         cruise_mps: Mapping[str, float],
         progress: Progress,
     ) -> None:
-        """Take what the simulation has; `vehicles`: those that SUMO drives. `cruise_mps`: of all actors."""
-        self._world, self._shown, self._traffic, self._vehicles = world, shown, traffic, vehicles
+        """Use these parts of the simulation.
+
+        `vehicles`: the vehicles that SUMO drives. `cruise_mps`: cruising speed of each actor by id, m/s.
+        """
+        self._world, self._shown_actors, self._traffic, self._vehicles = world, shown_actors, traffic, vehicles
         self._cruise_mps, self._progress = cruise_mps, progress
 
     def run(self, bundle: SumoBundle) -> None:
-        """Insert all actors into SUMO, hold them until it knows what it would have known, and let them roll to frame 0.
+        """Insert all actors into SUMO, hold them until all are registered, and let them roll to frame 0.
 
-        In SUMO the vehicle that came to a junction first goes first: those inside are inserted one per step, in the
-        order in which they seem to have come (`_insertion_order`). In the last step SUMO decides on gaps and lanes.
+        In SUMO the vehicle that reached a junction first goes first. Vehicles inside a junction are therefore inserted
+        one per step, in the order in which they probably entered (`_insertion_order`). In the last step SUMO decides
+        about gaps and lane changes.
         """
         world = self._world
         waves, stand_ins_from = self._insertion_order()
@@ -64,7 +68,7 @@ class Insertion:
                 self._add(actor, before)
             here += wave
             if count >= stand_ins_from:
-                self._shown.show_others()
+                self._shown_actors.show_others()
             self._pass_step(at_least_mps=HELD_MPS if count + 1 < len(waves) else 0.0)
         rolling = [vehicle for vehicle in self._vehicles.values() if vehicle.rolls]
         self._hold([vehicle for vehicle in self._vehicles.values() if not vehicle.rolls], before)
@@ -74,7 +78,7 @@ class Insertion:
             if vehicle.lane in bundle.network.bays and vehicle.acceleration <= 0:  # it comes to stop there, or stands
                 world.keep_to_lane(vehicle.id, int(vehicle.lane.rpartition("_")[2]))
         self._traffic.slow_for_bends()
-        self._shown.show(0)
+        self._shown_actors.show(0)
         self._pass_step()
         for vehicle in rolling:
             world.let_go(vehicle.id)
@@ -82,10 +86,10 @@ class Insertion:
     def _insertion_order(self) -> tuple[list[list[Actor]], int]:
         """Return which actors are inserted in which step, and from which step on stand-ins are shown.
 
-        Inside a junction, a vehicle that stands or drives slower than it may is taken to yield to one that was there
-        before; the others came as long ago as their way inside takes at their speed.
+        A vehicle inside a junction that stands or drives slower than it may is treated as yielding to a vehicle that
+        entered earlier. For the others the time since they entered is the distance inside divided by their speed.
         """
-        vehicles: list[Actor] = [self._shown.ego, *self._vehicles.values()]
+        vehicles: list[Actor] = [self._shown_actors.ego, *self._vehicles.values()]
         bends = self._traffic.may_drive_mps()
         at_speed = {
             vehicle.id: vehicle.speed >= min(self._cruise_mps[vehicle.id], bends[vehicle.id]) - MAY_DRIVE_MPS
@@ -93,29 +97,31 @@ class Insertion:
         }
         since = {actor.id: self._since_entry(actor, at_speed.get(actor.id, False)) for actor in vehicles}
         inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
-        going = [a for a in inside if a is self._shown.ego or _drives_freely(a, at_speed[a.id])]
+        going = [a for a in inside if a is self._shown_actors.ego or _drives_freely(a, at_speed[a.id])]
         yielding = [a for a in inside if a not in going]
         rest = [a for a in vehicles if a not in inside]
         none: list[Actor] = []
-        waves = [*([a] for a in going), none, *([a] for a in yielding), rest, *([none] * KNOWN_AFTER)]
+        waves = [*([a] for a in going), none, *([a] for a in yielding), rest, *([none] * REGISTRATION_STEPS)]
         return waves, len(going)
 
     def _since_entry(self, actor: Actor, at_speed: bool) -> float:
-        """Return how long ago a vehicle's front seems to have come to the junction that it is on, s; 0 on none.
+        """Return the estimated time since a vehicle's front entered the junction that it is on, s; 0 outside junctions.
 
-        `at_speed`: it drives as fast as it may.
+        `at_speed`: whether it drives as fast as it may.
         """
         inside_m = self._progress.inside(actor, 0)
         if inside_m <= 0.0:
             return 0.0
-        # A vehicle that has come out of a bend gains speed as well, but has not waited.
-        waited = actor is not self._shown.ego and _accelerates_freely(actor) and not at_speed
+        # A vehicle that leaves a bend accelerates too, but it has not waited.
+        waited = actor is not self._shown_actors.ego and _accelerates_freely(actor) and not at_speed
         return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
 
     def _add(self, actor: Actor, before: Mapping[str, PlacedActor]) -> None:
-        if actor is self._shown.ego:
-            self._world.bodies.add(self._shown.ego.id, self._shown.ego.placed.model.name, self._shown.ego.placed.route)
-            self._shown.show_ego(0, -STEP_S)
+        if actor is self._shown_actors.ego:
+            self._world.bodies.add(
+                self._shown_actors.ego.id, self._shown_actors.ego.placed.model.name, self._shown_actors.ego.placed.route
+            )
+            self._shown_actors.show_ego(0, -STEP_S)
             return
         placed = before[actor.id]
         self._world.add_vehicle(placed)
@@ -124,27 +130,27 @@ class Insertion:
 
     def _hold(self, actors: Iterable[Actor], before: Mapping[str, PlacedActor]) -> None:
         for actor in actors:
-            if actor is self._shown.ego:
-                self._shown.show_ego(0, -STEP_S)
+            if actor is self._shown_actors.ego:
+                self._shown_actors.show_ego(0, -STEP_S)
             else:
                 self._world.hold(before[actor.id])
 
     def _pass_step(self, *, at_least_mps: float = 0.0) -> None:
-        """Let SUMO take a step, and put back the speeds of its vehicles, those that move at least at `at_least_mps`."""
+        """Let SUMO take a step, then restore its vehicles' speeds; a moving vehicle gets at least `at_least_mps`."""
         self._world.step()
-        self._shown.settle()
+        self._shown_actors.settle()
         for vehicle in self._vehicles.values():
             if vehicle.id not in self._world:
-                continue  # not yet
+                continue  # not inserted yet
             speed = vehicle.speed if vehicle.speed < STANDS_MPS else max(vehicle.speed, at_least_mps)
             self._world.settle(vehicle.id, speed, vehicle.acceleration)
 
 
 def _accelerates_freely(actor: Actor) -> bool:
-    """Whether a vehicle accelerates as if nothing were in its way."""
+    """Return whether a vehicle accelerates as if nothing were in its way."""
     return actor.acceleration >= GAINS_SHARE * actor.placed.model.acceleration_mps2 * min(actor.placed.timing, 1.0) ** 2
 
 
 def _drives_freely(actor: Actor, at_speed: bool) -> bool:
-    """Say whether a vehicle inside a junction seems to have nothing to wait for."""
+    """Return whether a vehicle inside a junction seems to have nothing to wait for."""
     return actor.speed >= STANDS_MPS and (_accelerates_freely(actor) or at_speed)

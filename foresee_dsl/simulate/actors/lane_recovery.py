@@ -1,6 +1,6 @@
-"""Drives a vehicle that SUMO moved until a steering perturbation: the offset for its time, then back to its lane.
+"""Drives a vehicle from its steering perturbation on: it applies the offset for its duration and returns to the lane.
 
-It is restored from what a clip holds: its `BicycleState` and the time.
+Until then SUMO drives the vehicle. A clip restores it from its `BicycleState` and the time.
 """
 
 from __future__ import annotations
@@ -22,25 +22,26 @@ from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.target_selection import STRAYS_M, Target, TargetSelection
 
 STOP_LINE_M = 0.5
-"""A front halts this far before a stop line, and has passed it when it is this far beyond. Ours: SUMO's cars halt
-within 1 m of the line."""
+"""Distance of the front before a stop line at which it halts, and beyond the line from which the line is passed, m.
+Ours: SUMO's cars halt within 1 m of the line."""
 
 SLOWING_S = 0.4
-"""Excess speed is shed with this time constant, and limits are looked at this far ahead, which makes up for it. Ours:
-four times the lag of the brakes."""
+"""Time constant of the reduction of excess speed, s. Limits are looked up this time ahead, which compensates the delay.
+Ours: four times the lag of the brakes."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecoverySettings:
-    """How an actor drives that SUMO does not move any more. All ours, unless said otherwise.
+    """Parameters of an actor that SUMO does not drive any more. All ours unless stated otherwise.
 
     Attributes:
-        lookahead_s, lookahead_min_m: pure pursuit aims this far ahead. Measured from 14 to 30 m/s on a car and a bus
-            thrown 14 m off their lane: 0.5 s swings past it by 5 m, 0.9 s by 1 m, 1.2 s by 0.5 m; all back within
-            8 s from 0.7 s to 1.2 s. In turns a longer one cuts the corner. The least keeps it calm when crawling.
-        recovery_mps2: lateral acceleration of the way back to the lane: 0.4 g, not half of what dry tyres hold.
-        headway_s, standstill_m: of the car-following model; SUMO's tau and minGap, so that a taken-over actor keeps
-            the gaps that it kept before.
+        lookahead_s, lookahead_min_m: look-ahead of pure pursuit, and its least length. Measured with a car and a bus
+            14 m off their lane at 14 to 30 m/s: 0.5 s overshoots the lane by 5 m, 0.9 s by 1 m, 1.2 s by 0.5 m; from
+            0.7 s to 1.2 s all are back within 8 s. A longer one cuts corners. The least length avoids oscillation at
+            walking speed.
+        recovery_mps2: lateral acceleration on the way back to the lane: 0.4 g, less than half of what dry tyres hold.
+        headway_s, standstill_m: of the car-following model; SUMO's tau and minGap, so that the actor keeps the same
+            gaps as before.
     """
 
     lookahead_s: float = 1.0
@@ -51,21 +52,21 @@ class RecoverySettings:
 
 
 class LaneRecovery:
-    """Drives an actor taken over from SUMO: steering offset for a while, then back to its lane.
+    """Drives an actor that SUMO drove before: it steers with an offset for a while, then returns to its lane.
 
-    Laterally: while the offset acts, the wheels stand where the lane's bend needs them plus the offset, and nothing
-    corrects the error; afterwards pure pursuit (Coulter, CMU-RI-TR-92-01). Longitudinally: the Intelligent Driver Model
-    (Treiber et al., 2000) toward its cruising speed within the limits, against the nearest body in its way.
+    Laterally: while the offset acts, the wheel angle is that of the lane's bend plus the offset, and the error is not
+    corrected; afterwards pure pursuit (Coulter, CMU-RI-TR-92-01). Longitudinally: the Intelligent Driver Model
+    (Treiber et al., 2000) toward the cruising speed within the limits, and behind the nearest body in the way.
 
     Args:
         limits: of the actor.
         line: the centreline of its route.
-        cruise_mps: what it drives where nothing hinders it.
-        offset: share of the largest steering angle (left positive), from when (s) and for how long (None: to the end).
-        lateral_bound_mps2: the offset may not ask for more lateral acceleration; None: as much as the tyres hold.
-        line_m: how far to the left of the line it keeps.
-        brakes: False: it takes no notice of others.
-        settings: see there.
+        cruise_mps: speed where nothing hinders it, m/s.
+        offset: share of the largest steering angle (left positive), with its start and its duration (None: to the end).
+        lateral_bound_mps2: largest lateral acceleration that the offset may cause; None: as much as the tyres hold.
+        line_m: lateral distance to the left of the line that it keeps, m.
+        brakes: whether it brakes for others.
+        settings: see `RecoverySettings`.
     """
 
     def __init__(
@@ -95,13 +96,13 @@ class LaneRecovery:
         self._near_s: float | None = None
 
     def take_over(self, x: float, y: float, heading: float, speed: float, acceleration: float = 0.0) -> BicycleState:
-        """Return the state of an actor that SUMO moved until now; its wheels stand as its lane's bend needs them."""
+        """Return the first state of an actor that SUMO moved until now; the wheel angle is that of the lane's bend."""
         curvature = self._curvature[self._mark(self.line.project(x, y)[0])]
         steer = self.bicycle.steer_for(curvature)
         return BicycleState(x, y, heading, speed, acceleration, speed * curvature, steer)
 
     def done(self, state: BicycleState) -> bool:
-        """Whether it has come to the end of its route."""
+        """Return whether it has reached the end of its route."""
         return self._along(state)[0] >= self._marks[-1] - 1e-6
 
     def step(
@@ -117,10 +118,10 @@ class LaneRecovery:
         """Return the state `dt` seconds later.
 
         Args:
-            state: now. others: the bodies around it, itself not among them; NaN where absent.
-            stop_s: length along its line that its front may not pass (a red signal); None when it may go. One that it
-            has passed, or cannot stop at, does not hold it.
-            yields: it brakes for those who are about to cross its way; otherwise only for what is on it already.
+            state: the current state. others: the bodies around it, without itself; NaN where absent.
+            stop_s: length along its line that its front may not pass (a red signal); None when it may go. A stop that
+                it has passed or cannot brake for is ignored.
+            yields: whether it brakes for actors about to cross its path; otherwise only for bodies already in it.
         """
         s, beside = self._along(state)
         offset = self._offset_now(time_s)
@@ -147,20 +148,20 @@ class LaneRecovery:
         return self.offset.value if within else 0.0
 
     def _steering(self, state: BicycleState, offset: float, s: float, dt: float) -> float:
-        """Angle of the front wheels (rad) to turn to."""
+        """Return the angle of the front wheels (rad) to turn to."""
         limit = self.limits.steer_max_rad
         if offset:
             steer = self.bicycle.steer_for(self._curvature[self._mark(s)]) + offset * limit
             bound = self.offset_mps2
         else:
             steer, bound = self._pursuit(state, s), self.recovery_mps2
-        # The speed that it may have at the end of the step: the bound holds there too.
+        # The bound must also hold at the highest speed possible at the end of the step.
         speed = state.speed + self.limits.acceleration_mps2 * dt
         limit = min(limit, atan(bound * self.limits.wheelbase_m / (speed * speed))) if speed > 0 else limit
         return max(-limit, min(limit, steer))
 
     def _pursuit(self, state: BicycleState, s: float) -> float:
-        """Angle of the front wheels that takes the rear axle on an arc to the point aimed at."""
+        """Return the front wheel angle (rad) of the arc from the rear axle to the look-ahead point."""
         ahead = max(self.settings.lookahead_min_m, self.settings.lookahead_s * state.speed)
         x, y = self.bicycle.rear_axle(state)
         # The rear axle lies behind the centre that was projected.
@@ -173,13 +174,13 @@ class LaneRecovery:
         return atan(2 * self.limits.wheelbase_m * sin(angle) / distance)
 
     def _pedals(self, speed: float, s: float, targets: Iterable[Target]) -> float:
-        """Acceleration (m/s^2) of the Intelligent Driver Model; each target is the room to it and its speed."""
+        """Return the acceleration (m/s^2) of the Intelligent Driver Model behind these targets."""
         limits = self.limits
         allowed = self._allowed[self._mark(s + speed * SLOWING_S)]
         wanted = max(0.1, min(self.cruise_mps, allowed, limits.max_speed_mps))
         if speed < wanted:
             free = limits.acceleration_mps2 * (1 - (speed / wanted) ** 4)
-        else:  # the model's own answer to too much speed is weak near the wanted speed; slow down at a rate instead
+        else:  # the model brakes only weakly just above the wanted speed; slow down with a time constant instead
             free = max((wanted - speed) / SLOWING_S, -limits.braking_mps2)
         acceleration = free
         for room, their_speed in targets:
@@ -190,15 +191,15 @@ class LaneRecovery:
         return max(acceleration, -limits.emergency_braking_mps2)
 
     def _line_ahead(self, state: BicycleState, room: float) -> tuple[Target, ...]:
-        """A stop line as if it were a body that stands; nothing when it is behind or can no longer be stopped at."""
+        """Return a stop line as a standing target; nothing if the line is behind or too near to stop at."""
         can_stop = state.speed**2 <= 2 * self.limits.emergency_braking_mps2 * (room + STOP_LINE_M)
         if room < -STOP_LINE_M or not can_stop:
             return ()
-        # The model keeps `standstill_m` from a body; the front comes nearer than that to a line.
+        # The model keeps `standstill_m` from a body; at a line the front stops nearer, at `STOP_LINE_M`.
         return (Target(room + self.settings.standstill_m - STOP_LINE_M, 0.0),)
 
     def _mark(self, s: float) -> int:
-        """Index of the line's point at or before this length."""
+        """Return the index of the line's last point at or before this length."""
         return max(0, min(len(self._marks) - 1, bisect_right(self._marks, s) - 1))
 
     def _control(self, state: BicycleState, steer: float, acceleration: float) -> Control:
@@ -211,6 +212,6 @@ class LaneRecovery:
 
 
 def _allowed_speed(line: RouteLine, lateral_mps2: float, braking_mps2: float) -> list[float]:
-    """Return the speed at each point of a line from which every limit and every bend that follows can be met."""
+    """Return the highest speed (m/s) at each point from which it can slow down for every later limit and bend."""
     bends = np.sqrt(lateral_mps2 / np.maximum(np.abs(line.curvature), 1e-9))
     return approached(np.minimum(line.speed_limit, bends).tolist(), line.s.tolist(), PLANNED_SHARE * braking_mps2)

@@ -1,6 +1,6 @@
 """The actors that Python moves: the ego, path-followers, obstacles, and vehicles under a steering perturbation.
 
-Each knows how to move one step and where SUMO's vehicles should see it.
+Each of them moves itself by one step and determines where SUMO's vehicles see it.
 """
 
 from __future__ import annotations
@@ -30,13 +30,14 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 STANDS_MPS = path_following.STANDS_MPS
-"""Slower is standing; SUMO's own threshold for a halting vehicle."""
+"""Speed below which an actor counts as standing, m/s; SUMO's threshold for a halting vehicle."""
 PUSHED_MPS2 = 2.0
-"""What an obstacle with a path, whose model cannot speed up or brake, is moved with. Ours: a camera on a cart."""
+"""Acceleration and braking of an obstacle on a path, whose model has none, m/s^2. Ours: a camera on a cart."""
 KERB_M = 0.5
-"""A pedestrian waits this far before the edge of a crossing. Ours: toes behind the kerb."""
+"""Distance before the edge of a crossing at which a pedestrian waits, m. Ours: toes behind the kerb."""
 PASSES_M = 1.1
-"""A body that stays this far from a lane's centreline does not block it. Ours: half a car's width and 0.2 m."""
+"""Distance from a lane's centreline from which a body does not block the lane, m. Ours: half a car's width plus 0.2
+m."""
 
 
 class Ego(Actor):
@@ -45,7 +46,7 @@ class Ego(Actor):
     __slots__ = ("_recorded", "_state", "motion")
 
     def __init__(self, actor: PlacedActor, friction: float) -> None:
-        """Start where the actor is placed."""
+        """Start where the scene places the actor; `friction`: tyre-road coefficient."""
         super().__init__(actor)
         self._state: Records = self._row.view(dtype_of(VehicleState))
         self.motion = Bicycle(limits_of(actor.model, friction))
@@ -53,7 +54,7 @@ class Ego(Actor):
 
     @property
     def limits(self) -> VehicleLimits:
-        """What it can do."""
+        """The limits of the vehicle."""
         return self.motion.limits
 
     def join(self, state_table: StateTable, number: int, row: FloatArray) -> None:
@@ -64,8 +65,8 @@ class Ego(Actor):
     def drive(self, control: Control) -> None:
         """Move one step; the lane is read from the network, not from SUMO.
 
-        While there are recorded states it moves to the next of them, whatever the driver answers. `control`: within its
-        ranges.
+        While recorded states are left it moves to the next of them and ignores the driver's answer. `control`: with
+        values within their ranges.
         """
         recorded = next(self._recorded, None)
         if recorded is not None:
@@ -81,7 +82,7 @@ def recorded_states(start: BicycleState, recorded: Sequence[RecordedState], moti
     """Yield the ego's state at each frame after the first, `start`, up to the last recorded one.
 
     Between two recorded states the rear axle, the point that moves along the heading, follows the cubic curve that has
-    their positions, speeds and headings at its ends. A recorded state within a step of the last is left out.
+    these positions, speeds and headings at its ends. A state less than one step after the previous one is skipped.
     """
     before, began_s, frame = replace(start, yaw_rate=_yaw_rate(start.speed, start.steer, motion)), 0.0, 1
     for state in recorded:
@@ -100,13 +101,13 @@ def _recorded_state(recorded: RecordedState, motion: Bicycle) -> BicycleState:
 
 
 def _yaw_rate(speed: float, steer: float, motion: Bicycle) -> float:
-    """Return the yaw rate (rad/s) that the wheels give, as far as the tyres hold."""
+    """Return the yaw rate (rad/s) at this speed and wheel angle, limited by the grip of the tyres."""
     most = motion.grip_mps2 / max(speed, STEP_S)
     return max(-most, min(most, speed * math.tan(steer) / motion.limits.wheelbase_m))
 
 
 def _state_between(a: BicycleState, b: BicycleState, span_s: float, since_s: float, motion: Bicycle) -> BicycleState:
-    """Return the state `since_s` after `a`, of the `span_s` until `b`."""
+    """Return the state `since_s` after `a`; `b` follows `span_s` after `a`."""
     if since_s >= span_s - 1e-6:
         return b
     share = since_s / span_s
@@ -127,14 +128,14 @@ def _state_between(a: BicycleState, b: BicycleState, span_s: float, since_s: flo
 
 
 def _cubic(a: float, a_rate: float, b: float, b_rate: float, span_s: float, share: float) -> float:
-    """Return the value of the cubic with these ends and rates of change (Hermite's form)."""
+    """Return the value, at `share` of the span, of the cubic with these end values and rates of change (Hermite)."""
     t, rest = share, 1.0 - share
     ends = a * rest * rest * (1 + 2 * t) + b * t * t * (3 - 2 * t)
     return ends + span_s * t * rest * (a_rate * rest - b_rate * t)
 
 
 class LanePosition(NamedTuple):
-    """Where a body is seen: x, y (m) and heading (rad) of the stand-in's front, its length (m), its lane."""
+    """Position of a stand-in: x, y (m) and heading (rad) of its front, its length (m), its lane."""
 
     front: tuple[float, float, float]
     length_m: float
@@ -144,19 +145,19 @@ class LanePosition(NamedTuple):
 class StandIn:
     """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive.
 
-    A new one for each lane: of one that changes lane on a junction SUMO (1.28) remembers when and how it came, and
-    right of way depends on that; of a new one it knows no more than a description says.
+    Each lane has its own stand-in. SUMO 1.28 remembers when and how a vehicle that changes lane on a junction arrived,
+    and right of way depends on that; for a new stand-in it stores nothing that a scene does not contain.
     """
 
     def __init__(self, world: World, name: str, edge: str) -> None:
-        """Prepare one; nothing is on the road yet."""
+        """Prepare the stand-ins of a body; none is on the road yet."""
         self._world, self._name, self._edge = world, name, edge
-        self._in: dict[str, float] = {}
+        self._in: dict[str, float] = {}  # speeds of the stand-ins in SUMO, m/s
         self._positions: Sequence[LanePosition] = ()
         self._standing: dict[str, LanePosition] = {}  # by the name of the stand-in
 
     def show(self, positions: Sequence[LanePosition]) -> None:
-        """Show a body that stands at these places for the next step, and nowhere else."""
+        """Show a standing body at these positions, and at no other, in the next step."""
         if positions is not self._positions:
             self._positions = positions
             self._standing = {f"~{self._name}~{position.lane}": position for position in positions}
@@ -165,9 +166,9 @@ class StandIn:
             self._place(name, position.lane, position.front, position.length_m, 0.0)
 
     def place(self, lane: str, front: tuple[float, float, float], length_m: float, speed_mps: float) -> None:
-        """Show a body on one lane for the next step, and nowhere else, with its speed along the lane.
+        """Show a moving body on one lane, and on no other, in the next step; `speed_mps`: along the lane.
 
-        `front`: x, y (m), heading (rad) of the stand-in. `length_m`: of the stand-in, if it is a new one.
+        `front`: x, y (m), heading (rad) of the stand-in. `length_m`: length of the stand-in if it is a new one.
         """
         name = f"~{self._name}~{lane}"
         if self._in and name not in self._in:
@@ -175,18 +176,18 @@ class StandIn:
         self._place(name, lane, front, length_m, speed_mps)
 
     def hide(self) -> None:
-        """Show the body nowhere."""
+        """Remove all stand-ins of the body."""
         self._positions = ()
         self._standing.clear()
         self._remove(list(self._in))
 
     @property
     def is_seen(self) -> bool:
-        """Whether SUMO's cars see it."""
+        """Whether the body has a stand-in in SUMO."""
         return bool(self._in)
 
     def settle(self) -> None:
-        """After a step: tell SUMO the speed; it makes one up from the displacement."""
+        """Set the speeds after a step: SUMO computes another speed from the displacement."""
         for name, speed in self._in.items():
             self._world.settle(name, speed, 0.0)
 
@@ -205,18 +206,18 @@ class StandIn:
 
 
 class StaticActor(Actor):
-    """An obstacle; it stands."""
+    """An obstacle that does not move."""
 
     __slots__ = ("positions", "stand_in")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
-        """Stand where it is placed, and find the lanes that it blocks."""
+        """Stand where the scene places it, and find the lanes that it blocks."""
         super().__init__(actor)
         self.stand_in = StandIn(world, actor.id, edge)
         self.positions = _blocked_by(self, network)
 
     def look(self, network: RoadNetwork) -> None:
-        """Find the lanes that it blocks where it is now."""
+        """Find the lanes that it blocks at its current position."""
         self.positions = _blocked_by(self, network)
 
 
@@ -230,7 +231,7 @@ class PathActor(Actor):
     __slots__ = ("_world", "cruise", "follower", "friction", "path_changed", "stand_in", "stops")
 
     def __init__(self, actor: PlacedActor, world: World, edge: str, friction: float) -> None:
-        """Start as far along the path as the scene says."""
+        """Start at the length along the path that the scene contains."""
         super().__init__(actor)
         model, paced = actor.model, with_timing(actor)
         self._world, self.friction = world, friction
@@ -252,7 +253,7 @@ class PathActor(Actor):
 
     @property
     def along(self) -> float:
-        """m along its path."""
+        """Length along its path, m."""
         return self.follower.along_m
 
     @along.setter
@@ -262,11 +263,11 @@ class PathActor(Actor):
             self._state_table.along[self._number] = along_m
 
     def follow(self, path: Points) -> None:
-        """Follow another path from now on, from its beginning, as fast as it is."""
-        model, was = self.placed.model, self.follower
+        """Follow another path from its beginning, at the current speed."""
+        model, before = self.placed.model, self.follower
         self.follower = PathFollower(
             path,
-            pace_mps=was.pace_mps or self.cruise,
+            pace_mps=before.pace_mps or self.cruise,
             acceleration_mps2=model.acceleration_mps2 or PUSHED_MPS2,
             braking_mps2=model.braking_mps2 or PUSHED_MPS2,
             length_m=0.0 if model.kind == "pedestrian" else model.length_m,
@@ -278,18 +279,18 @@ class PathActor(Actor):
             self.path_changed()
 
     def red_light(self) -> float | None:
-        """Return the length along its path at which it waits for a signal, if it does, m."""
-        along = self.along if self.stops else 0.0  # once: it is read from a record
+        """Return the length along its path, m, at which it waits for a signal; None if it does not wait."""
+        along = self.along if self.stops else 0.0  # read once: reading it from a record is slow
         for enters, _, tls, link in self.stops:
             stop = enters - KERB_M
-            # One that waits there may have been written down a rounding further on.
+            # Rounding in a clip may have put a waiting actor slightly beyond its stop.
             if along <= stop + ROUNDING_M and self._world.signals.colour(tls, link) in ("red", "amber"):
                 return max(stop, along)
         return None
 
 
 class SteeredVehicle(SumoVehicle):
-    """A vehicle that SUMO drives until a steering offset sets in; from then on it is a bicycle in Python."""
+    """A vehicle that SUMO drives until its steering offset begins; from then on Python moves it as a bicycle."""
 
     __slots__ = ("friction", "recovery", "taken")
 
@@ -301,12 +302,12 @@ class SteeredVehicle(SumoVehicle):
         self.taken: BicycleState | None = None
 
     def due(self, time_s: float) -> bool:
-        """Whether it is to be taken over now."""
+        """Return whether its steering offset begins now, so that Python must take it over."""
         steering = self.placed.steering
         return self.taken is None and steering is not None and time_s >= steering.start_s - STEP_S / 100
 
     def take_over(self, network: RoadNetwork, cruise_mps: float) -> None:
-        """Take it over where it is."""
+        """Move it in Python from its current state on."""
         actor = self.placed
         line = actor.line or network.line(actor.route, start_lane=actor.lane or None)
         limits = limits_of(actor.model, self.friction)
@@ -315,7 +316,7 @@ class SteeredVehicle(SumoVehicle):
         self.lane = ""
 
     def recover(self, time_s: float, others: Sequence[Mover], stop_s: float | None, *, yields: bool) -> None:
-        """Move one step; afterwards it may be gone (`present`)."""
+        """Move one step; at the end of its route it becomes absent."""
         if self.recovery is None or self.taken is None:
             return
         self.taken = self.recovery.step(self.taken, time_s, others, STEP_S, stop_s=stop_s, yields=yields)
@@ -324,39 +325,39 @@ class SteeredVehicle(SumoVehicle):
 
 
 def with_timing(actor: PlacedActor) -> PlacedActor:
-    """Return an actor with its `timing` worked into its speeds, within what its model can."""
+    """Return an actor whose speeds are multiplied by its `timing`, up to its model's maximum speed."""
     k, top = actor.timing, actor.model.max_speed_mps
     if k == 1.0:
         return actor
     return replace(actor, cruise_mps=min(actor.cruise_mps * k, top), speed_mps=min(actor.speed_mps * k, top))
 
 
-_MOST_KNOWN = 2048
-"""Results that are kept of one network. Ours: the bodies of some hundred test cases."""
+_MOST_BODIES = 2048
+"""Maximum number of cached bodies of a network. Ours: the bodies of some hundred test cases."""
 _BLOCKED: WeakKeyDictionary[RoadNetwork, dict[Box, tuple[LanePosition, ...]]] = WeakKeyDictionary()
-"""What was looked up: the obstacles of a clip's children stand at the same places."""
+"""Cache of the stretches that bodies block: the obstacles of a clip's children stand at the same places."""
 
 
 def _blocked_by(block: Actor, network: RoadNetwork) -> tuple[LanePosition, ...]:
-    """Return the stretches of lanes that a body blocks."""
-    known, box = _BLOCKED.setdefault(network, {}), block.box
-    if box not in known:
-        if len(known) >= _MOST_KNOWN:
-            known.clear()
-        known[box] = _blocked(box, network)
-    return known[box]
+    """Return the stretches of lanes that a body blocks, from the cache if it is there."""
+    cache, box = _BLOCKED.setdefault(network, {}), block.box
+    if box not in cache:
+        if len(cache) >= _MOST_BODIES:
+            cache.clear()
+        cache[box] = _blocked(box, network)
+    return cache[box]
 
 
 def _blocked(block: Box, network: RoadNetwork) -> tuple[LanePosition, ...]:
-    found: dict[str, LanePosition] = {}
+    positions: dict[str, LanePosition] = {}
     for x, y in ((block.x, block.y), *corner_points(block)):
         near = network.nearest_lane(x, y, None, "car", PASSES_M)
-        if near is None or near.lane.id in found:
+        if near is None or near.lane.id in positions:
             continue
         pos, _ = near.lane.line.project(block.x, block.y)
         lane_x, lane_y, heading = near.lane.line.at(min(max(pos, 0.0), near.lane.line.length_m))
         turned = block.heading - heading
         extent = abs(math.cos(turned)) * block.length + abs(math.sin(turned)) * block.width
         front = lane_x + extent / 2 * math.cos(heading), lane_y + extent / 2 * math.sin(heading), heading
-        found[near.lane.id] = LanePosition(front, extent, near.lane.id)
-    return tuple(found.values())
+        positions[near.lane.id] = LanePosition(front, extent, near.lane.id)
+    return tuple(positions.values())

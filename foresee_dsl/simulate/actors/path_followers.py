@@ -1,6 +1,6 @@
-"""The path that an actor follows, and how: pedestrians, and cyclists or vehicles off the lanes.
+"""The path of an actor and its motion along it: pedestrians, and cyclists or vehicles off the lanes.
 
-`path_groups` moves them. One is restored from what a clip holds: its length along the path and its speed.
+`path_groups` moves them. A clip restores a follower from its length along the path and its speed.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ _ALONG, _SPEED, _PACE, _STOP = map(Follower._fields.index, ("along", "speed", "p
 
 
 class PathFollower:
-    """Follows a polyline toward a pace, and stops at its end and where it is told to.
+    """Follows a polyline, accelerates or brakes to a pace, and stops at `stop_m` and at the end.
 
-    Each step follows from `along_m` and `speed_mps` (and the pace and the stop in force), so one restored from those
-    continues on the same positions.
+    Each step depends only on `along_m`, `speed_mps`, the pace and the stop in force, so a follower restored from these
+    continues with the same positions.
 
     Args:
         path: [N, 2] m.
-        pace_mps: the speed that it takes up.
-        acceleration_mps2, braking_mps2: how fast it does so; positive.
-        length_m: its footprint's length: the heading is that of the path between its rear and its front, so that a
+        pace_mps: the speed to reach, m/s.
+        acceleration_mps2, braking_mps2: rates of speeding up and of braking, m/s^2; positive.
+        length_m: length of its footprint, m: its heading is that of the line between its rear and its front, so that a
             cyclist turns gradually at a corner.
-        along_m, speed_mps: where it is and how fast.
-        lateral_mps2: corners are taken so that it turns with less than this; None for an actor that turns on the spot.
+        along_m, speed_mps: its length along the path and its speed at the beginning.
+        lateral_mps2: largest lateral acceleration in a corner; None for an actor that turns on the spot.
 
     Raises:
         ValueError: the path has no length, or a rate is not positive.
 
-    A `stop_m` that lies behind, or nearer than it can brake for, does not hold it.
+    A `stop_m` behind it, or too near to brake for, has no effect.
 
     Attributes:
-        path: what it follows. line: the same with lengths. vertices, bends: the same for kernels.
-        record: its numbers, an array of one `kernels.path_following.Follower`.
+        path: the polyline. line: the polyline with lengths. vertices, bends: its points and speed limits, for kernels.
+        record: its state and parameters, an array of one `kernels.path_following.Follower`.
     """
 
     def __init__(
@@ -92,13 +92,13 @@ class PathFollower:
         self.keep_in(np.array([record], dtype_of(Follower)))
 
     def keep_in(self, record: Records) -> None:
-        """Keep its numbers in an array of one record, a part of a larger one perhaps, which has them already."""
+        """Keep its state in this array of one record, which already holds it; it may be a view of a larger array."""
         self.record = record
         self._numbers = record.view(np.float64)  # read in a tenth of the time that a record's field takes
 
     @property
     def along_m(self) -> float:
-        """How far it has come, m."""
+        """Length along the path, m."""
         return self._numbers.item(_ALONG)
 
     @along_m.setter
@@ -107,12 +107,12 @@ class PathFollower:
 
     @property
     def speed_mps(self) -> float:
-        """How fast it is."""
+        """Speed, m/s."""
         return self._numbers.item(_SPEED)
 
     @property
     def pace_mps(self) -> float:
-        """The speed that it takes up; 0 halts it."""
+        """The speed to reach, m/s; 0 halts it."""
         return self._numbers.item(_PACE)
 
     @pace_mps.setter
@@ -121,7 +121,7 @@ class PathFollower:
 
     @property
     def stop_m(self) -> float | None:
-        """A length along the path where it must wait, None when it may go on."""
+        """Length along the path at which it must wait, m; None when it may go on."""
         stop_m = self._numbers.item(_STOP)
         return None if isnan(stop_m) else stop_m
 
@@ -131,27 +131,27 @@ class PathFollower:
 
     @property
     def arrived(self) -> bool:
-        """It has come to the end of its path."""
+        """Whether it has reached the end of its path."""
         return self.along_m >= self.line.length_m
 
     def hold(self, most_mps2: float) -> None:
-        """Speed up and brake with no more than this from now on, nor than its own rates."""
+        """Limit its acceleration and braking to this value, or to its own rates where they are lower."""
         for name, rate in self._rates.items():
             self.record[name] = min(rate, most_mps2)
 
     def brake_harder(self, most_mps2: float) -> None:
-        """Brake with this from now on where it exceeds its own rate; with its own again for 0."""
+        """Brake with the larger of this value and its own rate; 0 restores its own rate."""
         self._rates["braking"] = self.record["braking"] = max(self._braking_mps2, most_mps2)
 
     def pose(self) -> tuple[float, float, float]:
-        """Return where it is: x, y (m), heading (rad)."""
+        """Return its position: x, y (m) and heading (rad)."""
         pose: tuple[float, float, float] = pose_on_path(self.along_m, self._half_m, self.vertices)
         return pose
 
 
 @lru_cache(maxsize=128)
 def _line_of(path: Points) -> Polyline:
-    """Return the line of a path; a `ValueError` where it has no length."""
+    """Return the line of a path; raises `ValueError` if the path has no length."""
     points = np.array(path)
     if not np.isfinite(points).all() or len(points) < 2 or not np.ptp(points, axis=0).max() > 0:
         raise ValueError(f"a path needs two different points: {points.tolist()}")
@@ -160,14 +160,14 @@ def _line_of(path: Points) -> Polyline:
 
 @lru_cache(maxsize=128)
 def _vertices_of(path: Points) -> Records:
-    """Return a path for kernels."""
+    """Return the vertices of a path, as records for kernels."""
     line = line_of(path)
     return vertices(line.points, line.s, line.heading)
 
 
 @lru_cache(maxsize=128)
 def _bends_of(path: Points, length_m: float, lateral_mps2: float, braking_mps2: float) -> Records:
-    """Return how fast a path's bends may be taken, as `SpeedPoint`s."""
+    """Return the speed limits of a path's bends, as `SpeedPoint`s."""
     line = line_of(path)
     bends = BendSpeeds(line.marks, line.angles, axle_m=length_m, lateral_mps2=lateral_mps2, braking_mps2=braking_mps2)
     return speed_points(bends.marks, bends.speeds)

@@ -1,4 +1,4 @@
-"""Actors on paths, many at a time: one call moves them all, another finds where SUMO's vehicles see them."""
+"""Moves all actors on paths with one kernel call, and finds with another where SUMO's vehicles see them."""
 
 from __future__ import annotations
 
@@ -30,39 +30,39 @@ from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.trace import STEP_S
 
 _MATCH_M = 5.0
-"""A lane this near to a place on the road is the lane there. Ours."""
+"""Distance within which the nearest lane counts as the lane at a point of the road, m. Ours."""
 
 _MOST_PATHS = 512
-"""Paths of a network about which something is kept. Ours: those of some hundred test cases."""
+"""Maximum number of cached paths of a network. Ours: the paths of some hundred test cases."""
 
 
 class LanesUnderPaths:
-    """The lanes under the paths of a network, looked up when they are first asked for.
+    """The lanes under the paths of a network, each looked up at its first use.
 
     Attributes:
-        ids: of the lanes, by number.
+        ids: ids of the lanes, by number.
     """
 
     def __init__(self, network: RoadNetwork) -> None:
-        """Know a network."""
+        """Begin with an empty cache for a network."""
         self._network = network
         self.ids = tuple(network.lanes)
         self._numbers = {lane: number for number, lane in enumerate(self.ids)}
         self._cells: dict[Points, Records] = {}
 
     def cells(self, follower: PathFollower) -> Records:
-        """Return what is known of the cells under a path."""
-        found = self._cells.get(follower.path)
-        if found is None:
+        """Return the cells under a path; a cell not looked up yet has the lane `UNKNOWN`."""
+        cells = self._cells.get(follower.path)
+        if cells is None:
             if len(self._cells) >= _MOST_PATHS:
                 self._cells.clear()
             count = round(follower.line.length_m / CELL_M) + 1
-            found = self._cells[follower.path] = np.zeros(count, dtype_of(PathCell))
-            found["lane"] = UNKNOWN
-        return found
+            cells = self._cells[follower.path] = np.zeros(count, dtype_of(PathCell))
+            cells["lane"] = UNKNOWN
+        return cells
 
     def look_up(self, follower: PathFollower, cell: int) -> Records:
-        """Find the lane under one of a path's cells; return all of them."""
+        """Look up the lane under one cell of a path; return all cells of that path."""
         cells = self.cells(follower)
         x, y, heading = follower.line.at(cell * CELL_M)
         if not shapely.contains_xy(self._network.drivable_around(x, y), x, y):
@@ -74,22 +74,23 @@ class LanesUnderPaths:
         return cells
 
 
-_KNOWN: WeakKeyDictionary[RoadNetwork, LanesUnderPaths] = WeakKeyDictionary()
-"""The paths of a clip's children are the same."""
+_LANES: WeakKeyDictionary[RoadNetwork, LanesUnderPaths] = WeakKeyDictionary()
+"""Cache by network: all children of a clip have the same paths."""
 
 
 def lanes_under_paths(network: RoadNetwork) -> LanesUnderPaths:
-    """Return what is known of a network; made once."""
-    if network not in _KNOWN:
-        _KNOWN[network] = LanesUnderPaths(network)
-    return _KNOWN[network]
+    """Return the lanes under the paths of a network, from the cache."""
+    if network not in _LANES:
+        _LANES[network] = LanesUnderPaths(network)
+    return _LANES[network]
 
 
 class PathGroup:
-    """Actors that follow paths, until they leave.
+    """The actors that follow paths, each until it leaves.
 
     Args:
-        actors: they have joined the table of states. rows: where. table: that of all actors. network: their roads.
+        actors: these actors, which have joined the state table. rows: their rows in it. table: the state table of all
+            actors. network: the roads.
     """
 
     def __init__(
@@ -104,10 +105,10 @@ class PathGroup:
         self._lanes = lanes_under_paths(network)
         self._with_stops = [actor for actor in actors if actor.stops]
         self._seen: list[StandIn] = []
-        self._found: int | None = None  # what `find_seen` would return
+        self._sight_count: int | None = None  # result of `find_seen` for the next step, if `move` has computed it
         self._sights = np.zeros(len(actors), dtype_of(Sight))
         self._records = np.zeros(len(actors), dtype_of(Follower))
-        self._seen_on = self._records["seen_on"]  # a view: looking it up costs more than using it
+        self._seen_on = self._records["seen_on"]  # a view, kept because looking up a record's field is slow
         self._seen_on[:], self._records["row"] = OFF_ROAD, rows
         for n, actor in enumerate(actors):
             actor.path_changed = self.gather
@@ -116,12 +117,12 @@ class PathGroup:
         self.gather()
 
     def gather(self) -> None:
-        """Put the numbers of all followers into one array, and their paths; anew when one follows another path."""
+        """Collect the states and paths of all followers in arrays; call it again when one follows another path."""
         if not self._actors:
             return
         followers = [actor.follower for actor in self._actors]
-        lines, bends = [one.vertices for one in followers], [one.bends for one in followers]
-        cells = [self._lanes.cells(one) for one in followers]
+        lines, bends = [item.vertices for item in followers], [item.bends for item in followers]
+        cells = [self._lanes.cells(item) for item in followers]
         self._lines, self._bends, self._cells = np.concatenate(lines), np.concatenate(bends), np.concatenate(cells)
         for n, (actor, follower) in enumerate(zip(self._actors, followers, strict=True)):
             record = self._records[n : n + 1]
@@ -136,16 +137,18 @@ class PathGroup:
             self._records[f"{name}_begin"], self._records[f"{name}_end"] = ends - [len(p) for p in parts], ends
 
     def move(self) -> None:
-        """Move everybody one step."""
+        """Move all actors one step."""
         if not self._actors:
             return
         for actor in self._with_stops:
             actor.follower.stop_m = actor.red_light()
         records, sights = self._records, self._sights
-        self._found = advance(records, self._states, self._along, self._lines, self._bends, self._cells, sights, STEP_S)
+        self._sight_count = advance(
+            records, self._states, self._along, self._lines, self._bends, self._cells, sights, STEP_S
+        )
 
     def show(self) -> None:
-        """Let SUMO's vehicles see those on the road, or about to step on it, in the next step."""
+        """Show SUMO's vehicles the actors that are on the road, or about to step on it, in the next step."""
         if not self._actors:
             return
         sights = self._find()
@@ -160,27 +163,27 @@ class PathGroup:
             self._seen_on[n] = lane
 
     def settle(self) -> None:
-        """After a step: tell SUMO the speeds of those that its vehicles see."""
+        """Set the speeds of the stand-ins after a step."""
         for stand_in in self._seen:
             stand_in.settle()
 
     def drop(self, actor: PathActor) -> None:
-        """Leave one alone from now on."""
+        """Stop moving and showing an actor."""
         actor.stand_in.hide()
         self._records["row"][self._actors.index(actor)] = -1
         self._seen = [stand_in for stand_in in self._seen if stand_in is not actor.stand_in]
 
     def _find(self) -> list[tuple[int, int, int, float, float, float, float, float]]:
-        """Return the fields of what `find_seen` finds; `move` has done so already, but before the first frame."""
-        found, self._found = self._found, None
-        if found is None:
-            found = find_seen(self._records, self._states, self._lines, self._cells, self._sights)
-        while found:
-            sights: list[tuple[int, int, int, float, float, float, float, float]] = self._sights[:found].tolist()
+        """Return the `Sight`s of the next step; except before the first frame, `move` has computed them already."""
+        count, self._sight_count = self._sight_count, None
+        if count is None:
+            count = find_seen(self._records, self._states, self._lines, self._cells, self._sights)
+        while count:
+            sights: list[tuple[int, int, int, float, float, float, float, float]] = self._sights[:count].tolist()
             n, lane, cell, *_ = sights[-1]
             if lane != UNKNOWN:
                 return sights
-            known = self._lanes.look_up(self._actors[n].follower, cell)
-            self._cells[self._records["cells_begin"][n] + cell] = known[cell]
-            found = find_seen(self._records, self._states, self._lines, self._cells, self._sights)
+            cells = self._lanes.look_up(self._actors[n].follower, cell)
+            self._cells[self._records["cells_begin"][n] + cell] = cells[cell]
+            count = find_seen(self._records, self._states, self._lines, self._cells, self._sights)
         return []

@@ -1,4 +1,4 @@
-"""What changes about roads in a run: slippery patches of ground, and speed limits."""
+"""Changes of roads during a run: slippery patches of ground, and speed limits."""
 
 from __future__ import annotations
 
@@ -16,38 +16,37 @@ from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.world import World
 
 TYRE_M = 0.1
-"""A wheel stands this far inside the vehicle's side. Ours: half a car tyre's width."""
+"""Distance of a wheel's centre from the vehicle's side, m. Ours: half a car tyre's width."""
 ROUNDING_MPS = 0.01
-"""A vehicle that is this much slower than the limit drives as fast as it allows. Ours: clips round to 0.0001 m/s, maps
-to 0.01 m/s."""
+"""A vehicle at most this much slower than the limit counts as driving at the limit, m/s. Ours: clips round to 0.0001
+m/s, maps to 0.01 m/s."""
 
 
 class SlipperyGround:
-    """The slippery patches of a scene; asked once a step, before anybody moves.
+    """The slippery patches of a scene; they take effect once a step, before any actor moves.
 
-    Nobody is told of a patch. The ego and vehicles under a steering offset have the mean friction of what lies under
-    their four wheels. SUMO and paths move a vehicle by one rate of speeding up and one of braking, which are no more
-    than the friction under the middle of its footprint allows; in bends they keep their way. People walk over a patch
-    as they did.
+    No actor perceives a patch. The ego and vehicles under a steering offset have the mean friction under their four
+    wheels. Vehicles that SUMO or a path moves have one rate of speeding up and one of braking, which are limited by the
+    friction under the middle of the footprint; they do not leave their line in a bend. Pedestrians are not affected.
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Know the patches, and the friction of the road around them."""
+        """Use the patches of a scene, and the friction of the road around them."""
         self._patches, self._road = scene.slippery, scene.friction
         self._slowed: set[str] = set()
 
     def friction_at(self, x: float, y: float) -> float:
-        """Return the tyre-road coefficient at a place, m."""
+        """Return the tyre-road friction coefficient at a point (m)."""
         here = (p.friction for p in self._patches if hypot(x - p.x, y - p.y) <= p.radius_m)
         return min(here, default=self._road) if self._patches else self._road
 
     def under(self, points: FloatArray | Iterable[tuple[float, float]]) -> float:
-        """Return the mean friction under some points, m, none of them better than the road's."""
-        found = [min(self.friction_at(float(x), float(y)), self._road) for x, y in points]
-        return sum(found) / len(found)
+        """Return the mean friction coefficient at some points (m), where a patch never exceeds the road's friction."""
+        frictions = [min(self.friction_at(float(x), float(y)), self._road) for x, y in points]
+        return sum(frictions) / len(frictions)
 
     def take_effect(self, actors: Iterable[Actor], vehicles: Mapping[str, SumoVehicle], world: World) -> None:
-        """Give everybody the grip that they have in the next step; `vehicles`: those that SUMO drives, by id."""
+        """Set the grip of all actors for the next step; `vehicles`: the vehicles that SUMO drives, by id."""
         if not self._patches:
             return
         for actor in actors:
@@ -65,7 +64,7 @@ class SlipperyGround:
         self._traffic(vehicles, world)
 
     def hold(self, motion: Bicycle, state: BicycleState) -> None:
-        """Let a vehicle's tyres hold what the ground under its wheels allows; nothing changes without patches."""
+        """Set a vehicle's friction to that under its wheels; nothing changes without patches."""
         if self._patches:
             motion.hold(self.under(motion.wheels(state, TYRE_M)))
 
@@ -74,11 +73,11 @@ class SlipperyGround:
             actor.follower.hold(self._most(actor))
 
     def _most(self, actor: PathActor | SumoVehicle) -> float:
-        """Return the largest acceleration that the ground under the middle of an actor allows, m/s^2."""
+        """Return the largest acceleration that the friction under the middle of an actor allows, m/s^2."""
         return self.under([(actor.x, actor.y)]) * GRAVITY_MPS2
 
     def _traffic(self, vehicles: Mapping[str, SumoVehicle], world: World) -> None:
-        """Tell SUMO when a vehicle comes onto a patch, and when it has left it."""
+        """Limit the rates of a vehicle in SUMO when it enters a patch, and restore them when it has left it."""
         for name, vehicle in vehicles.items():
             if not vehicle.present or name not in world:
                 continue
@@ -89,10 +88,10 @@ class SlipperyGround:
 
 
 class Limits:
-    """The lanes whose speed limit was changed, and what vehicles drive under it.
+    """The lanes whose speed limit was changed, and the speeds of vehicles on them.
 
-    What a vehicle drives there depends on its own speed and on both limits only, so that a clip needs no more: one that
-    drives as fast as the old limit allows, or faster, drives the new one, others where that is less.
+    A vehicle's speed on such a lane depends only on its cruising speed and on both limits, so that a clip needs nothing
+    else: a vehicle that drove at the old limit or faster drives at the new one; a slower one only where that is lower.
     """
 
     def __init__(self, network: RoadNetwork, world: World) -> None:
@@ -102,25 +101,25 @@ class Limits:
 
     @property
     def changed(self) -> bool:
-        """Whether any was."""
+        """Whether the limit of any lane was changed."""
         return bool(self._now)
 
     def change(self, edge: str, lane: int | None, speed_mps: float) -> None:
         """Change the limit of all lanes of an edge, or of one (counted from 1, the rightmost for cars)."""
         for piece in self._network.pieces(edge):
             lanes = self._network.edges[piece].drivable
-            for found in lanes if lane is None else lanes[lane - 1 : lane]:
-                self._now[found.id] = speed_mps
-                self._world.set_limit(found.id, speed_mps)
+            for lane_info in lanes if lane is None else lanes[lane - 1 : lane]:
+                self._now[lane_info.id] = speed_mps
+                self._world.set_limit(lane_info.id, speed_mps)
 
     def capped(self, actor: Actor, speed_mps: float) -> float:
-        """Return what an actor drives that was told a speed: no more than a limit that was lowered."""
+        """Return an ordered speed (m/s), reduced to the limit where the limit was lowered."""
         self._driven.pop(actor.id, None)
         now = self._now.get(actor.lane)
         return speed_mps if now is None or now >= self._network.lanes[actor.lane].speed_mps else min(speed_mps, now)
 
     def driven(self, actor: Actor, cruise_mps: float) -> float | None:
-        """Return what an actor that nobody orders drives on its lane; None where it does so already."""
+        """Return the speed (m/s) on its lane of an actor without a speed order; None if SUMO already has this speed."""
         if actor.lane.startswith(":"):
             return None
         now, speed_mps = self._now.get(actor.lane), cruise_mps

@@ -1,4 +1,4 @@
-"""Actors that SUMO does not move (the ego, those on paths, steered and standing ones), and how it learns of them."""
+"""Shows SUMO the actors that it does not move: the ego and actors on paths, steered vehicles and standing bodies."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World
 
 OFF_LANE_M = 1.8
-"""The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
+"""Lateral distance to a lane's centreline up to which the ego is on that lane, m. Ours: about half a lane."""
 
 
 class ShownActors:
-    """The actors whose places SUMO is told.
+    """The actors that SUMO does not move and whose positions it gets in every step.
 
     Attributes:
-        joined: vehicles that SUMO was given in this step, at the end of a path.
+        joined: vehicles that SUMO drives from this step on, at the end of their path.
     """
 
     def __init__(self, ego: Ego, actors: Iterable[Actor], paths: PathGroup, progress: Progress, world: World) -> None:
-        """Look for them among all actors; `paths`: those on foot."""
+        """Select them from all actors; `paths`: the group of the actors on paths."""
         self.ego, self.paths, self._progress, self._world = ego, paths, progress, world
         actors = list(actors)
         self.guided = [actor for actor in actors if isinstance(actor, GuidedVehicle)]
@@ -41,14 +41,14 @@ class ShownActors:
         self.show_others()
 
     def show_ego(self, frame: int, ahead_s: float = 0.0) -> None:
-        """Tell SUMO where the ego is, or where it is some time later at its speed."""
+        """Tell SUMO the ego's position, or its position `ahead_s` later at its current speed."""
         (x, y), way, heading = self.ego.front, self.ego.speed * ahead_s, self.ego.heading
         self._world.bodies.place(
             self.ego.id, x + way * math.cos(heading), y + way * math.sin(heading), heading, self._lane_ahead(frame)
         )
 
     def _lane_ahead(self, frame: int) -> str:
-        """The lane that the ego's front is on, "" off its route's lanes."""
+        """Return the lane that the ego's front is on; "" off its route's lanes."""
         line = self.ego.placed.line
         if line is None:
             return ""
@@ -56,7 +56,7 @@ class ShownActors:
         return line.lane_at(s + self.ego.length / 2) if abs(lateral) <= OFF_LANE_M else ""
 
     def show_others(self) -> None:
-        """Tell SUMO where all of them are but the ego."""
+        """Tell SUMO the positions of all of them except the ego."""
         self.paths.show()
         for guided in self.guided:
             guided.show()
@@ -68,7 +68,7 @@ class ShownActors:
                 self._world.bodies.place(steered.id, x, y, steered.heading)
 
     def settle(self) -> None:
-        """State what speeds they had during the last step; SUMO computes other ones."""
+        """Set their speeds after a step: SUMO computes other speeds from the displacements."""
         ego = self.ego
         self._world.settle(ego.id, ego.speed, ego.acceleration)
         self.paths.settle()
@@ -85,12 +85,12 @@ class ShownActors:
                 self._world.settle(steered.id, steered.speed, steered.acceleration)
 
     def hide(self, actor: StaticActor) -> None:
-        """Take a standing actor out of SUMO's world."""
+        """Remove a standing actor from SUMO."""
         actor.stand_in.hide()
         self._in_the_way = [other for other in self._in_the_way if other is not actor]
 
     def find_ego_lane(self, frame: int) -> None:
-        """Note which lane the ego is on."""
+        """Set the ego's `lane` from its position."""
         line = self.ego.placed.line
         if line is not None:
             s, lateral = self._progress.of(self.ego, frame)

@@ -1,4 +1,4 @@
-"""The running simulation: puts the actors into SUMO's world, moves them by one step, and takes speed orders."""
+"""The running simulation: places the actors in SUMO's world, moves them step by step, and carries out speed orders."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World
 
 LOOKS_AHEAD_M = 60.0
-"""A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
+"""Distance ahead in which a vehicle under recovery looks for a red signal, m. Ours: braking from 80 km/h takes 55
+m."""
 
 
 class Simulation:
@@ -42,7 +43,7 @@ class Simulation:
     """
 
     def __init__(self, bundle: SumoBundle, world: World) -> None:
-        """Place all actors as the scene has them."""
+        """Place all actors as in the scene."""
         self.world, self.network, self.scene = world, bundle.network, bundle.scene
         scene = bundle.scene
         edge = scene.ego.route[0]
@@ -87,8 +88,7 @@ class Simulation:
         self._take_over()
 
     def step(self, control: Control) -> tuple[str, ...]:
-        """Advance by one frame with the driver's answer to the last one; return the ids of the vehicles that have
-        left."""
+        """Advance by one frame with the driver's answer to the last frame; return the ids of the vehicles that left."""
         self.ground.take_effect(self.actors, self.sumo_vehicles, self.world)
         self._traffic.slow_for_bends()
         self.ego.drive(control)
@@ -119,7 +119,7 @@ class Simulation:
         return left
 
     def order_speed(self, actor: Actor, speed_mps: float) -> None:
-        """Let an actor drive or walk at most this (and what its model can), from the next step on; 0 halts it."""
+        """Limit an actor's speed to this value and to its model's maximum from the next step on; 0 halts it."""
         speed_mps = min(speed_mps, actor.placed.model.max_speed_mps)
         if isinstance(actor, PathActor):
             actor.follower.pace_mps = speed_mps
@@ -142,8 +142,7 @@ class Simulation:
                 self.world.set_speed(actor.id, None)
 
     def brake(self, actor: Actor, speed_mps: float | None) -> None:
-        """Let an actor drive or walk at most this in the next step, however hard it brakes for that; None: it drives on
-        as before."""
+        """Limit an actor's speed in the next step without a limit on its braking; None: it drives on as before."""
         if actor.id in self.world:
             self.world.brake(actor.id, speed_mps)
             self._held.discard(actor.id)
@@ -153,7 +152,7 @@ class Simulation:
             self.order_speed(actor, self.cruise_mps[actor.id] if speed_mps is None else speed_mps)
 
     def brake_harder(self, actor: Actor, most_mps2: float) -> None:
-        """Let an actor on a path brake as hard as this, if its model's comfortable braking is less; 0: as before."""
+        """Let an actor on a path brake with at least this (m/s^2) instead of its comfortable braking; 0: as before."""
         follower = actor.follower if isinstance(actor, PathActor) else None
         if isinstance(actor, GuidedVehicle) and actor.guide is not None:
             follower = actor.guide.follower
@@ -161,7 +160,7 @@ class Simulation:
             follower.brake_harder(most_mps2)
 
     def path_done(self, actor: Actor) -> bool:
-        """Whether an actor has come to the end of the path that it was told to follow."""
+        """Return whether an actor has reached the end of the path that it was ordered to follow."""
         if isinstance(actor, PathActor):
             return actor.follower.arrived
         return isinstance(actor, GuidedVehicle) and (actor.guide is None or actor.arrived)
@@ -169,8 +168,10 @@ class Simulation:
     def follow_path(
         self, actor: Actor, points: Iterable[XY], way: tuple[tuple[str, ...], RouteLine] | None
     ) -> tuple[XY, ...]:
-        """Let an actor leave its lane, or its path, and follow another path from where it is; at its end it drives on
-        along a way (edges, line), or stays there. Return the path."""
+        """Let an actor leave its lane or path and follow another path from its current position; return that path.
+
+        `way`: the edges, and their line, along which it drives on from the path's end; None: it stays there.
+        """
         path = distinct(whole_millimetres(((actor.x, actor.y), *points)))
         if isinstance(actor, PathActor):
             actor.follow(path)
@@ -188,7 +189,7 @@ class Simulation:
         return tuple(path)
 
     def back_up(self, vehicle: GuidedVehicle, length_m: float) -> None:
-        """Let a vehicle that stands on its lane go backwards along it, and then drive on."""
+        """Let a vehicle that stands on its lane reverse along it by `length_m`, and then drive on."""
         if vehicle.guide is None and vehicle.id in self.world:
             self.world.remove(vehicle.id)
             self._traffic.drop(vehicle.id)
@@ -197,7 +198,7 @@ class Simulation:
             vehicle.back_up(length_m)
 
     def _guide(self, vehicle: GuidedVehicle) -> None:
-        """Move a vehicle along its path, or give it to SUMO at the path's end."""
+        """Move a vehicle along its path; at the path's end hand it over to SUMO."""
         if vehicle.guide is None or not vehicle.present:
             return
         if not vehicle.joins_now:
@@ -216,7 +217,7 @@ class Simulation:
         self._shown.joined.append(vehicle)
 
     def leave(self, actor: Actor) -> None:
-        """Take an actor out of the world for good."""
+        """Remove an actor from the world for the rest of the run."""
         actor.present = False
         if isinstance(actor, SumoVehicle):
             self.world.remove(actor.id)
@@ -229,12 +230,12 @@ class Simulation:
             self._shown.hide(actor)
 
     def close_up(self, actor: Actor, *, on: bool) -> None:
-        """Let a vehicle that SUMO drives come as near to others as it is told, or keep its usual distance again."""
+        """Let a vehicle that SUMO drives come as near to others as its orders require, or restore its usual gap."""
         if actor.id in self.world:
             self.world.close_up(actor.id, on=on)
 
     def keep_to_lane(self, actor: Actor, lane: str) -> None:
-        """Let a vehicle that SUMO drives change to a lane, or stay on it, where it is on its edge."""
+        """Let a vehicle that SUMO drives change to a lane of its current edge, or stay on it."""
         edge, _, index = lane.rpartition("_")
         if actor.lane.rpartition("_")[0] == edge and actor.id in self.world:
             self.world.keep_to_lane(actor.id, int(index))
@@ -248,7 +249,7 @@ class Simulation:
             self.keep_to_lane(actor, actor.lane)
 
     def keep_limits(self) -> None:
-        """Let the vehicles that SUMO drives keep to the limits that were changed."""
+        """Apply changed speed limits to the vehicles that SUMO drives."""
         for vehicle in self.sumo_vehicles.values():
             if vehicle.present and vehicle.id in self.world and vehicle.id not in self._held:
                 speed_mps = self.limits.driven(vehicle, self.cruise_mps[vehicle.id])
@@ -257,7 +258,7 @@ class Simulation:
                     self._traffic.set_cruise(vehicle.id, speed_mps)
 
     def ignore(self, actor: Actor, what: str, *, on: bool = True) -> None:
-        """Let an actor ignore `signals` or `priority`, or obey again."""
+        """Let an actor ignore `signals` or `priority`, or obey them again."""
         (self.ignored_rules[actor.id].add if on else self.ignored_rules[actor.id].discard)(what)
         if what == "signals" and isinstance(actor, PathActor):
             actor.stops = () if on else actor.placed.walk_stops
@@ -265,7 +266,7 @@ class Simulation:
             self.world.ignore(actor.id, what, on=on)
 
     def others(self, actor: Actor) -> Iterable[Actor]:
-        """Return all actors that are present, but one."""
+        """Return all present actors except this one."""
         return (other for other in self.actors if other is not actor and other.present)
 
     # --- inside ----------------------------------------------------------------------------------------------------

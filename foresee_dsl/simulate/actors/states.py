@@ -1,4 +1,4 @@
-"""Where an actor is at a moment: what every kind of actor has in common while a run goes on."""
+"""The current state of an actor: the part that all kinds of actors have in common during a run."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _ON_NONE = -1
 
 
 class Actor:
-    """An actor's footprint now; the runner's other modules change it in place (20 actors, 20 times a second).
+    """An actor's current footprint and motion; the runner's other modules change it in place.
 
-    Its numbers lie in a row of their own, or, once it has joined a `StateTable`, in a row of that.
+    The values lie in an array of their own or, once the actor has joined a `StateTable`, in a row of that table.
 
     Attributes:
-        id: its name. placed: the actor as the scene has it. length, width: of the footprint, m.
+        id: its name. placed: the actor as the scene describes it. length, width: of the footprint, m.
     """
 
     __slots__ = ("_along", "_lane", "_number", "_present", "_row", "_state_table", "id", "length", "placed", "width")
 
     def __init__(self, actor: PlacedActor) -> None:
-        """Stand where the scene places it."""
+        """Start where the scene places it."""
         self.placed = actor
         self.id = actor.id
         self.length = actor.model.length_m
@@ -110,7 +110,7 @@ class Actor:
 
     @property
     def present(self) -> bool:
-        """False before it comes and after it has gone."""
+        """False before it enters the world and after it has left."""
         return self._present
 
     @present.setter
@@ -141,23 +141,23 @@ class Actor:
         return Mover(x, y, heading, speed, self.length, self.width)
 
     def bicycle(self) -> BicycleState:
-        """The same as a bicycle's state."""
+        """Return the current state as a bicycle's state."""
         return BicycleState(*self._row.tolist())
 
     def move(
         self, x: float, y: float, heading: float, speed: float, acceleration: float = 0.0, yaw_rate: float = 0.0
     ) -> None:
-        """Be somewhere else; the steering stays."""
-        row = self._row  # number by number: numpy takes twice as long for a slice of them
+        """Set position and motion; the steering angle stays."""
+        row = self._row  # element by element: assigning a slice takes numpy twice as long
         row[0], row[1], row[2], row[3], row[4], row[5] = x, y, heading, speed, acceleration, yaw_rate
 
     def set_state(self, state: BicycleState) -> None:
-        """Take over a bicycle's state."""
+        """Set the state to that of a bicycle."""
         heading = math.remainder(state.heading, math.tau)
         self._row[:] = state.x, state.y, heading, state.speed, state.acceleration, state.yaw_rate, state.steer
 
     def join(self, state_table: StateTable, number: int, row: FloatArray) -> None:
-        """Keep its numbers in a row of a table from now on, and tell the table its lane and whether it is there."""
+        """Keep its state in a row of a table from now on, and note its lane and presence there."""
         self._row, self._state_table, self._number = row, state_table, number
         state_table.set_lane(number, self._lane)
         state_table.along[number] = self.along
@@ -166,13 +166,13 @@ class Actor:
 
 
 class StateTable:
-    """All actors of a run as tables, so that one call moves them all, or writes a frame down.
+    """The states of all actors of a run as tables, so that one call moves all actors or records a frame.
 
     Attributes:
-        states: [A, 7] the columns of `Trace.states`, also of those who are not there.
-        lanes: [A] index into `lane_ids`, -1 on none; another array whenever somebody changes lane.
-        lane_ids: every lane that somebody has been on, with its index.
-        along: [A] m along a path, NaN for those who follow none.
+        states: [A, 7] the columns of `Trace.states`, also of absent actors.
+        lanes: [A] index into `lane_ids`, -1 off the lanes; each change of lane replaces the array by another one.
+        lane_ids: every lane that an actor has been on, with its index.
+        along: [A] length along the actor's path, m; NaN without a path.
     """
 
     def __init__(self, actors: Sequence[Actor]) -> None:
@@ -186,12 +186,12 @@ class StateTable:
             actor.join(self, number, self.states[number])
 
     def set_lane(self, number: int, lane: str) -> None:
-        """Note which lane an actor is on."""
+        """Set the lane of an actor."""
         self.lanes = self.lanes.copy()
         self.lanes[number] = self.lane_ids.setdefault(lane, len(self.lane_ids)) if lane else _ON_NONE
 
     def set_present(self, number: int, present: bool, lane: str) -> None:
-        """Note whether an actor is there, and if so, on which lane."""
+        """Set whether an actor is present, and its lane if it is."""
         others = self._absent[self._absent != number]
         self._absent = others if present else np.append(others, number)
         self.set_lane(number, lane if present else "")
@@ -199,7 +199,7 @@ class StateTable:
             self.along[number] = math.nan
 
     def frame(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Return `states`, `lanes` and `along` as they are now, with NaN and -1 for those who are not there."""
+        """Return copies of `states`, `lanes` and `along`, with NaN and -1 for absent actors."""
         states, lanes, along = self.states.copy(), self.lanes, self.along.copy()
         if self._absent.size:
             states[self._absent] = math.nan

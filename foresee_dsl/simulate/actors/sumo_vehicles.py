@@ -1,9 +1,9 @@
-"""The vehicles that SUMO drives: where their footprints are, given where SUMO has their front bumpers.
+"""The vehicles that SUMO drives: computes their footprints from the positions of their front bumpers in SUMO.
 
-SUMO turns a vehicle by what lies behind it on its lanes, which a description cannot hold, and moves it sideways in one
-step when it changes lane. Here the front follows SUMO's, the rear axle is drawn behind it as a kinematic bicycle's is,
-and a step to the side is driven at a limited rate. All of it depends on the last pose only, so that a run which is
-rebuilt from a description continues exactly as its parent did.
+SUMO derives a vehicle's heading from the lanes behind it, which a scene does not contain, and moves a vehicle sideways
+in one step when it changes lane. Here the front follows SUMO's position, the rear axle follows the front as that of a
+kinematic bicycle, and a lateral jump is driven at a limited rate. All of it depends only on the last pose, so that a
+run rebuilt from a description continues exactly as its parent did.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 ROUNDING_M = 1e-2
-"""An offset from the lane that rounding in a description can explain; it is corrected at once."""
+"""Offset from the lane, m, that rounding in a description can cause; it is corrected at once."""
 
 
 class _PlaceInSumo(NamedTuple):
-    """Where SUMO is to have a vehicle a step before the first frame; `rolls`: see `SumoVehicle`."""
+    """Position of a vehicle in SUMO one step before the first frame; `rolls`: see `SumoVehicle`."""
 
     x: float
     y: float
@@ -48,8 +48,8 @@ class _PlaceInSumo(NamedTuple):
 
 
 class _PlaceOnLane(NamedTuple):
-    """The lane that a placed vehicle follows: the nearest point of its middle, m, how far along it that is and how far
-    to its left the vehicle is, m."""
+    """The lane that a placed vehicle follows: x, y of the nearest point of its centreline, the length along it, and the
+    vehicle's offset to its left, m."""
 
     lane: str
     x: float
@@ -59,19 +59,19 @@ class _PlaceOnLane(NamedTuple):
 
 
 _MOST_PLACES = 2048
-"""Results that are kept of one network. Ours: the vehicles of a hundred test cases."""
+"""Maximum number of cached positions of a network. Ours: the vehicles of a hundred test cases."""
 _PLACES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceInSumo]] = WeakKeyDictionary()
 _ON_LANES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceOnLane]] = WeakKeyDictionary()
-"""What was computed: most vehicles of a clip's children begin at the same places."""
+"""Caches by network: most vehicles of a clip's children begin at the same places."""
 
 
 class SumoVehicle(Actor):
     """A vehicle that SUMO drives.
 
     Attributes:
-        rolls: SUMO drives it over the step before the first frame (`in_sumo`), as it would have in its parent.
-        record: what the kernels know of it, a `kernels.sumo_traffic.SumoVehicle`; an element of a table, once it has
-            joined one.
+        rolls: whether SUMO drives it in the step before the first frame (`in_sumo`), as it did in the parent run.
+        record: its data for the kernels, a `kernels.sumo_traffic.SumoVehicle`; an element of a table once it has joined
+            one.
     """
 
     __slots__ = ("_beside", "_network", "record", "rolls")
@@ -82,13 +82,13 @@ class SumoVehicle(Actor):
         self._network = network
         self.record: Any = np.array([self._first_record()], dtype_of(sumo_traffic.SumoVehicle))[0]
         self.rolls = False
-        self._beside = "", 0.0  # the lane that its place was looked up on, and how far along
+        self._beside = "", 0.0  # the lane on which its position was looked up, and the length along it, m
         if actor.lane:
             self._find_lane(network.lanes[actor.lane])
 
     @property
     def line_m(self) -> float:
-        """How far to the left of its lane's middle it keeps, m."""
+        """Lateral distance to the left of its lane's centreline that it keeps, m."""
         return float(self.record["line"])
 
     @line_m.setter
@@ -97,7 +97,7 @@ class SumoVehicle(Actor):
 
     @property
     def beside_m(self) -> float:
-        """How far to the left of where SUMO has it it is, m."""
+        """Its current offset to the left of its position in SUMO, m."""
         return float(self.record["offset"])
 
     def _first_record(self) -> sumo_traffic.SumoVehicle:
@@ -127,21 +127,22 @@ class SumoVehicle(Actor):
         )
 
     def in_sumo(self) -> PlacedActor:
-        """Return the actor as SUMO is to have it a step before the first frame: on the middle of its lane.
+        """Return the actor as SUMO must insert it one step before the first frame: in the middle of its lane.
 
-        SUMO would keep a distance from that for as long as the vehicle lives, and look for the nearest lane, which is
-        another one at the beginning of a lane change. Where the lane begins, it is where it is at the first frame.
+        SUMO would keep an offset from the middle for the vehicle's whole life, and would choose the nearest lane, which
+        at the beginning of a lane change is the other one. At the very beginning of a lane the vehicle does not roll
+        and gets its position at the first frame.
         """
         if not self.lane:
             return self.placed
-        known, placed = _PLACES.setdefault(self._network, {}), self.placed
+        cache, placed = _PLACES.setdefault(self._network, {}), self.placed
         key = (self.lane, self.speed, placed.x, placed.y, placed.heading_rad, self.line_m, placed.route, placed.model)
-        found = known.get(key)
-        if found is None:
-            if len(known) >= _MOST_PLACES:
-                known.clear()
-            found = known[key] = self._place_in_sumo()
-        x, y, heading, lane, route, self.rolls = found
+        position = cache.get(key)
+        if position is None:
+            if len(cache) >= _MOST_PLACES:
+                cache.clear()
+            position = cache[key] = self._place_in_sumo()
+        x, y, heading, lane, route, self.rolls = position
         return replace(placed, x=x, y=y, heading_rad=heading, lane=lane, route=route)
 
     def _place_in_sumo(self) -> _PlaceInSumo:
@@ -149,7 +150,7 @@ class SumoVehicle(Actor):
         lane = self._network.lanes[self.lane]
         shape = lane.centreline
         now = float(shapely.line_locate_point(shape, shapely.Point(self.record["sumo_x"], self.record["sumo_y"])))
-        # SUMO counts along the lane in its own length, which a map may give differently from the shape's.
+        # SUMO measures positions in the lane's length attribute, which a map may set differently from the shape's.
         before = now - self.speed * STEP_S * shape.length / lane.length_m
         came_from = self._lane_before(lane) if before <= 0 else None
         if came_from is not None:  # it has just come over the end of that one
@@ -166,9 +167,9 @@ class SumoVehicle(Actor):
         return _PlaceInSumo(at.x, at.y, heading, lane.id, route, rolls)
 
     def _with_edge_before(self, lane: Lane, route: tuple[str, ...]) -> tuple[str, ...]:
-        """Return a route with the edge from which a vehicle came whose rear is inside the junction still.
+        """Return a route that begins with the edge from which a vehicle came whose rear is still inside the junction.
 
-        Otherwise SUMO takes it to be where the straightest way is, and whoever follows it there brakes or does not.
+        Otherwise SUMO guesses the straightest approach, and followers there brake for a vehicle that is elsewhere.
         """
         length, heading = self.length, self.heading
         rear = self.placed.x - length * math.cos(heading), self.placed.y - length * math.sin(heading)
@@ -177,31 +178,31 @@ class SumoVehicle(Actor):
             return route
 
         def away_m(via: tuple[str, ...]) -> float:
-            return min((abs(self._network.lanes[one].line.project(*rear)[1]) for one in via), default=math.inf)
+            return min((abs(self._network.lanes[lane_id].line.project(*rear)[1]) for lane_id in via), default=math.inf)
 
         return (min(ways, key=lambda way: away_m(way.via)).from_edge, *route)
 
     def _lane_before(self, lane: Lane) -> Lane | None:
-        """Return the lane that leads to one inside a junction; None where there are several, or it is not inside."""
+        """Return the lane before a lane inside a junction; None if there are several, or the lane is not inside one."""
         ways = self._network.movements_through(lane.id)
         before = {(m.from_lane, *m.via)[m.via.index(lane.id)] for m in ways}
         return self._network.lanes[before.pop()] if len(before) == 1 else None
 
     def _find_lane(self, nearest: Lane) -> None:
-        """Find the lane that the vehicle follows, and the place on it that SUMO is to have it at."""
-        known, placed, record = _ON_LANES.setdefault(self._network, {}), self.placed, self.record
+        """Find the lane that the vehicle follows and the vehicle's position on it, from the cache if it is there."""
+        cache, placed, record = _ON_LANES.setdefault(self._network, {}), self.placed, self.record
         key = (nearest.id, self.speed, placed.x, placed.y, placed.heading_rad, placed.line_m, placed.model)
-        found = known.get(key)
-        if found is None:
-            if len(known) >= _MOST_PLACES:
-                known.clear()
-            found = known[key] = self._place_on_lane(nearest)
-        self.lane, record["sumo_x"], record["sumo_y"], record["heading_s"], record["offset"] = found
-        self._beside = found.lane, found.along_m
+        position = cache.get(key)
+        if position is None:
+            if len(cache) >= _MOST_PLACES:
+                cache.clear()
+            position = cache[key] = self._place_on_lane(nearest)
+        self.lane, record["sumo_x"], record["sumo_y"], record["heading_s"], record["offset"] = position
+        self._beside = position.lane, position.along_m
 
     def _place_on_lane(self, nearest: Lane) -> _PlaceOnLane:
         """See `_find_lane`."""
-        # Who keeps beside the middle of its lane is not on its way to another one.
+        # A vehicle that keeps a distance from the middle of its lane is not changing to another lane.
         x, y = self.placed.x, self.placed.y
         near_s, lateral = nearest.line.project(x, y)
         lane = nearest if self.placed.line_m else self._heads_for(nearest, near_s, lateral)
@@ -212,10 +213,10 @@ class SumoVehicle(Actor):
         return _PlaceOnLane(lane.id, centre.x, centre.y, near_s, lateral if abs(lateral) > ROUNDING_M else 0.0)
 
     def _heads_for(self, nearest: Lane, s: float, lateral: float) -> Lane:
-        """Return the lane that a vehicle between two lanes is changing to: the one that it turns towards.
+        """Return the lane that a vehicle between two lanes is changing to, judged by its heading.
 
-        Up to the middle between them the nearest one is that which it leaves. It has turned away from that as far as
-        half of what moving off its middle takes, at least.
+        In the first half of a change the nearest lane is the one that it leaves. The vehicle counts as leaving it if it
+        has turned away by at least half the angle that its offset from the middle requires.
         """
         side = 1 if lateral > 0 else -1
         slope = min(sumo_traffic.SIDEWAYS_SHARE, sumo_traffic.SIDEWAYS_MPS / max(self.speed, 0.1))
@@ -233,37 +234,37 @@ class LaneTable(NamedTuple):
     """The lines of all lanes of a network.
 
     Attributes:
-        spans: of each lane id, where its vertices begin and end. vertices: of all lanes, one after the other.
+        spans: by lane id, the first index of its vertices and the index after the last. vertices: of all lanes.
     """
 
     spans: dict[str, tuple[int, int]]
     vertices: Records
 
 
-_KNOWN: WeakKeyDictionary[RoadNetwork, LaneTable] = WeakKeyDictionary()
-"""The children of a clip drive on the same network."""
+_LANE_TABLES: WeakKeyDictionary[RoadNetwork, LaneTable] = WeakKeyDictionary()
+"""Cache by network: the children of a clip drive on the same network."""
 
 
 def lane_table(network: RoadNetwork) -> LaneTable:
-    """Return the table of a network; made once."""
-    if network not in _KNOWN:
+    """Return the lane table of a network, from the cache."""
+    if network not in _LANE_TABLES:
         spans, lines, begin = {}, [], 0
         for lane_id, lane in network.lanes.items():
             line = lane.line
             spans[lane_id] = begin, begin + len(line.xy)
             lines.append(vertices(line.xy, line.marks, line.angles))
             begin += len(line.xy)
-        _KNOWN[network] = LaneTable(spans, np.concatenate([vertices((), (), ()), *lines]))
-    return _KNOWN[network]
+        _LANE_TABLES[network] = LaneTable(spans, np.concatenate([vertices((), (), ()), *lines]))
+    return _LANE_TABLES[network]
 
 
 class SumoTraffic:
-    """The vehicles that SUMO drives, until they leave or are taken over.
+    """The vehicles that SUMO drives, each until it leaves or Python takes it over.
 
     Args:
-        vehicles: they have joined the table. states: of all actors. rows: of that table, by id.
-        world: where they drive. network: their roads. friction: of the tyres on them.
-        cruise_mps: what each drives where nothing hinders it, by id.
+        vehicles: these vehicles, which have joined the state table. states: the state table of all actors. rows: rows
+            of that table by id. world: SUMO's world. network: the roads. friction: tyre-road coefficient.
+        cruise_mps: speed of each vehicle where nothing hinders it, by id, m/s.
     """
 
     def __init__(
@@ -279,7 +280,7 @@ class SumoTraffic:
         self._vehicles, self._world = tuple(vehicles), world
         self._numbers = {vehicle.id: number for number, vehicle in enumerate(vehicles)}
         self._records = np.array([vehicle.record for vehicle in vehicles], dtype_of(sumo_traffic.SumoVehicle))
-        self._ordered = self._records["ordered"]  # a view: a record's field is read in ten times the time of a float
+        self._ordered = self._records["ordered"]  # a view: reading a record's field takes ten times as long
         self._states = states.states.reshape(-1).view(dtype_of(VehicleState))
         self._table = lane_table(network)
         self._bends = LaneBends(network, friction)
@@ -293,25 +294,26 @@ class SumoTraffic:
             self._set_lane(number, vehicle.lane)
 
     def slow_for_bends(self) -> None:
-        """Tell SUMO what each may drive in the next step: it knows only the bends inside junctions, not who tips."""
+        """Tell SUMO each vehicle's speed limit for the next step: it considers only bends inside junctions, and no
+        tipping over."""
         changed = self._update_limits()
         with Part.WORLD:
             for number in changed:
                 self._world.limit_speed(self._vehicles[number].id, self._ordered.item(number))
 
     def may_drive_mps(self) -> dict[str, float]:
-        """Return what the bends allow each vehicle in the next step; infinite where they do not matter."""
+        """Return the speed that bends allow each vehicle in the next step, m/s; infinite without a bend."""
         self._update_limits()
-        self._ordered[:] = np.nan  # SUMO has not been told
+        self._ordered[:] = np.nan  # these limits have not been sent to SUMO
         return {vehicle.id: float(vehicle.record["limit"]) for vehicle in self._vehicles}
 
     def set_cruise(self, vehicle: str, speed_mps: float) -> None:
-        """Note that a vehicle drives another speed from now on where nothing hinders it."""
+        """Change the speed that a vehicle drives where nothing hinders it."""
         record = self._records[self._numbers[vehicle]]
         record["cruise"], record["ordered"] = speed_mps, np.nan
 
     def follow(self) -> tuple[str, ...]:
-        """Move every vehicle to where SUMO has it after a step; return the ids of those that have left the world."""
+        """Move every vehicle to its position in SUMO after a step; return the ids of the vehicles that left."""
         with Part.WORLD:
             names, numbers, changed = self._world.vehicles()
         left: tuple[str, ...] = ()
@@ -326,13 +328,13 @@ class SumoTraffic:
         return left
 
     def drop(self, vehicle: str) -> None:
-        """Leave a vehicle alone from now on: Python moves it."""
+        """Stop following a vehicle: from now on Python moves it, or it has left."""
         self._driven = self._driven[self._driven != self._numbers[vehicle]]
-        if not self._names:  # SUMO has none, and may never have one: `_note_names` is not asked
+        if not self._names:  # SUMO has no vehicle and may never get one, so `_note_names` may never be called
             self._seen = self._driven
 
     def adopt(self, vehicle: str, lane: str, cruise_mps: float) -> None:
-        """Move a vehicle as SUMO does from now on, which was moved by Python until now."""
+        """Follow a vehicle in SUMO from now on that Python moved until now."""
         number = self._numbers[vehicle]
         self._driven = np.append(self._driven[self._driven != number], number)
         self._vehicles[number].lane = lane
@@ -340,17 +342,17 @@ class SumoTraffic:
         self.set_cruise(vehicle, cruise_mps)
 
     def _update_limits(self) -> list[int]:
-        """Compute what each may drive; return those for which it is another speed than SUMO was told."""
-        found = sumo_traffic.slow_for_bends(
+        """Compute the speed limits from bends; return the numbers of the vehicles whose limit in SUMO must change."""
+        count = sumo_traffic.slow_for_bends(
             self._driven, self._records, self._states, self._table.vertices, self._bends.points, self._changed, STEP_S
         )
-        changed: list[int] = self._changed[:found].tolist() if found else []
+        changed: list[int] = self._changed[:count].tolist() if count else []
         return changed
 
     def _set_lane(self, number: int, lane: str) -> None:
-        """Note that a vehicle is on another lane now."""
+        """Set the lane of a vehicle, and the bends ahead of it."""
         vehicle, record = self._vehicles[number], self._records[number]
-        if record["lane_end"] > 0:  # where it was on the last one says nothing of this one
+        if record["lane_end"] > 0:  # the length along the last lane does not apply to this one
             record["heading_s"] = np.nan
         record["bends_s"] = np.nan
         record["lane_begin"], record["lane_end"] = self._table.spans.get(lane, (0, 0))
@@ -358,7 +360,7 @@ class SumoTraffic:
         record["bends_begin"], record["bends_end"], record["slowest"] = ahead
 
     def _note_names(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Take note of the vehicles that SUMO has; return those of the others that it had before."""
+        """Store the vehicles that SUMO has now; return the ids of those that it does not have any more."""
         self._names = names
         self._seen = np.array([self._numbers[name] for name in names], dtype=np.int64)
         here = set(names)

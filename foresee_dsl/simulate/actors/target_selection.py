@@ -1,6 +1,6 @@
-"""Target selection of a vehicle that SUMO does not move any more: what is in its way, how far it is and how fast.
+"""Target selection of a vehicle that SUMO does not move any more: the bodies in its way, their distances and speeds.
 
-Targets are looked for along the vehicle's lane, along the arc of its wheels, and among those about to cross its path.
+Targets are searched along the vehicle's lane, along the arc of its wheels, and among actors about to cross its path.
 """
 
 from __future__ import annotations
@@ -15,80 +15,81 @@ from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.simulate.actors.dynamics import BicycleState
 
 SIGHT_M = 80.0
-"""How far ahead targets are looked for. Ours."""
+"""Distance within which targets are searched, m. Ours."""
 MARGIN_M = 0.2
-"""A body counts as ahead when it comes this near to the swept corridor. Ours."""
+"""Lateral margin added to the vehicle's corridor: a body that comes nearer to the corridor is a target, m. Ours."""
 STRAYS_M = 1.0
-"""Further than this from its lane's centre an actor looks where its wheels point and not along its lane. Ours: a car
-in a lane of 3.3 m that is 1 m off has a side on the marking."""
+"""Distance from its lane's centre above which a vehicle searches along the arc of its wheels instead of its lane, m.
+Ours: a car in a lane of 3.3 m that is 1 m off touches the marking with one side."""
 ARC_S, ARC_STRAYING_S = 0.5, 3.0
-"""How far along the arc of its wheels it looks, in and out of its lane. Ours: in it, for what has come upon it; out of
-it, the time in which any speed in a town is braked away (25 m/s at 8 m/s^2)."""
+"""Travel time along the arc of its wheels within which a vehicle searches, in and out of its lane, s. Ours: in its lane
+only for bodies very near; out of it the time to stop from any speed in a town (25 m/s at 8 m/s^2)."""
 CROSSING_S = 2.0
-"""How far ahead it sees that somebody who crosses will be where it will be. Ours: the time to collision from which UN
-R157's careful driver reacts (2 s; see `avoidance.r157.risk`)."""
+"""Time for which the paths of crossing actors are predicted, s. Ours: the time to collision at which UN R157's careful
+driver reacts (2 s; see `avoidance.r157.risk`)."""
 CROSSES_RAD = radians(30)
-"""An actor whose heading differs by at least this much crosses the vehicle's path; the others drive along it or towards
-it, on lanes that bend. Ours."""
+"""Least difference of headings of an actor that crosses the vehicle's path, rad; with less it drives along the path or
+towards the vehicle, on lanes that bend. Ours."""
 MOVES_MPS = 0.3
-"""A slower actor crosses nothing within that time: 0.6 m. Ours."""
+"""Speed below which an actor does not count as crossing, m/s: it moves 0.6 m in that time. Ours."""
 _EVERY_S = 0.1
-"""A crossing is looked for at these times; at 20 m/s, each 2 m."""
+"""Time between two predicted moments, s; 2 m at 20 m/s."""
 
 
 class Target(NamedTuple):
-    """Something in the way: the room up to it (m) and its speed in our direction (m/s)."""
+    """A body in the way: the free distance up to it (m) and its speed in the vehicle's direction (m/s)."""
 
     room_m: float
     speed_mps: float
 
 
 class TargetSelection:
-    """Finds what a vehicle has to brake for.
+    """Finds the bodies that a vehicle has to brake for.
 
     Args:
         limits: of the vehicle.
-        line: the centreline of its route. line_m: how far to the left of it the vehicle keeps.
+        line: the centreline of its route. line_m: lateral distance to the left of it that the vehicle keeps, m.
     """
 
     def __init__(self, limits: VehicleLimits, line: Polyline, line_m: float = 0.0) -> None:
-        """Look along this line."""
+        """Search along this line."""
         self._limits, self._line, self._line_m = limits, line, line_m
 
     def targets(
         self, state: BicycleState, s: float, others: Sequence[Mover], *, strays: bool, yields: bool
     ) -> Iterator[Target]:
-        """Yield everything in the way of a vehicle that is `s` along the line.
+        """Yield all targets of a vehicle that is `s` along the line.
 
-        `others`: all others; NaN where absent. `strays`: it does not keep its lane now, so that its wheels say where it
-        goes. Without `yields`, actors that are about to cross its path are no targets, only those on it.
+        `others`: all other bodies; NaN where absent. `strays`: the vehicle does not keep its lane now, so that its
+        wheels determine its path. Without `yields`, only bodies in its path are targets, not those about to cross it.
         """
         arc = tan(state.steer) / self._limits.wheelbase_m
         c, si = cos(state.heading), sin(state.heading)
         for other in others:
             dx, dy = other.x - state.x, other.y - state.y
-            if not hypot(dx, dy) <= SIGHT_M:  # NaN is not there
+            if not hypot(dx, dy) <= SIGHT_M:  # also skips absent bodies, whose position is NaN
                 continue
             along, left = dx * c + dy * si, dy * c - dx * si
-            found = None
+            target = None
             if along > 0:
-                found = self._on_arc(state, arc, other, along, left, strays=strays)
-                found = found or (None if strays else self._in_lane(s, other, along))
-            if found is None and yields:
-                found = self._crossing(state, arc, s, other, strays=strays)
-            if found is not None:
-                yield found
+                target = self._on_arc(state, arc, other, along, left, strays=strays)
+                target = target or (None if strays else self._in_lane(s, other, along))
+            if target is None and yields:
+                target = self._crossing(state, arc, s, other, strays=strays)
+            if target is not None:
+                yield target
 
     def _on_arc(
         self, state: BicycleState, arc: float, other: Mover, along: float, left: float, *, strays: bool
     ) -> Target | None:
-        """What lies on the arc that the wheels now describe; `along`, `left`: where it is in our frame (m).
+        """Return the body as a target if it lies on the arc of the current wheel angle.
 
-        A vehicle that keeps its lane looks along the lane: its wheels say little about where it will be in a second.
+        `along`, `left`: the body's position in the vehicle's frame (m). A vehicle that keeps its lane searches only a
+        short arc: its wheel angle says little about its position a second later.
         """
         facing = state.heading + arc * along
         room = along - self._limits.length_m / 2 - half_extent(other, facing)
-        # A sharp arc is left again soon: beyond a radian it says nothing.
+        # A vehicle does not stay on a sharp arc: beyond a turn of one radian the arc predicts nothing.
         if room > state.speed * (ARC_STRAYING_S if strays else ARC_S) or abs(arc) * along > 1:
             return None
         if abs(left - arc * along * along / 2) > self._reach(other, facing):
@@ -96,7 +97,7 @@ class TargetSelection:
         return Target(room, other.speed * cos(other.heading - facing))
 
     def _in_lane(self, s: float, other: Mover, along: float) -> Target | None:
-        """What stands or drives in its lane."""
+        """Return the body as a target if it stands or drives in the vehicle's lane."""
         there, beside = self._line.project(other.x, other.y, s + along)
         facing = self._line.at(there)[2]
         if there <= s or abs(beside - self._line_m) > self._reach(other, facing):
@@ -105,13 +106,13 @@ class TargetSelection:
         return Target(room, other.speed * cos(other.heading - facing))
 
     def _crossing(self, state: BicycleState, arc: float, s: float, other: Mover, *, strays: bool) -> Target | None:
-        """An actor that will be in front of the vehicle if both keep their motion, as a wall at that place."""
+        """Return an actor that will be in front of the vehicle, if both keep their motion, as a standing target."""
         far = (abs(state.speed) + abs(other.speed)) * CROSSING_S + self._limits.length_m + other.length
         if other.speed < MOVES_MPS or hypot(other.x - state.x, other.y - state.y) > far:
             return None
         ex, ey = other.velocity
         half_m = self._limits.length_m / 2
-        most_m = half_m + (other.length + other.width) / 2  # no shadow is longer, and most are far beyond
+        most_m = half_m + (other.length + other.width) / 2  # a cheap upper bound, which excludes most moments
         for k in range(1, round(CROSSING_S / _EVERY_S) + 1):
             way = state.speed * k * _EVERY_S
             x, y, heading = self._on_its_way(state, arc, s, way, strays=strays)
@@ -141,6 +142,6 @@ class TargetSelection:
 
 
 def half_extent(body: Mover, angle: float) -> float:
-    """Return half the length of a body's shadow on a line in direction `angle`, m."""
+    """Return half the length of a body's projection onto a line in direction `angle`, m."""
     turned = angle - body.heading
     return (body.length * abs(cos(turned)) + body.width * abs(sin(turned))) / 2

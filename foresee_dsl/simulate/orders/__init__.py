@@ -1,1 +1,1 @@
-"""Orders of triggers to actors: what each asks for, and which are in force."""
+"""Orders of triggers to actors: how each kind is carried out, and which are in force."""

@@ -1,6 +1,6 @@
-"""Orders about where across its lane a vehicle keeps: a change of its `line`, so much room beside another actor.
+"""Orders about a vehicle's lateral position in its lane: a change of its `line`, or a distance beside another actor.
 
-A later order to the same actor replaces the one before.
+A later order to the same actor replaces the earlier one.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.trace import STEP_S
 
 THERE_M = 0.05
-"""A vehicle this near to its `line` is on it. Ours: five times what clips round to, at the end of a curve that fades
-out."""
+"""Distance within which a vehicle is on its `line`, m. Ours: it approaches the line asymptotically; five times the
+rounding of clips."""
 
 
 class SidewaysOrder(Protocol):
-    """Sets where across its lane a vehicle keeps, for a while."""
+    """Sets the lateral position of a vehicle in its lane for a while."""
 
     def update(self, time_s: float) -> bool:
-        """Set it for the step that begins now; False when there is nothing left to do."""
+        """Set the position for the step that begins now; return False when the order is finished."""
         ...
 
     def complete(self) -> bool:
-        """Whether what was ordered is done."""
+        """Return whether the order is complete."""
         ...
 
 
 class Shift:
-    """Moves to another `line`, linearly over a time, or as fast as vehicles do."""
+    """Moves a vehicle to another `line`, linearly over a time, or without one at the usual lateral speed."""
 
     def __init__(self, simulation: Simulation, actor: SumoVehicle, action: ChangesLine) -> None:
         self._simulation, self._actor = simulation, actor
@@ -47,13 +47,13 @@ class Shift:
         return share < 1.0
 
     def complete(self) -> bool:
-        """Whether the time is over and it is there."""
+        """Return whether the time has passed and the vehicle is on the line."""
         over = self._simulation.time_s >= self._since_s + self._over_s - STEP_S / 100
         return over and abs(self._actor.beside_m - self._to_m) <= THERE_M
 
 
 class Beside:
-    """Keeps so much room to the side of another actor, within `WIDEST_LINE_M` of its lane's middle."""
+    """Keeps a lateral distance to another actor, at most `WIDEST_LINE_M` from its lane's centreline."""
 
     def __init__(self, simulation: Simulation, actor: SumoVehicle, action: KeepsBeside) -> None:
         self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
@@ -70,7 +70,7 @@ class Beside:
         return True
 
     def complete(self) -> bool:
-        """Whether the time is over; without one, whether it has the room."""
+        """Return whether the duration has passed or, without a duration, whether the distance is reached."""
         if self._until_s is not None:
             return self._over(self._simulation.time_s)
         return not self._other.present or abs(self._missing_m()) <= THERE_M
@@ -79,7 +79,7 @@ class Beside:
         return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
 
     def _missing_m(self) -> float:
-        """How far to the left of where it is it would have the room."""
+        """Return the lateral shift to the left that gives the ordered distance, m."""
         line, frame = self._simulation.progress, self._simulation.frame
         here, there = line.of(self._actor, frame)[1], line.beside(self._actor, self._other)
         return there + self._apart_m - here

@@ -1,7 +1,6 @@
-"""Orders that set an actor's speed by another actor: a gap to keep, a place to be at when the other is at its own.
+"""Orders that set an actor's speed by another actor: a gap, the other's speed, or arrival at a place at the same time.
 
-What they ask for depends on where both are and how fast, and on nothing else: a clip that begins in between continues
-in the same way.
+The speed depends only on the positions and speeds of both: a clip that begins in between continues in the same way.
 """
 
 from __future__ import annotations
@@ -17,17 +16,17 @@ from foresee_dsl.simulate.orders.speed import WAITS_MPS
 from foresee_dsl.simulate.trace import STEP_S
 
 CLOSES_S = 1.5
-"""What a gap is too wide or too narrow is made up for with this time constant. Ours: with 1 s a car swings round the
-gap, as its speed follows 0.3 s late; with 3 s it needs 10 s."""
+"""Time constant with which an actor corrects the error of its gap, s. Ours: with 1 s a car oscillates about the gap, as
+its speed follows 0.3 s late; with 3 s it needs 10 s."""
 HAS_GAP_M = 0.5
-"""An actor has the gap that it keeps when it is that near to it. Ours: a tenth of the nearest that people write."""
+"""Error of the gap below which the gap is reached, m. Ours: a tenth of the smallest gap that scenarios order."""
 KEEPS_SPEED_S = 0.25
-"""In the last quarter of a second before its place an actor that synchronises keeps its speed. Ours: what is left of
-the way says little then."""
+"""Time before its place from which a synchronising actor keeps its speed, s. Ours: the remaining distance is then too
+short to compute a speed from."""
 
 
 class Gap:
-    """Keeps a distance, or a time at the speed of the one behind, behind another actor or ahead of it."""
+    """Keeps a gap behind or ahead of another actor: a distance, or a time at the speed of the rear actor."""
 
     def __init__(self, simulation: Simulation, actor: Actor, action: KeepsGap) -> None:
         self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
@@ -44,16 +43,16 @@ class Gap:
             return False
         missing = self._missing_m()
         if not math.isnan(missing):
-            asked = self._other.speed + (missing if self._leads else -missing) / CLOSES_S
-            self._simulation.order_speed(self._actor, max(0.0, asked))
+            speed_mps = self._other.speed + (missing if self._leads else -missing) / CLOSES_S
+            self._simulation.order_speed(self._actor, max(0.0, speed_mps))
         return True
 
     def release(self) -> None:
-        """Let it keep its usual distance again."""
+        """Restore the actor's usual distance to others."""
         self._simulation.close_up(self._actor, on=False)
 
     def complete(self) -> bool:
-        """Whether the time is over; without one, whether it has the gap."""
+        """Return whether the duration has passed or, without a duration, whether the gap is reached."""
         if self._until_s is not None:
             return self._over(self._simulation.time_s)
         return not self._other.present or abs(self._missing_m()) <= HAS_GAP_M
@@ -62,7 +61,7 @@ class Gap:
         return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
 
     def _missing_m(self) -> float:
-        """How much wider the gap is to become, m; NaN where it has no way along which it could be measured."""
+        """Return by how much the gap must grow, m; NaN without a common line along which it can be measured."""
         ahead = self._simulation.progress.ahead_of(self._actor, self._other)
         gap = (-ahead if self._leads else ahead) - (self._actor.length + self._other.length) / 2
         behind = self._other if self._leads else self._actor
@@ -70,7 +69,7 @@ class Gap:
 
 
 class Match:
-    """Has another actor's speed at each moment, times a ratio, and so much more."""
+    """Drives at another actor's current speed, times a factor, plus a difference."""
 
     def __init__(self, simulation: Simulation, actor: Actor, action: MatchesSpeed) -> None:
         self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
@@ -87,7 +86,7 @@ class Match:
         return True
 
     def complete(self) -> bool:
-        """Whether the time is over; without one, whether it has that speed."""
+        """Return whether the duration has passed or, without a duration, whether that speed is reached."""
         if self._until_s is not None:
             return self._over(self._simulation.time_s)
         return not self._other.present or abs(self._actor.speed - self._asked()) < STANDS_MPS
@@ -100,9 +99,9 @@ class Match:
 
 
 class Synchrony:
-    """Comes to a place when another actor comes to another one.
+    """Lets an actor reach a place when another actor reaches its own place.
 
-    `own_s`, `their_s`: the lengths along the lines of both, m; NaN where one does not come there.
+    `places`: the lengths of the two places along the lines of both actors, m; NaN where an actor does not pass there.
     """
 
     def __init__(
@@ -114,7 +113,7 @@ class Synchrony:
 
     @property
     def there(self) -> bool:
-        """Whether it has come to its place, or never will."""
+        """Whether the actor has reached its place, or never will."""
         room = self._room(self._actor, self._own_s)
         return math.isnan(room) or room <= 0.0 or not self._actor.present
 
@@ -131,7 +130,7 @@ class Synchrony:
         return True
 
     def complete(self) -> bool:
-        """Whether it is at its place."""
+        """Return whether the actor has reached its place, or never will."""
         return self.there
 
     def _asked(self) -> float:
@@ -148,7 +147,8 @@ class Synchrony:
             return max(now, own / KEEPS_SPEED_S / 2)
         if self._final is None:
             return own / time_s
-        # Linearly to a speed at half the time, and from there to the final one: so the way takes the time.
+        # Two linear changes of speed, to `halfway` at half the time and then to the final speed, so that the remaining
+        # distance takes exactly the remaining time.
         halfway = max((4 * own / time_s - now - self._final) / 2, 0.0)
         return max(now + (halfway - now) / (time_s / 2) * STEP_S, 0.0) if time_s > 2 * STEP_S else self._final
 

@@ -1,6 +1,6 @@
 """Orders that set an actor's speed for a while: a change of speed, a stop, a meeting.
 
-A later order to the same actor replaces the one before.
+A later order to the same actor replaces the earlier one.
 """
 
 from __future__ import annotations
@@ -20,44 +20,47 @@ from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 
 COMFORT_MPS2 = 3.0
-"""How hard an actor brakes that `stops`. Ours: the upper end of comfortable braking (ISO 15622 allows 3.5 m/s^2)."""
+"""Braking of an actor that `stops`, m/s^2. Ours: the upper end of comfortable braking (ISO 15622 allows 3.5 m/s^2)."""
 COMMITS_M = 15.0
-"""It keeps its speed from so far before the junction on. Ours: a second at 50 km/h; a late change gives it away."""
+"""Distance before the junction from which an actor that `meets` keeps its speed, m. Ours: about one second at 50 km/h;
+a later change of speed would reveal it."""
 COMMITS_WALKING_M = 2.0
-"""The same for pedestrians and bicycles on their path. Ours: their reaction takes one or two paces."""
+"""The same for pedestrians and bicycles on a path, m. Ours: one or two paces of reaction."""
 MET_M = 6.0
-"""...until so far inside it, about its middle. Ours: most junctions of two-lane roads are 12 m to 20 m wide."""
+"""Distance inside the junction, about its middle, up to which it keeps its speed, m. Ours: most junctions of two-lane
+roads are 12 m to 20 m wide."""
 CREEPS_MPS = 1.0
-"""It does not come to a halt there, where it would stay: the slowest speed that times of arrival are counted with."""
+"""Lowest speed near the junction or the place, m/s: an actor that halted before it would stay there."""
 WAITS_MPS = 3.0
-"""The other counts as driving at least this fast. Ours: with 1 m/s, an ego that waits and an actor that times itself
-by it both creep up to the junction and let each other go (a right turn into traffic took 25 s in scenario 9)."""
+"""Lowest speed of the other actor with which its time of arrival is computed, m/s. Ours: with 1 m/s, a waiting ego and
+an actor that times itself by the ego both creep up to the junction and yield to each other (a right turn into traffic
+took 25 s in scenario 9)."""
 HASTE = 1.3
-"""It drives at most so many times its cruising speed (the language's definition of `meets`)."""
+"""Maximum speed of an actor that `meets`, as a multiple of its cruising speed (as the language defines `meets`)."""
 HALTS_M = 0.3
-"""An actor that is to stop at a place halts this near to it. Ours: from the speed that it has there it comes to stand
-within 0.3 m with 3 m/s^2."""
+"""Distance to its stop at which an actor is halted, m. Ours: from its speed there it stops within 0.3 m at 3 m/s^2."""
 MISSED_M = 5.0
-"""It drives on where it is further past it than this. Ours: about a car's length, the way to stand from 20 km/h."""
+"""Distance beyond its stop from which an actor drives on, m. Ours: about a car's length, the stopping distance from
+20 km/h."""
 BOUND_FROM_M = 60.0
-"""An actor that ignores a rule at one junction does so from here before it. Ours: SUMO's cars begin to brake for a
-red signal within their stopping distance, 35 m at 65 km/h."""
+"""Distance before a junction from which an actor ignores the rule that it ignores there, m. Ours: SUMO's cars begin to
+brake for a red signal within their stopping distance, 35 m at 65 km/h."""
 
 
 class Command(Protocol):
-    """Sets an actor's speed for a while; a later one of the same actor replaces it."""
+    """Sets an actor's speed for a while; a later command to the same actor replaces it."""
 
     def update(self, time_s: float) -> bool:
-        """Set the speed for the step that begins now; False when there is nothing left to do."""
+        """Set the speed for the step that begins now; return False when the command is finished."""
         ...
 
     def complete(self) -> bool:
-        """Whether what was ordered is done, so that what comes `then` can begin (see the language's `Then`)."""
+        """Return whether the order is complete, so that the action after `then` can begin (see `model.Then`)."""
         ...
 
 
 class Ramp:
-    """Changes speed linearly; afterwards that is what the actor drives where nothing hinders it."""
+    """Changes an actor's speed linearly; the final speed becomes its cruising speed."""
 
     def __init__(self, simulation: Simulation, actor: Actor, to_mps: float, over_s: float) -> None:
         self._simulation, self._actor, self._to, self._over = simulation, actor, to_mps, over_s
@@ -73,14 +76,14 @@ class Ramp:
         return False
 
     def complete(self) -> bool:
-        """Whether the time is over; without one, whether the speed is reached."""
+        """Return whether the duration has passed or, without a duration, whether the target speed is reached."""
         if self._over > 0:
             return self._simulation.time_s >= self._since + self._over - STEP_S / 100
         return abs(self._actor.speed - self._to) < STANDS_MPS
 
 
 class Stop:
-    """Brakes in comfort, stands for a time or for good, then drives as before."""
+    """Brakes comfortably to a stop, stands for a duration or to the end, then drives as before."""
 
     def __init__(self, simulation: Simulation, actor: Actor, duration_s: float | None) -> None:
         self._simulation, self._actor, self._duration = simulation, actor, duration_s
@@ -111,21 +114,20 @@ class Stop:
 
 
 class Halt:
-    """Brakes so that its front comes to stand at a place on its way, stands for a time or for good, drives as before.
+    """Brakes so that the actor's front stops at a place on its route, stands for a duration or to the end, drives on.
 
-    How fast it drives depends on how far the place is and on nothing else: a clip that begins in between continues in
-    the same way.
+    The speed depends only on the distance to the place: a clip that begins in between continues in the same way.
     """
 
     def __init__(self, simulation: Simulation, actor: Actor, place: StopSpot, duration_s: float | None) -> None:
         self._simulation, self._actor, self._place, self._duration = simulation, actor, place, duration_s
         self._resumed = False
         self.stands_s: float | None = None
-        """Since when it stands there."""
+        """Time from which it stands there, s; None before."""
 
     @property
     def missed(self) -> bool:
-        """Whether the place lies behind it, or it does not come there."""
+        """Whether the place lies behind the actor or not on its route."""
         room = self._room()
         return math.isnan(room) or room < -MISSED_M
 
@@ -152,7 +154,7 @@ class Halt:
         return self._resumed
 
     def _room(self) -> float:
-        """How far its front is before the place, m."""
+        """Return the distance from the actor's front to the place, m."""
         stop = self._place.stop
         if stop is not None and self._actor.lane.rpartition("_")[0] == stop.lane.edge:
             # The line of a clip begins on the lane that the actor is changing to, and leaves it again: it is longer.
@@ -161,7 +163,7 @@ class Halt:
 
 
 class Reverse:
-    """Brakes to a stand, goes backwards so far along its lane, and drives on as before."""
+    """Brakes to a stop, reverses by a length along the lane, and drives on as before."""
 
     def __init__(self, simulation: Simulation, actor: GuidedVehicle, length_m: float, speed_mps: float) -> None:
         self._simulation, self._actor, self._length, self._speed = simulation, actor, length_m, speed_mps
@@ -178,7 +180,7 @@ class Reverse:
         if not self._backs and actor.speed < STANDS_MPS and actor.guide is None:
             simulation.back_up(actor, self._length)
             self._backs = actor.backs
-            if not self._backs:  # it is on no lane
+            if not self._backs:  # it is not on a lane
                 self._over = True
                 return False
         if self._backs:
@@ -190,14 +192,14 @@ class Reverse:
         return True
 
     def complete(self) -> bool:
-        """Whether it drives on."""
+        """Return whether it drives on."""
         return self._over
 
 
 class StopSpot(NamedTuple):
-    """Where an actor is to stop: the length along its line, m; NaN where it does not come there.
+    """Where an actor stops: the length along its line, m; NaN if it does not pass there.
 
-    Of a bus stop also that stop, and how far before its end an actor of this length still stands in it, m.
+    For a bus stop also the stop, and the distance before its end at which an actor of this length still stands in it, m.
     """
 
     s: float
@@ -206,12 +208,12 @@ class StopSpot(NamedTuple):
 
 
 class Braking:
-    """Brakes so hard for a time, once the actor moves (`acts`: in any case), and then lets it go on as before."""
+    """Brakes an actor at a fixed rate for a time, once it moves (`acts`: in any case); then it drives on as before."""
 
     def __init__(self, simulation: Simulation, actor: Actor, brakes: Timed, *, acts: bool = False) -> None:
         self._simulation, self._actor, self._brakes = simulation, actor, brakes
         self.acts = acts
-        """Whether it holds the actor now."""
+        """Whether it brakes the actor now."""
         self._harder = acts
         if acts:
             simulation.brake_harder(actor, brakes.value)
@@ -228,7 +230,7 @@ class Braking:
         return True
 
     def release(self) -> None:
-        """Let it go on as before."""
+        """Let the actor drive on as before."""
         if self.acts and self._actor.present:
             self._simulation.brake(self._actor, None)
             if self._harder:
@@ -236,16 +238,15 @@ class Braking:
         self.acts = False
 
     def complete(self) -> bool:
-        """Whether the time is over."""
+        """Return whether the time has passed."""
         return self._simulation.time_s >= self._brakes.until_s - STEP_S / 100
 
 
 class Meeting:
-    """Sets an actor's speed so that it comes to a point when the other was, or will be, there.
+    """Sets an actor's speed so that it reaches a point of a junction shortly before or after another actor.
 
-    It plans anew every step, and near the junction keeps the speed that it has until it is well inside. The plan
-    depends on where both are only, and that it keeps its speed is recorded: a clip that begins in between continues in
-    the same way.
+    It plans again in every step; near the junction it keeps its speed until it is well inside. The plan depends only on
+    the state of both actors, and the kept speed is recorded: a clip that begins in between continues in the same way.
     """
 
     def __init__(self, simulation: Simulation, recorder: Recorder, actor: Actor, meets: Meets) -> None:
@@ -254,7 +255,7 @@ class Meeting:
         self._points = simulation.progress.meeting(actor, self._other, self._junction)
         self._gap_s = si_of(meets.gap) * (1 if meets.order == "after" else -1)
         self.keeps_mps: float | None = None
-        """The speed that it keeps since it came near the junction, m/s; None before."""
+        """The speed that it keeps near the junction, m/s; None before that."""
 
     def update(self, time_s: float) -> bool:
         """See `Command`."""
@@ -263,7 +264,7 @@ class Meeting:
             self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
             return False
         if self.keeps_mps is None:
-            pace = self.asked()
+            pace = self.pace_mps()
             self._simulation.order_speed(self._actor, pace)
             if self._near():
                 self.keeps_mps = pace
@@ -272,12 +273,12 @@ class Meeting:
         return True
 
     def complete(self) -> bool:
-        """Whether the actor has left the junction (or does not come there)."""
+        """Return whether the actor has left the junction, or does not pass it."""
         span = self._simulation.progress.span(self._actor, self._junction)
         return span is None or self._simulation.progress.front(self._actor, self._simulation.frame) >= span[1]
 
-    def asked(self) -> float:
-        """Return what it asks the actor to drive now, without the actor's `timing`, m/s."""
+    def pace_mps(self) -> float:
+        """Return the speed that it orders now, without the actor's `timing`, m/s."""
         simulation, actor, other, timing = self._simulation, self._actor, self._other, self._actor.placed.timing
         cruise = simulation.cruise_mps[actor.id] / timing
         fastest = HASTE * cruise
@@ -293,7 +294,7 @@ class Meeting:
         return min(own / arrival, fastest) if arrival > 0 else fastest
 
     def over(self) -> bool:
-        """Whether the actor is well inside the junction, has left the world, or does not come there."""
+        """Return whether the actor is well inside the junction, has left the world, or does not pass the junction."""
         room = self._room()
         return math.isnan(room) or room <= -MET_M or not self._actor.present
 

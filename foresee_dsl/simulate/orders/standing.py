@@ -1,4 +1,4 @@
-"""The orders in force: each until it is done, or until another one to the same actor replaces it."""
+"""The orders in force: each stays until it is complete or another order to the same actor replaces it."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from foresee_dsl.simulate.triggers.trigger import IsComplete
 
 
 class StandingOrders:
-    """What actors were told, and what it comes to in each step.
+    """All orders to actors, carried out in each step.
 
     Attributes:
-        new: who was given an order about speed since this was emptied.
-        recorded: the states of each actor's orders, in the order of time; see `triggers.record`.
+        new: ids of the actors that got a speed order since this list was last emptied.
+        recorded: the states of each actor's orders, in order of time; see `triggers.record`.
     """
 
     def __init__(self, simulation: Simulation, recorder: Recorder) -> None:
-        """Begin without any."""
+        """Begin without orders."""
         self._simulation, self._recorder = simulation, recorder
         self.new: list[str] = []
         self.recorded: dict[str, list[ActorOrders]] = {}
@@ -41,31 +41,31 @@ class StandingOrders:
         self._braking: dict[str, Braking] = {}
 
     def any(self) -> bool:
-        """Whether there is an order in force."""
+        """Return whether an order is in force."""
         return bool(self._commands or self._starts or self._bound or self._sideways or self._braking)
 
     # --- giving orders ---------------------------------------------------------------------------------------------
 
     def give(self, actor: Actor, command: Command) -> IsComplete:
-        """Give an order about speed; it is over when it is done, or when another one replaces it."""
-        was = self._commands.get(actor.id)
-        if isinstance(was, Gap | Braking):
-            was.release()
+        """Give a speed order; it is complete when it is done, or when another order replaces it."""
+        before = self._commands.get(actor.id)
+        if isinstance(before, Gap | Braking):
+            before.release()
         self._commands[actor.id] = self._latest[actor.id] = command
         self.new.append(actor.id)
         return lambda: self._latest[actor.id] is not command or command.complete()
 
     def note(self, actor: Actor, command: Command) -> IsComplete:
-        """Take an order about speed for the actor's latest, although it has no effect step by step."""
+        """Make a speed order the actor's latest, although it does nothing in the single steps."""
         self._latest[actor.id] = command
         return lambda: self._latest[actor.id] is not command or command.complete()
 
     def end(self, actor: Actor) -> None:
-        """End an actor's order about speed, if it has one."""
+        """End an actor's speed order, if it has one."""
         self._commands.pop(actor.id, None)
 
     def give_sideways(self, actor: Actor, order: SidewaysOrder) -> IsComplete:
-        """Give an order about where across its lane an actor keeps."""
+        """Give an order about an actor's lateral position in its lane."""
         self._sideways[actor.id] = self._latest_sideways[actor.id] = order
         return lambda: self._latest_sideways[actor.id] is not order or order.complete()
 
@@ -75,7 +75,7 @@ class StandingOrders:
         return lambda: self._simulation.time_s >= at_s - STEP_S / 100
 
     def brake(self, actor: Actor, braking: Braking) -> None:
-        """Let an actor brake at a time, whatever else it is told."""
+        """Let an actor brake at a time, regardless of its other orders."""
         self._braking[actor.id] = braking
 
     def ignore_near(self, actor: Actor, what: str, junction: str) -> None:
@@ -85,7 +85,7 @@ class StandingOrders:
     # --- their effect ----------------------------------------------------------------------------------------------
 
     def take_effect(self) -> None:
-        """Let all orders have their effect that come before what triggers order in this step."""
+        """Carry out the earlier orders of this step, before the triggers are evaluated."""
         if self._starts:
             self._start_due(self._simulation.time_s)
         if self._bound:
@@ -94,7 +94,7 @@ class StandingOrders:
             self.update(list(self._commands))
 
     def take_late_effect(self) -> None:
-        """Let the orders have their effect that come after whatever triggers ordered in this step."""
+        """Carry out the lateral orders and the braking, after the triggers of this step."""
         if self._sideways:
             for name, order in list(self._sideways.items()):
                 self._update_sideways(name, order)
@@ -102,7 +102,7 @@ class StandingOrders:
             self._brake()
 
     def update(self, names: Iterable[str]) -> None:
-        """Let the speed orders of these actors have their effect."""
+        """Carry out the speed orders of these actors."""
         for name in list(dict.fromkeys(names)):
             command = self._commands.get(name)
             if command is None or (name in self._braking and self._braking[name].acts):
@@ -123,7 +123,7 @@ class StandingOrders:
             self._simulation.order_speed(self._simulation.by_id[name], self._simulation.cruise_mps[name])
 
     def _keep_bounds(self) -> None:
-        """Let actors ignore a rule while they are near the junction that was named, and only there."""
+        """Let actors ignore a rule while, and only while, they are near the junction of their order."""
         for actor, what, junction in self._bound:
             if not actor.present:
                 continue
@@ -152,18 +152,18 @@ class StandingOrders:
     # --- what is recorded ------------------------------------------------------------------------------------------
 
     def record_path(self, actor: Actor, path: tuple[XY, ...], joins: tuple[str, ...]) -> None:
-        """Record which path an actor was told to follow, and the edges that it joins at the path's end."""
+        """Record the path that an actor was ordered to follow, and the edges that it joins at the path's end."""
         states = self.recorded[actor.id]
         add(states, replace(states[-1], time_s=self.now_s, path=path, joins=joins))
 
     def record(self, action: m.Action, actor: str) -> None:
-        """Record that an actor is told to do something."""
+        """Record an order to an actor."""
         states = self.recorded.setdefault(actor, [])
         add(states, (states[-1] if states else ActorOrders()).after(action, self.now_s))
 
     @property
     def now_s(self) -> float:
-        """The time, without the rounding errors of adding steps."""
+        """The simulation time, s, without the rounding errors of adding steps."""
         return round(self._simulation.time_s, 6)
 
     def _record_meeting(self, actor: str, keeps_mps: float | None, *, over: bool) -> None:
@@ -173,7 +173,7 @@ class StandingOrders:
             add(self.recorded[actor], replace(orders, time_s=self.now_s, speed=speed, keeps_mps=keeps_mps))
 
     def _update_sideways(self, name: str, order: SidewaysOrder) -> None:
-        """Let an order about where across its lane an actor keeps have its effect, and record what it comes to."""
+        """Carry out a lateral order, and record the line that results."""
         actor = self._simulation.sumo_vehicles[name]
         if not actor.present or not order.update(self._simulation.time_s):
             del self._sideways[name]

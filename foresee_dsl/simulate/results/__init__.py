@@ -1,1 +1,1 @@
-"""What a run's result is made of: contacts, verdict, near misses."""
+"""The parts of a run's result: contacts, verdict, near misses."""

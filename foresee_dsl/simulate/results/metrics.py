@@ -1,4 +1,4 @@
-"""Measures of a single moment: time to collision, time to a place, distance to a junction, time since it was entered.
+"""Measures at one moment: time to collision, time to a place, distance to a junction, time since entering it.
 
 Definitions follow Westhofen et al., "Criticality Metrics for Automated Driving" (Archives of Computational Methods in
 Engineering, 2023), section on TTC. Infinity means "never".
@@ -25,14 +25,15 @@ if TYPE_CHECKING:
     from foresee_dsl.compile.roads.polyline import Points
 
 SLOWEST_MPS = 1.0
-"""`eta` counts with at least this speed (the language's definition), so that a standing vehicle has a finite one."""
+"""Lowest speed in the computation of `eta`, m/s (the language's definition), so that it is finite for a standing
+vehicle."""
 
 STANDS_MPS = 0.1
-"""The least speed with which a vehicle on a junction is taken to have entered it: SUMO's threshold of halting."""
+"""Lowest assumed speed of a vehicle entering a junction, m/s: SUMO's threshold of halting."""
 
 CREEPS_MPS = 0.5
-"""The mean speed with which a vehicle that waits inside a junction came to its place. Ours: it only decides the order
-of those that wait there, by how far they are inside."""
+"""Assumed approach speed of a vehicle waiting inside a junction, m/s. Ours: it only orders such vehicles by how far
+inside they are."""
 
 
 def ttc(a: Mover, b: Mover) -> float:
@@ -54,13 +55,13 @@ def eta(distance_m: float, speed_mps: float) -> float:
 
 
 def since_entry_s(inside_m: float, speed_mps: float, acceleration_mps2: float) -> float:
-    """Return how long ago a vehicle entered a junction (s), as far as its present state tells.
+    """Return the time since a vehicle entered a junction (s), estimated from its current state.
 
     Args:
-        inside_m: how far its front is inside.
-        speed_mps: its speed; without an acceleration, that at which it came.
-        acceleration_mps2: over 0 where it was slower before: it is taken to have accelerated as it does now, from a
-            stand if it is far enough inside, and to have crept until then.
+        inside_m: distance of its front inside the junction, m.
+        speed_mps: its speed, m/s; without an acceleration it entered at this speed.
+        acceleration_mps2: if positive, the vehicle is assumed to have accelerated at this rate, from a stand if it is
+            far enough inside, and to have moved at `CREEPS_MPS` before that.
     """
     if acceleration_mps2 <= 0.0:
         return inside_m / max(speed_mps, STANDS_MPS)
@@ -75,8 +76,8 @@ class Outline(NamedTuple):
     """The area of a junction; empty for a junction without one (the end of a road).
 
     Attributes:
-        area: prepared for many questions. bounds: [4] west, south, east, north, m.
-        borders: [M, 4] the ends of its sides, m; none where lines are a part of it.
+        area: prepared for fast queries. bounds: [4] west, south, east, north, m.
+        borders: [M, 4] the end points of its sides, m; empty if the shape has parts that are only lines.
     """
 
     area: BaseGeometry
@@ -85,7 +86,7 @@ class Outline(NamedTuple):
 
 
 class Outlines:
-    """The outlines of a network's junctions. They do not know the network, so that both can be forgotten."""
+    """The outlines of a network's junctions; without a reference to the network, so that both can be freed."""
 
     def __init__(self, network: RoadNetwork) -> None:
         self._junctions, self._rings, self._joints = network.junctions, network.rings, network.joints
@@ -93,7 +94,7 @@ class Outlines:
         """Returns the `Outline` of a junction."""
 
     def distance(self, box: Box, junction: str) -> float:
-        """Return how far a footprint is from a junction, m: 0 where some part of it is inside.
+        """Return the distance of a footprint from a junction, m: 0 if a part of it is inside.
 
         NaN for a junction without an area.
         """
@@ -103,9 +104,9 @@ class Outlines:
         return float(shapely.distance(area, shapely.Polygon(corner_points(box))))
 
     def nearest(self, box: Box) -> float:
-        """Return how far a footprint is from the nearest junction, m; infinite where there is none.
+        """Return the distance of a footprint from the nearest junction, m; infinite without junctions.
 
-        A place at which an edge is only cut does not count.
+        A point at which an edge is only split does not count as a junction.
         """
         best = inf
         reach = hypot(box.length, box.width) / 2
@@ -125,7 +126,7 @@ class Outlines:
 
 
 def outline_of(points: Points) -> Outline:
-    """Return the area within an outline; SUMO's may touch themselves, or have no area."""
+    """Return the area within an outline; outlines of SUMO may touch themselves or have no area."""
     shape = shapely.make_valid(shapely.Polygon(points)) if len(points) >= 3 else shapely.Polygon()
     area = shape if shape.area > 0 else shapely.Polygon()
     shapely.prepare(area)
@@ -138,19 +139,19 @@ def outline_of(points: Points) -> Outline:
 
 
 _OUTLINES: WeakKeyDictionary[RoadNetwork, Outlines] = WeakKeyDictionary()
-"""The children of a clip drive on the same network."""
+"""Cache by network: the children of a clip drive on the same network."""
 
 
 def outlines_of(network: RoadNetwork) -> Outlines:
-    """Return the outlines of a network's junctions; remembered."""
-    known = _OUTLINES.get(network)
-    if known is None:
-        known = _OUTLINES[network] = Outlines(network)
-    return known
+    """Return the outlines of a network's junctions, from the cache."""
+    outlines = _OUTLINES.get(network)
+    if outlines is None:
+        outlines = _OUTLINES[network] = Outlines(network)
+    return outlines
 
 
 def point_distance(box: Box, x: float, y: float) -> float:
-    """Return how far a footprint is from a point, m: 0 where it covers it."""
+    """Return the distance of a footprint from a point, m: 0 if it covers the point."""
     c, s = cos(box.heading), sin(box.heading)
     dx, dy = x - box.x, y - box.y
     return hypot(max(abs(dx * c + dy * s) - box.length / 2, 0.0), max(abs(dy * c - dx * s) - box.width / 2, 0.0))

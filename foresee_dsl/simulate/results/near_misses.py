@@ -1,19 +1,19 @@
-"""How near a run came to a failure: smallest distance, time to collision and post-encroachment time, hardest braking.
+"""Measures how near a run came to a failure: smallest distance, TTC and post-encroachment time, hardest braking.
 
-All measures are between the ego's footprint and another's. A *path* is the curve that a footprint took in the run,
-continued straight ahead where the run ends. The measures are those of Westhofen et al., "Criticality Metrics for
-Automated Driving" (Archives of Computational Methods in Engineering, 2023); our formulas for DRAC and PET were not
-compared with the text. That they follow the paths, and not the headings of each frame, is ours: straight ahead, every
-actor that turns at a junction would have a small time to collision with those that wait there, and two that meet in a
-bend with each other.
+All measures are between the footprints of the ego and another actor. A *path* is the curve that a footprint followed in
+the run, continued straight ahead after the run's end. The measures are those of Westhofen et al., "Criticality Metrics
+for Automated Driving" (Archives of Computational Methods in Engineering, 2023); our formulas for DRAC and PET were not
+compared with the text. Ours is that actors are predicted along their paths, not along the heading of each frame: with
+straight lines an actor that turns at a junction would have a small time to collision with actors waiting there, and so
+would two actors that meet in a bend.
 
 - distance(t): between the footprints, m.
-- TTC(t): the least tau after which the footprints touch when both keep their speeds of t along their paths.
+- TTC(t): the least tau after which the footprints touch if both keep their speeds of t along their paths.
 - DRAC(t) = c / (2 TTC(t)), with c the speed at which the ego comes nearer along its own heading at that touch,
-  v_ego - v_other cos(turn). In line that is the usual c^2 / (2 gap), as the gap is c TTC; across it is the braking with
-  which the ego stops where they would touch. An ego that stands need not brake.
-- PET: the least time between one leaving a spot and the other coming to it, in different directions. Two that follow
-  each other in one direction have a time gap and no PET.
+  v_ego - v_other cos(turn). For actors in line this is the usual c^2 / (2 gap), as the gap is c TTC; for crossing
+  actors it is the braking with which the ego stops where they would touch. A standing ego need not brake.
+- PET: the least time between one actor leaving a spot and the other reaching it in a different direction. Actors that
+  follow each other in one direction have a time gap and no PET.
 """
 
 from __future__ import annotations
@@ -31,34 +31,33 @@ from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 HORIZON_S = 5.0
-"""Times to collision and post-encroachment times that are longer are not counted. Ours: conflict studies call 1.5 s to
-3 s serious."""
+"""Longest TTC and PET that count, s. Ours: conflict studies call 1.5 s to 3 s serious."""
 LOOKS_AHEAD_S = 0.1
-"""TTC is looked for in steps of this length, then to a millisecond. Ours: only a touch of two corners is shorter, and
-missed."""
+"""Time step of the search for TTC, which is then refined to a millisecond, s. Ours: only a touch of two corners is
+shorter, and is missed."""
 CROSSING_RAD = math.radians(20)
-"""Paths whose headings differ by less at a spot have the same direction. Ours: the angle from which the forecast calls
-paths crossing (`crossing_angle_rad`)."""
+"""Difference of headings below which two paths have the same direction at a spot, rad. Ours: the forecast's threshold
+for crossing paths (`crossing_angle_rad`)."""
 STANDS_MPS = 0.1
-"""Slower is standing: SUMO's threshold of halting."""
+"""Speed below which the ego counts as standing, m/s: SUMO's threshold of halting."""
 _SKIPPED = 4
-"""Every fourth frame is looked at first, then all frames around the worst of them."""
+"""Every fourth frame is evaluated first, then all frames around the worst of these."""
 _STEPS_AHEAD_S: FloatArray = np.arange(0.0, HORIZON_S + 1e-9, LOOKS_AHEAD_S)
 _BIN_M = 2.0
-"""Paths are first compared in pieces of this length. Ours: it decides the computing time, not the answer."""
+"""Length of the pieces in which paths are first compared, m. Ours: it affects the computing time, not the result."""
 _BEND_M = 0.4
-"""A piece leaves the straight line by less than this, on an arc of 5 m: 2^2 / (2 x 5)."""
+"""Upper bound of a piece's distance from the straight line, m: 2^2 / (2 x 5) on an arc with a radius of 5 m."""
 _HALVINGS = 7
-"""0.1 s halved so many times is under a millisecond."""
+"""Number of halvings of the step of 0.1 s after which it is shorter than a millisecond."""
 
 
 @dataclass(frozen=True)
 class NearMiss:
-    """The worst value of a measure, when it was, and with which actor.
+    """The worst value of a measure, with its time and the other actor.
 
     Attributes:
-        value: m, s or m/s^2. time_s: in the run; of a post-encroachment time, when the second one came to the spot.
-        actor: the other's id.
+        value: m, s or m/s^2. time_s: time in the run; for a PET the time at which the second actor reached the spot.
+        actor: id of the other actor.
     """
 
     value: float
@@ -70,7 +69,7 @@ class NearMiss:
 
 @dataclass(frozen=True)
 class NearMisses:
-    """How near a run came to a failure; None where no actor came near enough for a measure to have a value.
+    """How near a run came to a failure; a measure is None if no actor came near enough for a value.
 
     Attributes:
         distance_m: smallest distance between footprints. ttc_s: smallest time to collision.
@@ -92,33 +91,33 @@ def near_misses(trace: Trace) -> NearMisses:
 
 
 def times_to_collision(trace: Trace, actor: int) -> FloatArray:
-    """Return [T] s: the ego's time to collision with one actor at each frame, infinite where none lies ahead.
+    """Return the ego's time to collision with an actor at each frame, [T] s; infinite without a predicted contact.
 
     Args:
-        trace: a run. actor: the other's column.
+        trace: a run. actor: column of the other actor.
     """
     run, frames = _Run(trace), np.arange(trace.frames)
-    found = np.full(trace.frames, np.inf)
+    times_s = np.full(trace.frames, np.inf)
     if trace.frames:
         ego = run.path(0)
         rows, ttc, _ = _with(run, ego, actor, frames, _ahead(run, ego, frames))
-        found[rows] = ttc
-    return found
+        times_s[rows] = ttc
+    return times_s
 
 
 def braking_needed(trace: Trace, actor: int) -> FloatArray:
-    """Return [T] m/s^2: the braking that the ego needs for one actor at each frame (DRAC), 0 where none.
+    """Return the braking that the ego needs for an actor at each frame (DRAC), [T] m/s^2; 0 if none.
 
     Args:
-        trace: a run. actor: the other's column.
+        trace: a run. actor: column of the other actor.
     """
     run, frames = _Run(trace), np.arange(trace.frames)
-    found = np.zeros(trace.frames)
+    braking = np.zeros(trace.frames)
     if trace.frames:
         ego = run.path(0)
         rows, _, drac = _with(run, ego, actor, frames, _ahead(run, ego, frames))
-        found[rows] = drac
-    return found
+        braking[rows] = drac
+    return braking
 
 
 class _Run:
@@ -133,32 +132,32 @@ class _Run:
         self.radius: FloatArray = np.hypot(self.size[:, 0], self.size[:, 1]) / 2
         delta = self.xy[:, 1:] - self.xy[:, :1]
         self.apart: FloatArray = np.hypot(delta[..., 0], delta[..., 1])
-        """[T, A - 1] m between the middles, NaN where absent."""
+        """[T, A - 1] distance between the centres, m; NaN where the actor is absent."""
         self._paths: dict[int, _Path] = {}
 
     def boxes(self, frames: IntArray, actors: IntArray | int) -> FloatArray:
         """Return footprints, [N, 5]."""
-        found = np.empty((len(frames), 5))
-        found[:, :2], found[:, 2], found[:, 3:] = (
+        boxes = np.empty((len(frames), 5))
+        boxes[:, :2], boxes[:, 2], boxes[:, 3:] = (
             self.xy[frames, actors],
             self.heading[frames, actors],
             self.size[actors],
         )
-        return found
+        return boxes
 
     def path(self, actor: int) -> _Path:
-        """Return one actor's path; remembered."""
+        """Return an actor's path, from the cache."""
         if actor not in self._paths:
             self._paths[actor] = _Path(self, actor)
         return self._paths[actor]
 
     def miss(self, value: float, frame: int, actor: int) -> NearMiss:
-        """Return a value with its time and the other's id."""
+        """Return a value with its time and the other actor's id."""
         return NearMiss(float(value), float(self.trace.time_s[frame]), self.trace.actors[actor].id)
 
 
 class _Path:
-    """One actor's path by its length, m."""
+    """An actor's path, as a function of the length along it, m."""
 
     def __init__(self, run: _Run, actor: int) -> None:
         self.present: IntArray = np.flatnonzero(~np.isnan(run.xy[:, actor, 0]))
@@ -170,7 +169,7 @@ class _Path:
         self.along[self.present] = self._along
 
     def places(self, along: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return x and y at lengths; straight on beyond the end."""
+        """Return x and y (m) at lengths along the path, continued straight ahead beyond its end."""
         beyond = np.maximum(along - self._along[-1], 0.0)
         last = self._heading[-1]
         x = np.interp(along, self._along, self._xy[:, 0]) + beyond * math.cos(last)
@@ -178,9 +177,9 @@ class _Path:
         return x, y
 
     def headings(self, along: FloatArray) -> FloatArray:
-        """Return the headings at lengths, rad."""
-        found: FloatArray = np.interp(along, self._along, self._heading)
-        return found
+        """Return the headings (rad) at lengths along the path."""
+        headings: FloatArray = np.interp(along, self._along, self._heading)
+        return headings
 
 
 # --- smallest distance -----------------------------------------------------------------------------------------------
@@ -189,13 +188,13 @@ class _Path:
 def _closest(run: _Run) -> NearMiss | None:
     if not np.isfinite(run.apart).any():
         return None
-    # Two footprints are at least as far apart as the circles around them, and at most as those inside them.
+    # The distance of two footprints is at least that of the circles around them and at most that of circles inside.
     least = run.apart - run.radius[0] - run.radius[1:]
     most = np.maximum(run.apart - run.size[0].min() / 2 - run.size[1:].min(axis=1) / 2, 0.0)
     frames, others = np.nonzero(least <= np.nanmin(most))
-    found = pairwise_box_distance(run.boxes(frames, 0), run.boxes(frames, others + 1))
-    k = int(found.argmin())
-    return run.miss(found[k], int(frames[k]), int(others[k]) + 1)
+    distances = pairwise_box_distance(run.boxes(frames, 0), run.boxes(frames, others + 1))
+    k = int(distances.argmin())
+    return run.miss(distances[k], int(frames[k]), int(others[k]) + 1)
 
 
 # --- time to collision, and the braking it takes ---------------------------------------------------------------------
@@ -204,7 +203,7 @@ def _closest(run: _Run) -> NearMiss | None:
 def _conflicts(run: _Run) -> tuple[NearMiss | None, NearMiss | None]:
     """Return the smallest TTC and the largest DRAC."""
     ego, frames = run.path(0), len(run.xy)
-    # The last frame is where a run fails.
+    # The last frame is always evaluated: a failure happens there.
     looked_at = np.unique(np.append(np.arange(0, frames, _SKIPPED), max(frames - 1, 0))) if frames else np.arange(0)
     soonest: NearMiss | None = None
     hardest: NearMiss | None = None
@@ -214,7 +213,7 @@ def _conflicts(run: _Run) -> tuple[NearMiss | None, NearMiss | None]:
         rows, ttc, drac = _with(run, ego, actor, looked_at, places)
         if rows.size:
             near.append((actor, np.unique([rows[ttc.argmin()], rows[drac.argmax()]])))
-    # Then the frames between, about the worst of those of each actor.
+    # Then all frames around the worst evaluated frames of each actor.
     for actor, worst in near:
         about = np.unique(np.clip(worst[:, None] + np.arange(-_SKIPPED, _SKIPPED + 1), 0, frames - 1))
         rows, ttc, drac = _with(run, ego, actor, about, _ahead(run, ego, about))
@@ -227,7 +226,7 @@ def _conflicts(run: _Run) -> tuple[NearMiss | None, NearMiss | None]:
 
 
 def _ahead(run: _Run, ego: _Path, frames: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return where the ego will be from each frame on, [N, steps ahead] x and y."""
+    """Return the ego's predicted positions after each frame, [N, steps ahead] x and y, m."""
     return ego.places(ego.along[frames, None] + run.speed[frames, 0, None] * _STEPS_AHEAD_S)
 
 
@@ -238,7 +237,7 @@ def _with(
     looked_at: IntArray,
     ego_places: tuple[FloatArray, FloatArray],
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the frames at which a touch lies ahead with an actor, its TTC and DRAC there."""
+    """Return the frames with a predicted contact with an actor, and the TTC (s) and DRAC (m/s^2) there."""
     reach = run.radius[0] + run.radius[actor]
     closing = run.speed[looked_at, 0] + run.speed[looked_at, actor]
     can = np.flatnonzero(run.apart[looked_at, actor - 1] - reach <= closing * HORIZON_S)  # False where absent
@@ -251,7 +250,7 @@ def _with(
     row, column = np.nonzero(near)
 
     def touch(row: IntArray, tau: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
-        """Whether the footprints overlap `tau` (s) after the frames of rows; and the angle between them, rad."""
+        """Return whether the footprints overlap `tau` (s) after the rows' frames, and their difference of headings."""
         mine, theirs = ego.along[frames[row]] + speeds[0][row] * tau, path.along[frames[row]] + speeds[1][row] * tau
         a, b = _swept(ego, mine, run.size[0]), _swept(path, theirs, run.size[actor])
         return box_overlap(a, b), b[:, 2] - a[:, 2]
@@ -275,10 +274,10 @@ def _with(
 
 
 def _swept(path: _Path, along: FloatArray, size: FloatArray) -> FloatArray:
-    found = np.empty((len(along), 5))
-    found[:, 0], found[:, 1] = path.places(along)
-    found[:, 2], found[:, 3:] = path.headings(along), size
-    return found
+    boxes = np.empty((len(along), 5))
+    boxes[:, 0], boxes[:, 1] = path.places(along)
+    boxes[:, 2], boxes[:, 3:] = path.headings(along), size
+    return boxes
 
 
 # --- post-encroachment time ------------------------------------------------------------------------------------------
@@ -289,7 +288,8 @@ class _Pieces:
     """Paths cut into pieces of `_BIN_M`, in the order of their frames.
 
     Attributes:
-        actor: [P]. first, last: [P] frames of a piece; all frames of a stand are in one. middle: [P] a frame between.
+        actor: [P] column of the actor. first, last: [P] first and last frame of the piece; all frames of a standing
+            actor are in one piece. middle: [P] a frame between them.
     """
 
     actor: IntArray
@@ -310,9 +310,9 @@ def _encroachment(run: _Run) -> NearMiss | None:
         if gap[k] > horizon or (best is not None and gap[k] >= best[0]):
             break
         actor = int(theirs.actor[j[k]])
-        found = _between(run, mine, int(i[k]), theirs, int(j[k]))
-        if found is not None and found[0] <= horizon and (best is None or found[0] < best[0]):
-            best = *found, actor
+        passage = _between(run, mine, int(i[k]), theirs, int(j[k]))
+        if passage is not None and passage[0] <= horizon and (best is None or passage[0] < best[0]):
+            best = *passage, actor
     return None if best is None else run.miss(best[0] * STEP_S, best[1], best[2])
 
 
@@ -333,7 +333,7 @@ def _pieces(run: _Run, actors: list[int]) -> _Pieces:
 
 
 def _candidates(run: _Run, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
-    """Return pairs of pieces (of the ego, of another) that may have a spot in common."""
+    """Return the indices of pairs of pieces (of the ego, of another actor) that may have a spot in common."""
     if not theirs.actor.size:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     within = run.radius[0] + run.radius[theirs.actor].max() + 2 * _BIN_M
@@ -351,7 +351,7 @@ def _candidates(run: _Run, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, In
 
 
 def _between(run: _Run, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
-    """Return the least number of steps between two passages of a spot in two pieces, and when the second was there."""
+    """Return the least number of steps between both actors at one spot of two pieces, and the later frame."""
     actor = int(theirs.actor[j])
     e = _moving(run, int(mine.first[i]), int(mine.last[i]), 0)
     o = _moving(run, int(theirs.first[j]), int(theirs.last[j]), actor)
@@ -368,7 +368,7 @@ def _between(run: _Run, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple
 
 
 def _moving(run: _Run, first: int, last: int, actor: int) -> IntArray:
-    """Return the frames of a piece without those inside a stand: only coming to the spot and leaving it count."""
+    """Return the frames of a piece without the inner frames of a stand: only arriving and leaving count."""
     frames = np.arange(first, last + 1)
     stands = run.speed[frames, actor] == 0.0
     inner = stands[1:-1] & stands[:-2] & stands[2:]

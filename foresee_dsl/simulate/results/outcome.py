@@ -1,16 +1,16 @@
-"""How a run ends: what kind of failure a collision is, and when a run is over.
+"""Decides when a run ends, and which kind of failure a collision is.
 
 The kinds are the paper's (section 4.4): F1 elements beyond the road (pavements, poles), F2 pedestrians, F3 frontal,
-F4 lateral and F5 rear collisions with other vehicles. The paper does not say where one of the last three ends and the
-next begins; ours is the contact normal. Both vehicles are moved back to where they first touched; there the line at
-right angles to the touching sides is the *contact normal*. A body is hit in front, at a side or in the rear when the
-normal leaves it within 45 degrees of that direction. Then
+F4 lateral and F5 rear collisions with other vehicles. The paper does not define the borders between the last three;
+ours is the contact normal. Both vehicles are moved back to their first touch; there the line at right angles to the
+touching sides is the *contact normal*. A body is hit in front, at a side or in the rear if the normal leaves it within
+45 degrees of that direction. Then
 
 - F3 frontal: headings within 45 degrees of opposite, both hit in front;
 - F5 rear: headings within 45 degrees of equal, one hit in front, the other in the rear (either may be the ego);
 - F4 lateral: everything else (side swipes, T-bones, corners).
 
-Bicycles and motorcycles are vehicles. Whether the ego is to blame plays no role, as in the paper.
+Bicycles and motorcycles are vehicles. The classification ignores which party is to blame, as in the paper.
 """
 
 from __future__ import annotations
@@ -31,35 +31,35 @@ from foresee_dsl.simulate.results.verdict import Impact, Side, Striker, Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
 STUCK_SPEED_MPS = 0.1
-"""Slower than this is standing. Ours: the same as SUMO's threshold for a halting vehicle."""
+"""Speed below which a vehicle counts as standing, m/s. Ours: SUMO's threshold for a halting vehicle."""
 
 STUCK_AFTER_S = 20.0
-"""A vehicle that stands this long with nothing to wait for is stuck. Ours: longer than any pause in giving way that
-the bundled scenarios hold; a red signal and traffic ahead do not count."""
+"""Time after which a vehicle that stands without a reason to wait is stuck, s. Ours: longer than any pause for giving
+way in the bundled scenarios; time at a red signal or behind traffic does not count."""
 
 WHEEL_INSET_M = 0.3
-"""The ego is off the road when the inner edge of a tyre is. Ours: a tyre is 0.2 m wide and stands up to 0.1 m inside
-the body, so brushing a kerb is no failure, and a whole wheel on the pavement is."""
+"""Distance of a tyre's inner edge from the vehicle's side, m; the ego is off the road when this edge is. Ours: a tyre
+is 0.2 m wide and up to 0.1 m inside the body, so brushing a kerb is not a failure; a whole wheel on the pavement is."""
 
 FACING_RAD = pi / 4
-"""Half the sector that counts as front, side or rear. Ours: four equal sectors."""
+"""Half the angle of the sector that counts as front, side or rear, rad. Ours: four equal sectors."""
 
 CONTACT_WITHIN_S = 0.1
-"""How far back the first touch is looked for. Ours: two steps; were the bodies to need longer to come apart, their
-turning has brought them together and not their speed, and the least penetration says which sides touch."""
+"""Time before the overlap within which the first touch is searched, s. Ours: two steps; if the bodies need longer to
+separate, they met by turning and not by their speed, and the least penetration determines the touching sides."""
 
 FLUSH_M = 0.05
-"""Two sides whose ends are this near to each other touch along their length, nearer in angle than cars are square
-(ours); otherwise a corner of the one touches."""
+"""Difference of the distances of a side's two ends below which the whole side touches, m; otherwise one corner does.
+Ours: smaller than the deviation of a car's outline from a rectangle."""
 
 
 def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:
-    """Return the kind of failure that a collision is.
+    """Return the kind of failure of a collision.
 
     Args:
-        ego: the ego where it overlaps the other.
-        other: what it hit, at the same moment.
-        kind: what the other is.
+        ego: the ego, where it overlaps the other.
+        other: the other party, at the same moment.
+        kind: class of the other party.
 
     Returns:
         One of F1 to F5.
@@ -78,7 +78,7 @@ def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:
 
 
 def contact_of(trace: Trace) -> Impact | None:
-    """Return the contact that a run ended with, as its judge saw it; None where it ended otherwise."""
+    """Return the contact that ended a run, as its judge computed it; None if the run ended otherwise."""
     hit = next((event for event in reversed(trace.events) if event.what == "collision"), None)
     name = str(hit.detail.get("with", "")) if hit is not None else ""
     columns = [k for k, info in enumerate(trace.actors) if info.id == name and k]
@@ -90,21 +90,21 @@ def _mover(trace: Trace, actor: int) -> Mover:
     return Mover(x, y, heading, speed, trace.actors[actor].length_m, trace.actors[actor].width_m)
 
 
-def touched_at(trace: Trace, found: Impact) -> tuple[float, float]:
-    """Return where on the ego's outline it touched the other, m, where the ego is at the last frame."""
+def touched_at(trace: Trace, contact: Impact) -> tuple[float, float]:
+    """Return x and y (m) of the point of contact on the ego's outline, with the ego at its last frame."""
     x, y, heading = (float(trace.states[-1, 0, k]) for k in (X, Y, HEADING))
-    ahead, left = found.ahead_m, found.left_m
+    ahead, left = contact.ahead_m, contact.left_m
     return x + ahead * cos(heading) - left * sin(heading), y + ahead * sin(heading) + left * cos(heading)
 
 
 def impact(ego: Mover, other: Mover, name: str) -> Impact:
     """Return how two bodies touched.
 
-    The speeds are those of the moment given. Sides and place are those of the first touch, to which both are moved
-    back along their velocities.
+    The speeds are those of the overlap. Sides and place are those of the first touch, to which both are moved back
+    along their velocities.
 
     Args:
-        ego: the ego where it overlaps the other. other: what it touches, at the same moment. name: the other's id.
+        ego: the ego, where it overlaps the other. other: the other body, at the same moment. name: the other's id.
     """
     since_s, normal = _first_touch(ego, other)
     (ax, ay), (bx, by) = ego.velocity, other.velocity
@@ -126,7 +126,7 @@ def impact(ego: Mover, other: Mover, name: str) -> Impact:
 
 
 def contact_sides(ego: Mover, other: Mover) -> tuple[Side, Side]:
-    """Return which sides of two overlapping bodies touched first: (of the ego, of the other)."""
+    """Return the sides of two overlapping bodies that touched first: the ego's and the other's."""
     normal = _first_touch(ego, other)[1]
     return _side(normal - ego.heading), _side(normal + pi - other.heading)
 
@@ -134,8 +134,8 @@ def contact_sides(ego: Mover, other: Mover) -> tuple[Side, Side]:
 def who_struck(ego: Mover, other: Mover) -> Striker:
     """Return which of two overlapping bodies moved towards the other along the contact normal.
 
-    A body that did so faster than `STUCK_SPEED_MPS` counts: both (head on, two that drift together), or neither (one
-    that turns into the other while it passes).
+    A body that did so faster than `STUCK_SPEED_MPS` counts. Both do in a head-on collision or when two bodies drift
+    together; neither does when one turns into the other while passing it.
     """
     normal = _first_touch(ego, other)[1]
     ahead, against = (body.speed * cos(body.heading - normal) for body in (ego, other))
@@ -146,11 +146,11 @@ def who_struck(ego: Mover, other: Mover) -> Striker:
 
 
 def _first_touch(a: Mover, b: Mover) -> tuple[float, float]:
-    """Return how long ago (s) two overlapping bodies touched first, and the contact normal (rad, from `a` to `b`).
+    """Return the time (s) since two overlapping bodies first touched, and the contact normal (rad, from `a` to `b`).
 
-    Two boxes come to overlap at the moment when the last of the four directions at right angles to their sides stops
-    separating them. Going back along the relative velocity, that is the direction which separates them first. Where
-    their speeds do not tell, it is now, and the direction is that of the least penetration.
+    Two boxes begin to overlap when the last of the four directions at right angles to their sides stops separating
+    them. Moving back along the relative velocity, that is the direction that separates them first. If the speeds do not
+    separate them in time, the time is 0 and the direction is that of the least penetration.
     """
     dx, dy = b.x - a.x, b.y - a.y
     (ax, ay), (bx, by) = a.velocity, b.velocity
@@ -178,15 +178,15 @@ def _moved_back(body: Mover, time_s: float) -> Mover:
 
 
 def _touched_at(ego: Mover, other: Mover, normal: float) -> tuple[float, float]:
-    """Return where two bodies touch across the contact normal: m ahead of the ego's centre and to its left.
+    """Return the point of contact of two bodies: distances ahead of the ego's centre and to its left, m.
 
-    It is the middle of what the ego's outermost side (or corner) and the other's have in common.
+    It is the middle of the part that the ego's outermost side (or corner) and the other's have in common.
     """
     nx, ny = cos(normal), sin(normal)
     (low, high), (theirs_low, theirs_high) = (
         _outermost(body, sign * nx, sign * ny, (-ny, nx)) for body, sign in ((ego, 1.0), (other, -1.0))
     )
-    # The middle of the overlap; where the speeds do not separate the bodies there may be none: then the nearer end.
+    # The middle of the common part; if the speeds do not separate the bodies it may be empty: then the nearer end.
     across = min(max((max(low, theirs_low) + min(high, theirs_high)) / 2, low), high)
     out = half_extent(ego, normal) + ego.x * nx + ego.y * ny
     dx, dy = out * nx - across * ny - ego.x, out * ny + across * nx - ego.y
@@ -195,7 +195,7 @@ def _touched_at(ego: Mover, other: Mover, normal: float) -> tuple[float, float]:
 
 
 def _outermost(body: Mover, nx: float, ny: float, tangent: tuple[float, float]) -> tuple[float, float]:
-    """Return from where to where the outermost side of a body in a direction reaches along the tangent, m."""
+    """Return the ends, along the tangent, of the outermost side of a body in a direction, m."""
     points = corner_points(body.box)
     farthest = max(x * nx + y * ny for x, y in points)
     along = [x * tangent[0] + y * tangent[1] for x, y in points if x * nx + y * ny > farthest - FLUSH_M]
@@ -215,8 +215,8 @@ class Decision:
     """The end of a run.
 
     Attributes:
-        verdict: how it ended. time_s: when. with_: id of the other party, or "". reason: a sentence for people.
-        impact: of a contact.
+        verdict: the outcome. time_s: its time. with_: id of the other party, or "". reason: a sentence for people.
+        impact: the contact, None without one.
     """
 
     verdict: Verdict
@@ -227,13 +227,14 @@ class Decision:
 
 
 class Judge:
-    """Watches a run and says when it is over.
+    """Watches a run and decides when and how it ends.
 
     Args:
-        ids: [K] ids of the others. kinds: [K]. sizes: [K, 2] length and width (m), in the order of `look`'s poses.
-        ego_size: length and width (m).
-        end_s: the run ends at this time.
-        must_arrive: not to arrive before the end is a timeout; otherwise the end is a pass.
+        ids: [K] ids of the others. kinds: [K] their classes. sizes: [K, 2] their lengths and widths (m). All in the
+            order of `look`'s poses.
+        ego_size: length and width of the ego (m).
+        end_s: time at which the run ends.
+        must_arrive: whether an ego that has not arrived by then is a timeout; otherwise the end is a pass.
 
     Raises:
         ValueError: ids, kinds and sizes differ in length.
@@ -267,19 +268,19 @@ class Judge:
         arrived: bool,
         may_wait: bool,
     ) -> Decision | None:
-        """Judge one frame; None while the run is not over.
+        """Judge one frame; return None while the run goes on.
 
         Args:
             time_s: 0 at the first frame.
-            ego: the ego.
+            ego: state of the ego.
             poses: [K, 3] x, y, heading of the others' footprints, NaN where absent. speeds: [K] m/s.
-            off_road: one of `off_road_points` is not on the drivable area.
-            arrived: the ego has reached its goal.
-            may_wait: there is something to wait for (a red signal, someone close ahead).
+            off_road: whether one of `off_road_points` is not on the drivable area.
+            arrived: whether the ego has reached its goal.
+            may_wait: whether the ego has a reason to wait (a red signal, an actor close ahead).
         """
-        found = hits(np.array((*ego.pose, *self._ego_size)), poses, self._sizes)
-        if found.size:
-            k = int(found[0])
+        overlaps = hits(np.array((*ego.pose, *self._ego_size)), poses, self._sizes)
+        if overlaps.size:
+            k = int(overlaps[0])
             x, y, heading = poses[k].tolist()
             other = Mover(x, y, heading, float(speeds[k]), *self._sizes[k].tolist())
             me = Mover(ego.x, ego.y, ego.heading, ego.speed, *self._ego_size)
@@ -293,7 +294,7 @@ class Judge:
         return self._stuck(time_s, ego.speed, may_wait) or self._time_is_up(time_s)
 
     def moves(self) -> None:
-        """Note a frame at which the ego moves, without a full look: it is known that nothing ends the run there."""
+        """Note a frame at which the ego moves and of which a cheap test has shown that the run does not end there."""
         self._standing_since = None
 
     def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> Decision:
@@ -304,7 +305,7 @@ class Judge:
             return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame", how)
         verdict = classify(ego, other, kind)
         what = verdict.contact.format(whom)
-        # What comes after the time is left out when two runs are compared (`campaign.regression.verify`).
+        # `campaign.regression.verify` ignores the text after the time when it compares two runs.
         return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
 
     def _stuck(self, time_s: float, speed: float, may_wait: bool) -> Decision | None:
@@ -328,7 +329,7 @@ class Judge:
 
 
 def _side(angle: float) -> Side:
-    """The side of a body whose outward direction is nearest to `angle`, which counts from its heading."""
+    """Return the side of a body whose outward direction is nearest to `angle`, which is relative to the heading."""
     angle = wrap(angle)
     # Ties go to the front and the rear.
     if abs(angle) <= FACING_RAD:

@@ -1,4 +1,4 @@
-"""What is said of a trigger that never fired in a run: how near it came."""
+"""Describes a trigger that never fired in a run: how near it came to firing."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ class Nearest:
     """How near a part of a condition came to holding.
 
     Attributes:
-        text: the part, as written. time_s: when it was nearest; None where it could never be said.
-        value: what was measured then, in `unit`; None for a fact without a number.
-        short: by how much it was missed, in `unit`; None where there is no number.
-        held_s: of a `for`, the longest time for which what it is about held; None for others, and where it never did.
-        held: it held at some time, but not together with the others.
-        note: of a fact that a distance tells of, why it did not hold, in a few words.
+        text: the part, as written. time_s: the time when it was nearest; None if it could never be evaluated.
+        value: the value measured then, in `unit`; None for a fact without a number.
+        short: the difference to the bound, in `unit`; None for a fact without a number.
+        held_s: for a `for`, the longest time for which its condition held; None for others, or if it never held.
+        held: whether it held at some time, but not together with the other parts.
+        note: for a fact with a distance, the reason why it did not hold, in a few words.
     """
 
     text: str
@@ -31,7 +31,7 @@ class Nearest:
 
     @property
     def words(self) -> str:
-        """How near it came, in words: `nearest 7.3 s at 12.4 s`."""
+        """The nearest approach in words, such as `nearest 7.3 s at 12.4 s`."""
         if self.time_s is None:
             return "it could not be said at any time"
         at = f" at {self.time_s:.2f} s"
@@ -49,12 +49,12 @@ class Unfired:
     """A trigger, or a step of one, that never came.
 
     Attributes:
-        text: its condition, as written. name: of the trigger, its label or "".
-        index: the trigger's number in the file. where: of a step, its place in the trigger; () for the trigger itself.
-        since_s: from when on it waited.
-        nearest: of each part that never held how near it came; where all did at some time, of those that did not hold
-            at the moment at which most did.
-        together: every part held at some time, but never all together.
+        text: its condition, as written. name: label of the trigger, or "".
+        index: the trigger's number in the file. where: place of a step in the trigger; () for the trigger itself.
+        since_s: time from which it waited, s.
+        nearest: the nearest approach of each part that never held; if every part held at some time, of the parts that
+            did not hold at the moment when most did.
+        together: whether every part held at some time, but never all at once.
     """
 
     text: str

@@ -1,4 +1,4 @@
-"""How a run ended."""
+"""The result of a run: its verdict, its contact and its expectations."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Striker = Literal["ego", "other", "both", "neither"]
 
 
 class Verdict(StrEnum):
-    """The outcome of a run; F1-F5 are the paper's kinds of failure (section 4.4). All that is known of each is here.
+    """The outcome of a run, with all its attributes; F1 to F5 are the paper's kinds of failure (section 4.4).
 
     Attributes:
-        label: in a few words, for tables.
-        is_collision: F1 to F5.
-        is_failure: of the software under test: F1 to F5, or stuck.
-        style: how a terminal shows it.
-        contact: how a run's reason calls the contact, the other actor in braces.
+        label: a few words for tables.
+        is_collision: whether it is one of F1 to F5.
+        is_failure: whether it is a failure of the software under test: F1 to F5, or stuck.
+        style: style of the text in a terminal.
+        contact: name of the contact in a run's reason, with braces for the other actor.
     """
 
     _value_: str
@@ -39,10 +39,10 @@ class Verdict(StrEnum):
         cls, value: str, label: str, counts_as: str = "", style: str = "bold red", contact: str = "collision with {}"
     ) -> Self:
         """Make a member; `counts_as`: `collision`, `failure` or neither."""
-        made = str.__new__(cls, value)
-        made._value_, made.label, made.style, made.contact = value, label, style, contact
-        made.is_collision, made.is_failure = counts_as == "collision", bool(counts_as)
-        return made
+        verdict = str.__new__(cls, value)
+        verdict._value_, verdict.label, verdict.style, verdict.contact = value, label, style, contact
+        verdict.is_collision, verdict.is_failure = counts_as == "collision", bool(counts_as)
+        return verdict
 
     PASS = "pass", "passed", "", "bold green"
     F1 = "F1", "object or off road", "collision"
@@ -57,28 +57,28 @@ class Verdict(StrEnum):
 
 
 def passes(verdict: Verdict, broken: Sequence[str] = ()) -> bool:
-    """Whether a run passed: its verdict is `pass`, and no expectation is broken. The one rule for every command."""
+    """Return whether a run passed: its verdict is `pass` and no expectation is broken. All commands use this rule."""
     return verdict is Verdict.PASS and not broken
 
 
 EXPECTATION = "expectation"
-"""What reports show in place of the verdict `pass` where an expectation does not hold."""
+"""Text that reports show instead of the verdict `pass` if an expectation does not hold."""
 COLLISIONS = tuple(verdict for verdict in Verdict if verdict.is_collision)
 FAILURES = tuple(verdict for verdict in Verdict if verdict.is_failure)
-"""Those that are counted, in the order of the tables."""
+"""The verdicts that count as failures, in the order of the tables."""
 
 
 @dataclass(frozen=True)
 class ExpectationResult:
-    """One `expect` line.
+    """The result of one `expect` line.
 
     Attributes:
-        text: as written. held: whether it did.
-        margin: by how much, positive where it held; None where there is no number.
-        unit: the margin's, that of the comparison which decides.
-        decides: the comparison or fact that decides, as text; "" where it had no outcome at any frame.
+        text: the line, as written. held: whether it held.
+        margin: distance to the bound, positive if the line held; None without a number.
+        unit: unit of the margin: that of the deciding comparison.
+        decides: the deciding comparison or fact, as text; "" if it had no outcome at any frame.
         name: the line's label, or "".
-        value: what that comparison compared with its bound, in `unit`; None where nothing was compared.
+        value: the value that the deciding comparison compared with its bound, in `unit`; None without a comparison.
     """
 
     text: str
@@ -91,7 +91,7 @@ class ExpectationResult:
 
     @property
     def broken_sentence(self) -> str:
-        """What was asked, with its label, and what was measured: the reason of a run that breaks it."""
+        """The reason of a run that breaks the expectation: the expectation and the measured value."""
         measured = ""
         if self.value is not None:
             measured = f" ({self.value:.2f} {self.unit}".rstrip() + f" in `{self.decides}`)"
@@ -102,18 +102,18 @@ class ExpectationResult:
 
 @dataclass(frozen=True)
 class Impact:
-    """How the ego and another touched.
+    """A contact between the ego and another actor.
 
     Attributes:
-        with_: the other's id.
-        side: which side of the ego was touched first. other_side: and of the other.
-        ahead_m, left_m: where on the ego's outline, from the centre of its footprint along and across its heading.
-        turned_rad: the other's heading less the ego's, -pi to pi (left positive).
-        struck_by: which moved towards the other along the contact normal: the ego, the other, both, or neither (they
-            touched in passing).
-        relative_mps: the magnitude of the difference of the velocities.
-        closing_mps: its part along the contact normal, positive where they come together.
-        ego_mps, other_mps: the speed of each.
+        with_: id of the other actor.
+        side: side of the ego that was touched first. other_side: the same for the other actor.
+        ahead_m, left_m: point of contact on the ego's outline, relative to the centre of its footprint and its heading.
+        turned_rad: the other's heading minus the ego's, -pi to pi (left positive).
+        struck_by: the party that moved towards the other along the contact normal: the ego, the other, both, or neither
+            (they touched in passing).
+        relative_mps: magnitude of the difference of the velocities.
+        closing_mps: its component along the contact normal, positive if the actors approach each other.
+        ego_mps, other_mps: the speeds of both.
     """
 
     with_: str
@@ -140,7 +140,7 @@ class Impact:
 
     @property
     def struck(self) -> str:
-        """Which of the two struck the other, in words."""
+        """The party that struck the other, in words."""
         return {
             "ego": f"the ego struck {self.with_}",
             "other": f"{self.with_} struck the ego",
@@ -151,7 +151,7 @@ class Impact:
 
 @dataclass(frozen=True)
 class Hang:
-    """What a driver took too much wall time for: such a `timeout` may be none on another machine."""
+    """The call with which a driver exceeded a limit of wall time; on another machine it may not exceed it."""
 
     call: Literal["reset", "step", "run"]
     limit_s: float
@@ -159,12 +159,12 @@ class Hang:
 
 @dataclass(frozen=True)
 class DriverNotes:
-    """What the developer of a driver wants to know about a run.
+    """Notes about a run for the developer of the driver.
 
     Attributes:
-        output: what it printed, where its process keeps that (`simulate.printed`).
-        traceback: of its exception, the frames of its own code. hang: what it was ended in.
-        changed: what it changed of the process that ran it, as phrases that follow "the driver"; it was put back.
+        output: the driver's output, if its process keeps it (`simulate.printed`).
+        traceback: frames of the driver's own code at its exception. hang: the call during which it was ended.
+        changed: changes that the driver made to its process, as phrases that follow "the driver"; they were undone.
     """
 
     output: str = ""
@@ -178,15 +178,15 @@ NO_NOTES = DriverNotes()
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run gives back.
+    """The result of a run.
 
     Attributes:
-        verdict: how it ended. time_s: when that was decided. with_: the other party's id, or "".
-        reason: a sentence for people, such as `F4 lateral collision with runner (car) at 3.15 s, 6.3 m/s`;
-            of a collision the relative speed is its last part.
-            Of a run whose verdict is `pass` it begins with the expectations that do not hold.
-        duration_s: simulated time. steps: simulation steps.
-        trace: the whole run (up to the failure).
+        verdict: the outcome. time_s: time of the decision. with_: id of the other party, or "".
+        reason: a sentence for people, such as `F4 lateral collision with runner (car) at 3.15 s, 6.3 m/s`; for a
+            collision it ends with the relative speed. If the verdict is `pass`, it begins with the expectations that do
+            not hold.
+        duration_s: simulated time. steps: number of simulation steps.
+        trace: the whole run, up to its end.
     """
 
     verdict: Verdict
@@ -198,23 +198,23 @@ class RunResult:
     trace: Trace
     expectations: tuple[ExpectationResult, ...] = ()
     impact: Impact | None = None
-    """Of a contact, the `invalid` one of the first frame too; None without a contact (off the road as well)."""
+    """The contact, also the one of an `invalid` first frame; None without a contact, such as off the road."""
     notes: DriverNotes = NO_NOTES
-    """What the driver printed, raised, or hung at."""
+    """The driver's output, exception, or hang."""
     unfired: tuple[Unfired, ...] = ()
-    """Triggers and steps that never came; worked out where somebody asks (`simulate.triggers.unfired`)."""
+    """Triggers and steps that never came; computed only on request (`simulate.triggers.unfired`)."""
 
     @property
     def broken_expectations(self) -> tuple[str, ...]:
-        """The expectations that do not hold, a sentence each."""
-        return tuple(one.broken_sentence for one in self.expectations if not one.held)
+        """The expectations that do not hold, one sentence each."""
+        return tuple(result.broken_sentence for result in self.expectations if not result.held)
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed."""
+        """Whether the verdict is `pass` and all expectations hold."""
         return passes(self.verdict, self.broken_expectations)
 
     @cached_property
     def near_misses(self) -> NearMisses:
-        """How near it came to a failure; computed when it is asked for first."""
+        """How near the run came to a failure; computed at the first access."""
         return near_misses(self.trace)

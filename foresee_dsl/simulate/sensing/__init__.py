@@ -1,9 +1,9 @@
-"""What the driver perceives: only what its sensors' range, view, latency and noise leave, and what nothing hides.
+"""The driver's sensors: observations limited by range, field of view, occlusion, latency and noise.
 
-`Sensing` is made once a run and asked once a frame. Modules, in the order of a measurement: `weather` (ranges), `walls`
-and `sight` (who is in sight), `noise` and `objects` (the object list), `tracks`, `signals`; `settings` has the numbers.
-What is computed for each object in each scan is in `kernels.sight`, `noise` and `object_list`, which are
-compiled.
+`Sensing` is created once a run and called once a frame. Modules, in the order of a measurement: `weather` (ranges),
+`sight` (objects in sight), `noise` and `objects` (the object list and its track numbers), `perception` (observations
+and signals), `views` (pictures); `settings` has the parameters. The computations for each object in each scan are in
+the compiled modules `kernels.sight`, `noise` and `object_list`.
 """
 
 from __future__ import annotations

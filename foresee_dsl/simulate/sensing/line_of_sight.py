@@ -1,4 +1,4 @@
-"""Lines of sight apart from a driver's sensing: between any two actors of a simulation, and from the ego of a recorded
+"""Lines of sight without a driver's sensors: between any two actors of a simulation, and from the ego of a recorded
 run."""
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from foresee_dsl.simulate.actors.simulation import Simulation
 
 FAR_M = 5000.0
-"""Farther than any two places of a network lie apart. Ours."""
+"""A range longer than any distance within a network, m. Ours."""
 _ALL_AROUND = replace(
     STANDARD,
     ranges=ClassRanges(**dict.fromkeys(ClassRanges.__dataclass_fields__, FAR_M)),
@@ -30,17 +30,17 @@ _ALL_AROUND = replace(
 
 
 class LinesOfSight:
-    """Who is in sight of whom at the frame that a simulation is at; the eye is over the middle of its footprint."""
+    """The lines of sight between actors at the current frame; the eye is above the middle of its footprint."""
 
     def __init__(self, simulation: Simulation) -> None:
-        """Prepare nothing yet: an eye is prepared when it is first asked for."""
+        """Begin without eyes: each actor's eye is prepared at its first use."""
         self._simulation = simulation
         self._sights: dict[int, Sight] = {}
         self._seen: dict[int, tuple[int, frozenset[int]]] = {}
         self._numbers = {actor.id: k for k, actor in enumerate(simulation.actors)}
 
     def clear(self, eye: str, actor: str) -> bool:
-        """Say whether nothing hides an actor from the eyes of another; both are there."""
+        """Return whether nothing hides an actor from another one; both must be present."""
         k, frame = self._numbers[eye], self._simulation.frame
         if self._seen.get(k, (-1, frozenset()))[0] != frame:
             self._seen[k] = frame, self._look(k)
@@ -58,9 +58,9 @@ class LinesOfSight:
 
 
 def sight_of(trace: Trace, bundle: SumoBundle | None = None) -> Sight:
-    """Return the lines of sight from a run's ego: the sensors of the drivers under test, without their noise.
+    """Return the lines of sight from a run's ego, with the standard sensors but without their noise.
 
-    Without the bundle: no buildings, clear air, and every actor as high as its class usually is.
+    Without the bundle there are no buildings and no weather, and every actor has the usual height of its class.
     """
     if bundle is not None:
         scene = bundle.scene
@@ -74,7 +74,7 @@ def sight_of(trace: Trace, bundle: SumoBundle | None = None) -> Sight:
 
 
 def in_view(trace: Trace, other: int, frame: int, sight: Sight) -> bool:
-    """Say whether an actor (its column) is in sight from the ego at a frame."""
+    """Return whether an actor (by its column) is in sight of the ego at a frame."""
     poses = trace.states[frame][:, [X, Y, HEADING]]
     x, y, heading = poses[0].tolist()
     visible = sight.seen(x, y, heading, poses[1:])

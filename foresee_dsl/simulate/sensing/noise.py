@@ -1,11 +1,11 @@
-"""Noise as a function of seed, object and time: no state, so that a clip has its parent's noise at the same moment.
+"""Noise as a function of seed, object and time, without state, so that a clip has its parent's noise at every moment.
 
-Each value is drawn by itself from a 64-bit hash. A normal value is the sum of the hash's four quarters as uniform
-numbers (Irwin-Hall): whole numbers, additions and one product, so that every machine draws the same; logarithms and
-cosines differ in the last bit between mathematical libraries. The sum lies within 3.47 standard deviations, and its
-share beyond two is 4.3 % (a normal distribution's: 4.6 %).
+Each value comes from a 64-bit hash of its own. A normal value is the sum of the hash's four quarters as uniform numbers
+(Irwin-Hall): integers, additions and one product, so that every machine gets the same value; logarithms and cosines
+differ in the last bit between mathematical libraries. The sum is within 3.47 standard deviations; 4.3 % of the values
+are beyond two (of a normal distribution: 4.6 %).
 
-What drifts is a cubic B-spline through such values at knots: smooth, bounded, and a function of time as well.
+A drifting error is a cubic B-spline with such values at its knots: smooth, bounded, and also a function of time.
 """
 
 from __future__ import annotations
@@ -32,19 +32,20 @@ def keys_of(seed: int, names: Sequence[str], streams: int) -> Hashes:
 
 
 class Streams:
-    """The noise of some objects.
+    """The noise of several objects, on C channels each.
 
     Attributes:
-        keys: [N, 2 C + 2] of what drifts, of what does not, of the chances, and of when these change.
-        scales: [2, C] standard deviations of what drifts and of what does not.
+        keys: [N, 2 C + 2] keys of the drifting errors, of the independent errors, of the chances of a miss, and of the
+            times at which these change.
+        scales: [2, C] standard deviations of the drifting and of the independent errors, as shares.
     """
 
     _BLOCK = 64
 
     def __init__(self, seed: int, names: Sequence[str], slow_shares: Sequence[float], slow_frames: int) -> None:
-        """Prepare the streams of some objects.
+        """Prepare the streams of these objects.
 
-        `slow_shares`: for each channel the share of the variance that drifts; `slow_frames`: between the drift's knots.
+        `slow_shares`: drifting share of the variance, by channel. `slow_frames`: frames between two knots of the drift.
         """
         shares = np.array(slow_shares, dtype=np.float64)
         self.keys = keys_of(seed, names, 2 * len(shares) + 2)
@@ -54,8 +55,8 @@ class Streams:
         self._rows: list[list[list[float]]] = []
 
     def normals(self, frame: int) -> list[list[float]]:
-        """Return the errors at an absolute frame, in standard deviations: of each object one a channel, drawn in blocks
-        of frames."""
+        """Return the errors at an absolute frame, in standard deviations, by object and channel; computed in blocks of
+        frames."""
         if not self._first <= frame < self._end:
             self._first = frame - frame % self._BLOCK
             self._end = self._first + self._BLOCK

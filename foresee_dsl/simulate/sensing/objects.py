@@ -1,4 +1,4 @@
-"""The object list: the actors in sight that are not missed, measured with noise."""
+"""The object list: the actors in sight that the sensors do not miss, measured with noise."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ from foresee_dsl.simulate.trace import STEP_S
 Pose = tuple[float, float, float]
 
 LEAST_SIZE = 0.5
-"""No side is measured shorter than this share of it. Ours: far beyond the errors of STANDARD; sizes stay positive."""
+"""Smallest measured length or width, as a share of the true one. Ours: far beyond the errors of STANDARD; keeps sizes
+positive."""
 
 
 def frames_of(time_s: float) -> int:
@@ -33,13 +34,13 @@ def frames_of(time_s: float) -> int:
 
 
 _Row = make_dataclass("_Row", [(field.name, field.type) for field in fields(SeenActor)], slots=True)
-"""What becomes a `SeenActor`. A frozen class sets its fields one by one through a function, which takes 1 us for eight
-of them; an ordinary one with the same fields takes a quarter of it. Python lets an object become one of another class
-that has the same slots."""
+"""A mutable class from which `SeenActor`s are created fast. A frozen dataclass sets each field through a function, 1 us
+for eight fields; a mutable class with the same fields takes a quarter of that. Python allows `__class__` to be set to a
+class with the same slots."""
 
 
 _AT_ONCE = 1024
-"""Numbers are drawn in a random order from so many; then from the next so many. Ours: more than a run needs."""
+"""Size of the blocks of track numbers; each block is used up in a random order. Ours: more than a run needs."""
 
 
 @lru_cache(maxsize=16)  # the runs of a campaign mostly have one seed
@@ -48,13 +49,13 @@ def _order(seed: int) -> tuple[int, ...]:
 
 
 class Tracks:
-    """Gives out track numbers; none twice in a run."""
+    """Assigns track numbers; each number is used once in a run."""
 
     def __init__(self, seed: int, forgets_frames: int) -> None:
         """Begin a run; an object unseen for more frames than `forgets_frames` gets a new number."""
         self._order = _order(seed)
         self._forgets = forgets_frames
-        self._given = 0
+        self._count = 0
         self._last: dict[int, tuple[int, int]] = {}
 
     def of(self, index: int, frame: int) -> int:
@@ -63,15 +64,15 @@ class Tracks:
         if last is not None and frame - last[1] <= self._forgets:
             number = last[0]
         else:
-            rounds, k = divmod(self._given, _AT_ONCE)
+            rounds, k = divmod(self._count, _AT_ONCE)
             number = self._order[k] + rounds * _AT_ONCE
-            self._given += 1
+            self._count += 1
         self._last[index] = (number, frame)
         return number
 
 
 def seen_actors(table: ObjectTable) -> tuple[SeenActor, ...]:
-    """Return an object list as a driver has it."""
+    """Return an object list in the form that a driver gets."""
     seen = []
     for number, kind, row in zip(table.numbers, table.kinds, table.measured.tolist(), strict=True):
         actor = _Row(number, kind, *row[:MEASURED])
@@ -81,14 +82,14 @@ def seen_actors(table: ObjectTable) -> tuple[SeenActor, ...]:
 
 
 class ObjectList:
-    """Measures the others from where the ego is.
+    """Measures the other actors from the ego's position.
 
-    What is measured is where an object is relative to the ego; it is put on the map at the ego's estimated
-    pose, so that an error of the ego's localisation moves and turns all objects.
+    Each position is measured relative to the ego and converted to the map with the ego's estimated pose, so that an
+    error of the ego's localisation moves and turns all objects.
     """
 
     def __init__(self, bodies: Bodies, names: Sequence[str], sight: Sight, settings: SensorSettings, seed: int) -> None:
-        """Begin a run with some objects: their bodies, their names, and who of them is in sight."""
+        """Begin a run with these objects: their bodies, their names, and the lines of sight to them."""
         noise = settings.noise
         slow = noise.slow_share
         self._sight, self._kinds = sight, cast(tuple[ActorClass, ...], bodies.kinds)
@@ -103,16 +104,16 @@ class ObjectList:
         self._tracks = Tracks(seed, frames_of(settings.forgets_s))
 
     def measure(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
-        """Return the objects that are seen, the nearest first; arguments as of `table`."""
+        """Return the measured objects, the nearest first; arguments as for `table`."""
         return seen_actors(self.table(frame, ego, estimated, states))
 
     def table(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> ObjectTable:
-        """Return the same as numbers.
+        """Return the object list as arrays.
 
         Args:
-            frame: absolute: in the time of the run that the clip was cut from.
-            ego: where it is, x, y, heading. estimated: where its localisation places it.
-            states: [N, >=4] x, y, heading, speed of the others; NaN where there is none.
+            frame: absolute frame, in the time of the run from which the clip was cut.
+            ego: true pose: x, y, heading. estimated: pose of its localisation.
+            states: [N, >=4] x, y, heading, speed of the others; NaN where absent.
         """
         kinds, track = self._kinds, self._tracks.of
         rows = self._rows(frame, ego, estimated, states)
@@ -120,8 +121,8 @@ class ObjectList:
         return ObjectTable([track(k, frame) for k in seen], [kinds[k] for k in seen], rows)
 
     def reported(self, frame: int, ego: Pose, states: FloatArray) -> frozenset[int]:
-        """Return the indices of the objects that a scan at a frame reports; arguments as of `table`. It gives out no
-        track numbers: asking changes nothing."""
+        """Return the indices of the objects that a scan at a frame would report; arguments as for `table`. It assigns
+        no track numbers, so that a query changes nothing."""
         return frozenset(int(row[-1]) for row in self._rows(frame, ego, ego, states).tolist())
 
     def _rows(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> FloatArray:
@@ -133,9 +134,9 @@ class ObjectList:
 
 @lru_cache(maxsize=16)
 def _scan_settings(limits: SightLimits, settings: SensorSettings) -> ScanSettings:
-    known: dict[str, Any] = asdict(settings.noise)
-    known |= {f"missed_{name}": value for name, value in asdict(settings.dropouts).items()}
-    known |= limits._asdict()
-    known |= {"least_size": LEAST_SIZE, "slow_frames": max(frames_of(settings.noise.slow_s), 1)}
-    known["missed_frames"] = max(frames_of(settings.dropouts.lasts_s), 1)
-    return ScanSettings(**{name: known[name] for name in ScanSettings._fields})
+    values: dict[str, Any] = asdict(settings.noise)
+    values |= {f"missed_{name}": value for name, value in asdict(settings.dropouts).items()}
+    values |= limits._asdict()
+    values |= {"least_size": LEAST_SIZE, "slow_frames": max(frames_of(settings.noise.slow_s), 1)}
+    values["missed_frames"] = max(frames_of(settings.dropouts.lasts_s), 1)
+    return ScanSettings(**{name: values[name] for name in ScanSettings._fields})

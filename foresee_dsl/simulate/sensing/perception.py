@@ -1,4 +1,4 @@
-"""The driver's observations of a run, one a frame."""
+"""Creates the driver's observations of a run, one per frame."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _MEASURED_LATER = frozenset({"actors", "signals", "ego", "views"})
 
 @dataclass(eq=False, slots=True)
 class _Scan:
-    """What there was to measure at an absolute frame, and, once the driver looks, what was measured.
+    """The true state at an absolute frame, and the measurements of it once the driver has read them.
 
     Attributes:
-        measured_s: the frame's time in this run. pose: the ego's. states: [N, >=4] x, y, heading, speed of the others.
-        heads: of the signals near enough. shown: the colours of these signals.
+        measured_s: the frame's time in this run. pose: the ego's pose. states: [N, >=4] x, y, heading, speed of the
+            others. heads: indices of the signal heads in range. colours: colours of these signals.
     """
 
     frame: int
@@ -42,7 +42,7 @@ class _Scan:
     pose: Pose
     states: FloatArray
     heads: list[int]
-    shown: dict[str, SignalColour]
+    colours: dict[str, SignalColour]
     table: ObjectTable | None = None
     signals: dict[str, SignalColour] | None = None
     actors: tuple[SeenActor, ...] | None = None
@@ -51,58 +51,58 @@ class _Scan:
 _OpenEgoState: Any = make_dataclass(
     "_OpenEgoState", [(field.name, field.type) for field in fields(EgoState)], slots=True
 )
-"""What becomes an `EgoState`: see `objects.seen_actors`."""
+"""A mutable class from which `EgoState`s are created fast: see `objects._Row`."""
 
 
 class _LazyObservation(Observation):
-    """An observation that is measured when it is first read, so that a driver that plans in every other step is fast.
+    """An observation that is measured when it is first read, which saves time if the driver does not read every one.
 
-    It is the same whenever that is: noise is a function of time, and the scans are measured in their order.
+    Its values do not depend on the time of reading: noise is a function of time, and scans are measured in order.
     """
 
     __slots__ = ("_source",)
     _source: tuple[Sensing, _Scan, int, FloatArray]
 
     def __getattr__(self, name: str) -> object:
-        """Fill in what has not been looked at yet (Python asks here for slots that are empty)."""
+        """Measure a field at its first access (Python calls this for an empty slot)."""
         if name not in _MEASURED_LATER:
             raise AttributeError(name)
         sensing, scan, frame, states = self._source
-        found: object
+        value: object
         if name == "ego":
-            found = sensing.ego_state(frame, states)
+            value = sensing.ego_state(frame, states)
         elif name == "actors":
-            found = sensing.actors(scan)
+            value = sensing.actors(scan)
         elif name == "signals":
-            found = sensing.signals(scan)
+            value = sensing.signals(scan)
         else:
-            found = sensing.views(self, states)
-        object.__setattr__(self, name, found)
-        return found
+            value = sensing.views(self, states)
+        object.__setattr__(self, name, value)
+        return value
 
     def object_table(self) -> ObjectTable | None:
-        """Return the object list as numbers, which the bundled drivers take; None of one that `dataclasses.replace` has
-        made, whose actors are what somebody else says."""
+        """Return the object list as arrays, for the bundled drivers; None for a copy by `dataclasses.replace`, whose
+        actors may have been changed."""
         source = getattr(self, "_source", None)
         return source[0].table(source[1]) if source is not None else None
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Go to another process as what was seen, without the pictures."""
+        """Pickle as a plain observation, without the pictures."""
         return Observation, (self.time_s, self.ego, self.actors, self.signals, self.measured_s)
 
 
 class Sensing:
-    """The sensors of the ego in one run. Ask once a frame, from the first on.
+    """The sensors of the ego in one run. Call `observe` once a frame, from the first frame on.
 
     Noise is a function of the seed, the actor and the time in the parent's run, so that a clip begins with the noise
-    that its parent had there. A clip has no past: what was measured before its first frame is taken from where
-    all actors would have been with the speeds of that frame.
+    that its parent had there. A clip has no past: scans before its first frame assume that all actors moved with their
+    speeds at that frame.
     """
 
     def __init__(
         self, simulation: Simulation, mission: Mission, seed: int, settings: SensorSettings = STANDARD
     ) -> None:
-        """Mount the sensors for a run; `mission` has the signals that are meant."""
+        """Prepare the sensors of a run; `mission` determines the signals that they observe."""
         scene = simulation.scene
         others = simulation.actors[1:]
         bodies = Bodies.of([actor.placed.model for actor in others])
@@ -130,10 +130,10 @@ class Sensing:
         self._reported: tuple[int, frozenset[int]] = (-1, frozenset())
 
     def reports(self, actor: str) -> bool:
-        """Say whether a scan at the frame that the simulation is at reports an actor.
+        """Return whether a scan at the current frame would report an actor.
 
-        What the driver knows is older by the latency, and there is a scan every few frames only; this is about the
-        moment, so that it depends on nothing that was before.
+        The driver's object list is older by the latency, and there is a scan only every few frames; this query ignores
+        both, so that its result does not depend on earlier frames.
         """
         frame = self._simulation.frame
         if self._reported[0] != frame:
@@ -150,10 +150,10 @@ class Sensing:
         return RunViews(self._simulation.network, self._mission, scene.ego.model, models, range_m=camera_m)
 
     def observe(self, states: FloatArray) -> Observation:
-        """Return what the driver learns at the frame that the simulation is at.
+        """Return the driver's observation at the current frame.
 
-        `states`: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent; not to be
-        changed afterwards.
+        `states`: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent; they must not
+        change afterwards.
         """
         simulation = self._simulation
         now = self._began + simulation.frame
@@ -176,8 +176,8 @@ class Sensing:
 
     @Part.SENSING.measured
     def ego_state(self, frame: int, states: FloatArray) -> EgoState:
-        """Return what the vehicle knows of itself at an absolute frame, from the states there. Speed, acceleration, yaw
-        rate and steering are measured on board, exactly."""
+        """Return the ego's measured state at an absolute frame, from the true states. Speed, acceleration, yaw rate and
+        steering are exact, as the vehicle measures them itself."""
         state = _OpenEgoState(*states[0].tolist())
         state.x, state.y, state.heading_rad = self._estimated_pose(frame, (state.x, state.y, state.heading_rad))
         state.__class__ = EgoState
@@ -194,7 +194,7 @@ class Sensing:
 
     @Part.SENSING.measured
     def actors(self, scan: _Scan) -> tuple[SeenActor, ...]:
-        """Return the same as a driver has it."""
+        """Return the object list of a scan in the form that a driver gets."""
         if scan.actors is None:
             scan.actors = seen_actors(self.table(scan))
         return scan.actors
@@ -204,7 +204,7 @@ class Sensing:
         """Return the colours of the signals in view in a scan."""
         if scan.signals is None:
             in_view = self._heads.in_view(scan.heads, self._sight, scan.pose, scan.states)
-            scan.signals = {key: scan.shown[key] for key in in_view}
+            scan.signals = {key: scan.colours[key] for key in in_view}
         return dict(scan.signals)
 
     def views(self, observation: Observation, states: FloatArray) -> StepViews:
@@ -219,15 +219,16 @@ class Sensing:
 
     def _scan_of(self, frame: int, pose: Pose, s: float, states: FloatArray) -> _Scan:
         heads = self._heads.near(pose, s, self._sight.signal_range_m)
-        shown = {key: self._simulation.world.signals.colour(*self._links[key]) for key in self._heads.signals(heads)}
-        return _Scan(frame, round((frame - self._began) * STEP_S, 6), pose, states, heads, shown)
+        lights = self._simulation.world.signals
+        colours = {key: lights.colour(*self._links[key]) for key in self._heads.signals(heads)}
+        return _Scan(frame, round((frame - self._began) * STEP_S, 6), pose, states, heads, colours)
 
     def _s(self) -> float:
-        """The ego's length along the mission's line."""
+        """Return the ego's length along the mission's line, m."""
         return self._simulation.progress.of(self._simulation.ego, self._simulation.frame)[0] + self._shift_s
 
     def _scan_before(self, frame: int, states: FloatArray) -> _Scan:
-        """Return a scan at a frame before the first one: all keep the speeds that they have there."""
+        """Return a scan at a frame before the first one, extrapolated with the speeds at the first frame."""
         back_s = (self._began - frame) * STEP_S
         before = states.copy()
         before[:, X] -= states[:, SPEED] * np.cos(states[:, HEADING]) * back_s
@@ -236,7 +237,7 @@ class Sensing:
         return self._scan_of(frame, (x, y, heading), self._s() - speed * back_s, before[1:])
 
     def _estimated_pose(self, frame: int, pose: Pose) -> Pose:
-        """Return where the ego's localisation places it."""
+        """Return the ego's pose as its localisation estimates it."""
         x, y, heading = pose
         dx, dy, turned = self._drifts.normals(frame)[0]
         return (
@@ -247,15 +248,15 @@ class Sensing:
 
 
 class SignalHeads:
-    """The signals on the ego's way; each has a head before the junction and one behind it, and one in view is enough.
+    """The signals on the ego's route; each has a head before and one behind the junction, and seeing one is enough.
 
-    SUMO's signals have no place. Here the near head stands right of the stop line as high as a van, the far one hangs
-    over the road straight on, behind the junction: what the ego sees when it waits at the line. A lorry in front may
-    hide both.
+    SUMO's signals have no position. Here the near head is right of the stop line, as high as a van, and the far head is
+    above the road straight on, behind the junction, where the ego sees it when it waits at the line. A lorry in front
+    may hide both.
     """
 
     def __init__(self, mission: Mission, settings: SensorSettings) -> None:
-        """Put the heads where they are."""
+        """Compute the positions of the heads."""
         self._least_cos = math.cos(min(settings.signal_view_rad / 2, math.pi))
         passages = [passage for passage in mission.junctions if passage.signal is not None]
         self._signals = [passage.signal or "" for passage in passages for _ in range(2)]
@@ -266,8 +267,10 @@ class SignalHeads:
         ]
 
     def near(self, ego: Pose, s: float, range_m: float) -> list[int]:
-        """Return the heads in range and ahead that the ego (x, y, heading, `s` along the mission's line) has not left
-        behind."""
+        """Return the indices of the heads in range and ahead of the ego, whose junction it has not left.
+
+        `ego`: x, y, heading. `s`: the ego's length along the mission's line, m.
+        """
         x, y, heading = ego
         cos, sin = math.cos(heading), math.sin(heading)
         near = []
@@ -279,16 +282,16 @@ class SignalHeads:
         return near
 
     def signals(self, heads: Iterable[int]) -> tuple[str, ...]:
-        """Return the keys of the signals that have these heads, each once."""
+        """Return the keys of the signals with these heads, each once."""
         return tuple(dict.fromkeys([self._signals[k] for k in heads]))
 
     def in_view(self, heads: list[int], sight: Sight, ego: Pose, poses: FloatArray) -> tuple[str, ...]:
-        """Return the keys of the signals of which nothing hides one of these heads, which are near and in their order.
+        """Return the keys of the signals with a visible head; `heads`: the heads in range, in order.
 
         `ego`: x, y, heading. `poses`: [N, >=3] of the others.
         """
         if not heads:
             return ()
-        first, last = heads[0], heads[-1]  # in one piece, mostly; the few between them that are not near cost little
+        first, last = heads[0], heads[-1]  # one range: the few heads out of reach in it cost little
         clear = sight.clear(ego[0], ego[1], poses, self._places[first : last + 1]).tolist()
         return self.signals([k for k in heads if clear[k - first]])

@@ -1,7 +1,7 @@
-"""What the sensors can do: ranges, fields of view, occlusion, latency, noise. Two presets: STANDARD and IDEAL.
+"""Settings of the sensors: ranges, fields of view, occlusion, latency, noise. Two presets: STANDARD and IDEAL.
 
-The figures are those of a roof lidar, surround cameras and a fusion, as public benchmarks and data sheets have them.
-"Ours" marks what was chosen for lack of a figure.
+The values are those of a roof lidar, surround cameras and their fusion, from public benchmarks and data sheets. "Ours"
+marks a value that was chosen because none was published.
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class ClassRanges:
-    """How far the centre of an object of a class is seen in clear air, m.
+    """Range within which the centre of an object is seen in clear air, by class, m.
 
-    The nuScenes detection benchmark counts cars, lorries and buses up to 50 m, two-wheelers and pedestrians up to
-    40 m, barriers and cones up to 30 m (its `class_range`), with a lidar of 32 layers. Ours: its order of classes, and
-    more metres, as lidars of 128 layers have them: cars as far as here before (80 m), the rest in proportion or a
-    little above, rounded.
+    The nuScenes detection benchmark counts cars, lorries and buses up to 50 m, two-wheelers and pedestrians up to 40 m,
+    barriers and cones up to 30 m (its `class_range`), with a lidar of 32 layers. Ours: the same order of classes with
+    longer ranges, as of lidars with 128 layers: 80 m for cars, the others in proportion or slightly above, rounded.
     """
 
     car: float = 80.0
@@ -32,21 +31,22 @@ class ClassRanges:
 
 @dataclass(frozen=True)
 class ObjectNoise:
-    """Standard deviations of what is measured of an object. No error is larger than six of them.
+    """Standard deviations of the measurements of an object. No error is larger than six standard deviations.
 
-    Ours: a car at 25 m is 0.21 m off in the mean, as lidar detectors with a tracker are; we expect of those without
-    one a mean error of position of 0.2 m to 0.3 m, of velocity of 0.2 m/s to 0.3 m/s, and of size of 15 % to 25 % of
-    the common volume (the measures mATE, mAVE and mASE of the nuScenes benchmark).
+    Ours: the mean position error of a car at 25 m is 0.21 m, as of lidar detectors with a tracker; for detectors
+    without one we expect a mean error of 0.2 m to 0.3 m in position, 0.2 m/s to 0.3 m/s in velocity, and of size of
+    15 % to 25 % of the common volume (the measures mATE, mAVE and mASE of the nuScenes benchmark).
 
     Attributes:
         radial_m, radial_share: along the line of sight: a constant, and a share of the distance.
-        lateral_m, lateral_rad: across it: a constant, and an angle.
-        heading_rad: of vehicles. pedestrian_heading_rad: of people, who look alike from all sides.
-        speed_mps, speed_share, speed_most_mps: of one that stands; what is added as a share of its speed; the most.
-        size_share: of length and width each.
-        slow_share: how much of the variance of position, heading and speed drifts over `slow_s`; the rest is new in
-            each frame. Trackers smooth the latter away, not the former. The error of size drifts as a whole.
-        slow_s: spacing of the drift's knots.
+        lateral_m, lateral_rad: across the line of sight: a constant, and an angle.
+        heading_rad: heading of vehicles. pedestrian_heading_rad: heading of pedestrians, who look alike from all sides.
+        speed_mps, speed_share, speed_most_mps: speed of a standing object; the addition as a share of its speed; the
+            maximum.
+        size_share: length and width, as a share of each.
+        slow_share: share of the variance of position, heading and speed that drifts over `slow_s`; the rest is
+            independent in each frame. A tracker smooths out the independent part only. The error of size only drifts.
+        slow_s: time between two knots of the drift.
     """
 
     radial_m: float = 0.10
@@ -65,13 +65,13 @@ class ObjectNoise:
 
 @dataclass(frozen=True)
 class Dropouts:
-    """How often an object in view is missed: `least`, and up to `most` more at the end of its range.
+    """Probability that an object in view is missed: `least`, plus up to `most` at the end of the range.
 
-    Ours: `least + most * (distance / range) ** steepness`, range as the weather leaves it. Detectors find nearly
-    everything that is near and lose half of it within the last tenths of their range.
+    Ours: `least + most * (distance / range) ** steepness`, with the range in the current weather. Detectors find nearly
+    all near objects and lose half of the objects within the last tenths of their range.
 
     Attributes:
-        lasts_s: a miss lasts so long. Ours: two scans of a lidar at 10 Hz.
+        lasts_s: duration of a miss, s. Ours: two scans of a lidar at 10 Hz.
     """
 
     least: float = 0.01
@@ -82,13 +82,13 @@ class Dropouts:
 
 @dataclass(frozen=True)
 class Localisation:
-    """Error of the ego's own pose: standard deviations, and how fast it drifts.
+    """Errors of the ego's estimated pose: their standard deviations, and the speed of their drift.
 
-    Reid et al. 2019 (arXiv 1906.01061) ask for 0.29 m and 0.50 deg with 95 % on local roads as the least that lane
-    keeping needs. Ours: 0.05 m on each axis (0.12 m with 95 %) and 0.2 deg (0.4 deg with 95 %), well within it.
+    Reid et al. 2019 (arXiv 1906.01061) require 0.29 m and 0.50 deg at 95 % on local roads as the minimum for lane
+    keeping. Ours: 0.05 m on each axis (0.12 m at 95 %) and 0.2 deg (0.4 deg at 95 %), well within it.
 
     Attributes:
-        drifts_s: spacing of the drift's knots; ours.
+        drifts_s: time between two knots of the drift, s; ours.
     """
 
     position_m: float = 0.05
@@ -98,21 +98,21 @@ class Localisation:
 
 @dataclass(frozen=True)
 class SensorSettings:
-    """What the driver's sensors can do.
+    """Settings of the driver's sensors.
 
     Attributes:
-        ranges: by class. field_of_view_rad: horizontal, about the ego's heading.
-        eye_m: height of the sensors over the ego's centre; ours: on the roof of a car.
-        seen_share: an object is seen while at least this share of its points is in line of sight (corners and centre
-            at `high_share` and at `low_share` of its height). Ours: 3 of 10 points, such as the heads of people behind
-            a car; one corner of five is not enough. 0: nothing hides anything.
-        scan_s: time between two measurements, at whole multiples of it in the time of the run that a clip was cut
-            from; in between the driver has the last one. Lidars turn with 10 Hz.
-        latency_s: from a measurement to the driver; whole frames (0.05 s). Ours: as long as a scan.
-        forgets_s: an object that was not seen for longer gets a new track.
-        signal_range_m: from the ego's centre to the signal's head; braking from 70 km/h in comfort takes 65 m, and a
-            second to decide. signal_view_rad: field of view of the camera for signals, forward; ours, a wide-angle one.
-        weather: whether rain, fog and sun change anything.
+        ranges: ranges by class. field_of_view_rad: horizontal field of view about the ego's heading.
+        eye_m: height of the sensors above the ego's centre; ours: on the roof of a car.
+        seen_share: least share of an object's points that must be in line of sight (corners and centre at `high_share`
+            and at `low_share` of its height). Ours: 3 of 10 points, such as the heads of people behind a car; one
+            corner of five is not enough. 0: nothing hides an object.
+        scan_s: time between two measurements, at multiples of it in the time of the run from which a clip was cut;
+            between them the driver gets the last one. Lidars turn with 10 Hz.
+        latency_s: time from a measurement to the driver, in whole frames (0.05 s). Ours: one scan.
+        forgets_s: time without a sighting after which an object gets a new track.
+        signal_range_m: range from the ego's centre to a signal's head; comfortable braking from 70 km/h takes 65 m, and
+            the decision a second. signal_view_rad: field of view of the forward signal camera; ours, a wide-angle one.
+        weather: whether rain, fog and sun affect the sensors.
     """
 
     ranges: ClassRanges = field(default_factory=ClassRanges)
@@ -133,7 +133,7 @@ class SensorSettings:
 
 
 STANDARD = SensorSettings()
-"""What a run has when none are given."""
+"""The default sensors of a run."""
 
 NO_NOISE = ObjectNoise(
     radial_m=0.0,
@@ -146,11 +146,11 @@ NO_NOISE = ObjectNoise(
     speed_share=0.0,
     size_share=0.0,
 )
-"""Everything that is seen is measured exactly."""
+"""Exact measurements."""
 NO_DROPOUTS = Dropouts(least=0.0, most=0.0)
-"""Everything that can be seen is seen."""
+"""No object in view is missed."""
 EXACT = Localisation(position_m=0.0, heading_rad=0.0)
-"""The ego knows where it is."""
+"""Exact localisation."""
 
 IDEAL = SensorSettings(
     ranges=ClassRanges(80.0, 80.0, 80.0, 80.0, 80.0, 80.0, 80.0, 80.0),
@@ -163,5 +163,5 @@ IDEAL = SensorSettings(
     signal_view_rad=math.radians(360.0),
     weather=False,
 )
-"""Everybody within 80 m, exactly and at once, through walls: to tell what a driver owes to its sensors, and for
-tests."""
+"""Sensors that measure all actors within 80 m exactly, without latency, and through walls: to separate a driver's
+failures from those of its sensors, and for tests."""

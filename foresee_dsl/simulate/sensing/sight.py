@@ -1,4 +1,4 @@
-"""Who is in sight from the ego: near enough, in the field of view, and not hidden by others or buildings."""
+"""Finds the objects in sight of the ego: within range and field of view, not hidden by others or by buildings."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges, SensorS
 from foresee_dsl.simulate.sensing.weather import CLEAR, Air
 
 _AROUND_M = 10.0
-"""The walls near the eye are looked up again when it has moved this far."""
+"""Distance that the eye may move before the walls near it are looked up again, m."""
 
 
 @lru_cache(maxsize=8)
 def _sides(buildings: tuple[Points, ...]) -> Records:
-    """Return the sides of buildings as `Wall`s: once a network."""
+    """Return the sides of buildings as `Wall`s; cached for each network."""
     outlines = [np.array(outline, dtype=np.float64).reshape(-1, 2) for outline in buildings]
     outlines = [outline[::-1] if _area(outline) < 0 else outline for outline in outlines if len(outline) > 2]
     sides = [np.concatenate([outline, np.roll(outline, -1, axis=0) - outline], axis=1) for outline in outlines]
@@ -31,22 +31,22 @@ def _sides(buildings: tuple[Points, ...]) -> Records:
 
 
 def _area(outline: FloatArray) -> float:
-    """Twice the signed area, positive when the outline runs counter-clockwise."""
+    """Return twice the signed area of an outline, positive if it runs counter-clockwise."""
     x, y = outline[:, 0], outline[:, 1]
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
 
 
 class Walls:
-    """The outlines of buildings. An eye inside one sees out of it, and through it."""
+    """The outlines of buildings. A building does not block the view of an eye inside it."""
 
     def __init__(self, buildings: Iterable[Points], reach_m: float) -> None:
-        """Take up outlines (m), open or closed, in either direction; lines of sight go `reach_m` far at most."""
+        """Prepare outlines (m), open or closed, in either direction; `reach_m`: longest line of sight."""
         self._all = self._near = _sides(tuple(tuple(outline) for outline in buildings))
         self._reach_m = reach_m + 2 * _AROUND_M
         self._looked_up: tuple[float, float] | None = None
 
     def near(self, x: float, y: float) -> Records:
-        """Return the walls that lines of sight from an eye may meet, and some more, [M]."""
+        """Return a superset of the walls that lines of sight from an eye may meet, [M]."""
         at = self._looked_up
         if at is None or abs(x - at[0]) > _AROUND_M or abs(y - at[1]) > _AROUND_M:
             self._looked_up = (x, y)
@@ -56,7 +56,7 @@ class Walls:
 
 @dataclass(frozen=True)
 class Bodies:
-    """What there is to see: of N objects the classes, [N, 2] lengths and widths, and [N] heights, m."""
+    """The visible bodies of N objects: their classes, [N, 2] lengths and widths, and [N] heights, m."""
 
     kinds: tuple[str, ...]
     sizes_m: FloatArray
@@ -64,7 +64,7 @@ class Bodies:
 
     @classmethod
     def of(cls, models: Sequence[ModelSpec]) -> Bodies:
-        """Those of catalogue entries."""
+        """Return the bodies of catalogue entries."""
         rows = [(model.length_m, model.width_m, model.height_m) for model in models]
         numbers = np.array(rows, dtype=np.float64).reshape(-1, 3)
         return cls(tuple(model.kind for model in models), numbers[:, :2], numbers[:, 2])
@@ -72,7 +72,7 @@ class Bodies:
 
 @lru_cache(maxsize=16)
 def _ranges(clear: ClassRanges, air: Air | None) -> dict[str, float]:
-    """Return how far each class is seen, m; `air` None: the weather changes nothing."""
+    """Return the range of each class, m; `air` None: without an effect of the weather."""
     return {kind: far if air is None else air.object_range_m(far) for kind, far in asdict(clear).items()}
 
 
@@ -80,8 +80,8 @@ class Sight:
     """Lines of sight in a scene.
 
     Attributes:
-        range_m: [N] how far each object is seen in this weather. signal_range_m: the same for signals.
-        bodies, limits, walls: for `kernels.sight`.
+        range_m: [N] range of each object in this weather, m. signal_range_m: the same for signals.
+        bodies, limits, walls: the input of `kernels.sight`.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Sight:
         rises = bodies.heights_m[:, None] * shares - settings.eye_m
         rows = np.column_stack([bodies.sizes_m, rises, self.range_m, np.zeros(len(bodies.kinds))])
         self.bodies: Records = rows.view(dtype_of(Body))[:, 0]
-        # Nothing beyond the farthest visible object hides one.
+        # A body beyond the longest range cannot hide a visible object.
         reach_m = max(float(self.range_m.max(initial=0.0)), self.signal_range_m)
         all_around = settings.field_of_view_rad >= math.tau
         ahead_share = -2.0 if all_around else math.cos(settings.field_of_view_rad / 2)
@@ -108,14 +108,14 @@ class Sight:
         self.walls = Walls(buildings, reach_m)
 
     def seen(self, x: float, y: float, heading: float, poses: FloatArray) -> IntArray:
-        """Return the indices, [S], of the objects in sight of the ego; `poses`: [N, >=3] x, y, heading, NaN for none
-        there."""
+        """Return the indices, [S], of the objects in sight of the ego; `poses`: [N, >=3] x, y, heading, NaN where
+        absent."""
         poses = np.ascontiguousarray(poses)
         return in_sight(x, y, heading, poses, self.bodies, self.walls.near(x, y), self.limits)
 
     def clear(self, x: float, y: float, poses: FloatArray, points: FloatArray) -> BoolArray:
-        """Say which points, [M, 3] x, y and height over the ground (m), nothing hides from the ego; `poses` as in
-        `seen`."""
+        """Return, for each point, whether nothing hides it from the ego; `points`: [M, 3] x, y and height above the
+        ground (m), `poses` as in `seen`."""
         if self._through:
             return np.ones(len(points), dtype=np.bool_)
         poses, walls = np.ascontiguousarray(poses), self.walls.near(x, y)

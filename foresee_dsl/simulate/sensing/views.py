@@ -1,7 +1,7 @@
-"""Pictures that a driver asks for: what a view is given of a run and of a step. Packages add views and draw them.
+"""Pictures for drivers: the input that a view gets of a run and of a step. Plug-ins provide the views.
 
 A view is a function from `StepViews` to an array of uint8, [channels, rows, columns], an entry point of the group
-`foresee_dsl.raster_views` (docs/reference/rasters.md). Nothing is drawn, and no view is imported, before a driver asks.
+`foresee_dsl.raster_views` (docs/reference/rasters.md). A view is imported and drawn only when a driver requests it.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from foresee_dsl.simulate.sensing.objects import Pose
 
 RASTER_VIEWS = PluginGroup("foresee_dsl.raster_views", "raster view", DriverError, DriverUnavailableError)
 CAMERA_RANGE_M = 100.0
-"""How far a camera sees in clear air. Ours: a car's width is then a pixel and a half of the view ahead."""
+"""Range of a camera in clear air, m. Ours: there a car is one and a half pixels wide in the forward view."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunViews:
-    """What views know of a run. It can be the key of what a view draws once a run (`weakref.WeakKeyDictionary`).
+    """The constant data of a run for views; a view can cache by it (`weakref.WeakKeyDictionary`).
 
     Attributes:
         others: models of the other actors, in the order of `StepViews.states`.
-        range_m: how far the weather lets a camera see.
+        range_m: range of a camera in the weather of the run.
     """
 
     network: RoadNetwork
@@ -55,12 +55,12 @@ class RunViews:
 
 @dataclass(frozen=True, slots=True)
 class StepViews:
-    """The pictures of one step (`Observation.views`), drawn anew whenever they are asked for.
+    """The pictures of one step (`Observation.views`); each call draws the picture again.
 
     Attributes:
-        run: what does not change during the run. ego, actors, signals: those of the observation.
-        pose: x, y (m), heading (rad) of the ego as it really is. states: [K, >=3] the same of the others, NaN where one
-            is absent; not to be changed.
+        run: the constant data of the run. ego, actors, signals: as in the observation.
+        pose: true x, y (m) and heading (rad) of the ego. states: [K, >=3] the same for the others, NaN where absent; do
+            not change them.
     """
 
     run: RunViews
@@ -77,9 +77,9 @@ class StepViews:
 
     @Part.PICTURES.measured
     def birds_eye(self, window: Window | None = None) -> NDArray[np.uint8]:
-        """Return the view from above, or only a part of it; see `draw`."""
+        """Return the view from above, or a part of it; see `draw`."""
         return self.run.view("birds_eye")(self, window)
 
     def forward(self) -> NDArray[np.uint8]:
-        """Return the view forward; see `draw`."""
+        """Return the forward view; see `draw`."""
         return self.draw("forward")

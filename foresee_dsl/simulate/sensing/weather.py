@@ -1,8 +1,8 @@
-"""What rain, fog and sun leave of the sensors' ranges.
+"""Reduces the sensors' ranges by rain, fog and sun.
 
-A lidar's echo falls with the square of the distance and with the air's extinction there and back. The range in bad
-air is where the echo is as weak as at the range in clear air; a camera has the same trouble at that distance, if for
-other reasons. What radar sees through fog has no class and no size, and does not count (ours).
+A lidar's echo decreases with the square of the distance and with the air's extinction on the way there and back. The
+range in bad air is the distance at which the echo is as weak as at the range in clear air; for cameras we assume the
+same range. Radar echoes through fog have no class and no size and are ignored (ours).
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ import math
 from dataclasses import dataclass
 
 FOG_VISIBILITY_M = 50.0
-"""Visibility at fog 1: the thickest class of fog in the Open Simulation Interface, "thick", ends at 50 m; below it the
-traffic stops. Visibility is inversely proportional to the ratio: fog 0.25 is 200 m, fog 0.05 is mist of 1 km."""
+"""Visibility at fog 1, m: the densest class of fog in the Open Simulation Interface, "thick", ends at 50 m; with less
+visibility traffic stops. It is inversely proportional to the ratio: fog 0.25 is 200 m, fog 0.05 is mist of 1 km."""
 KOSCHMIEDER = 3.0
-"""Extinction times visibility: 5 % of the light is left there (Koschmieder; the Met Office's definition)."""
+"""Extinction times visibility: at this distance 5 % of the light is left (Koschmieder; the Met Office's definition)."""
 RAIN_MM_H = 50.0
-"""Rain 1: the lower bound of what the Met Office calls a violent shower (its guide in The Independent, 5 January
-1998)."""
+"""Rain 1, mm/h: the lower bound of a violent shower, as the Met Office defines it (its guide in The Independent,
+5 January 1998)."""
 RAIN_K, RAIN_POWER = 1.076, 0.67
 """Attenuation in rain of R mm/h: 1.076 R^0.67 dB/km for optical links (Carbonneau and Wisely 1998): 15 dB/km at
 50 mm/h."""
 SUN_LOSES = 0.5
-"""Share of the signals' range that a low sun (1) takes. Ours: glare; the language gives the sun no direction, so it
-comes from everywhere. Objects are seen by lidar, which a low sun hardly troubles."""
+"""Share by which a low sun (1) reduces the range of signals. Ours: glare; the sun has no direction in the language, so
+it applies in all directions. Objects are measured by lidar, which a low sun hardly affects."""
 RAIN_LOSES = 0.3
-"""Share of the signals' range that rain (1) takes. Ours: drops on the windscreen; the air itself takes nothing from a
+"""Share by which rain (1) reduces the range of signals. Ours: drops on the windscreen; the air itself does not dim a
 lamp over such distances."""
 _PER_M = math.log(10.0) / 10.0 / 1000.0
 """1 dB/km in 1/m."""
@@ -34,7 +34,7 @@ _CLOSE_M = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Air:
-    """Rain, fog and sun, ratios from 0 to 1, as the scene has them."""
+    """The scene's rain, fog and sun, ratios from 0 to 1."""
 
     rain: float = 0.0
     fog: float = 0.0
@@ -47,7 +47,7 @@ class Air:
         return KOSCHMIEDER * self.fog / FOG_VISIBILITY_M + rain_db_km * _PER_M
 
     def object_range_m(self, clear_m: float) -> float:
-        """Return how far an object is seen that is seen `clear_m` far in clear air, m."""
+        """Return the range in this air, m, of an object with the range `clear_m` in clear air."""
         extinction = self.extinction
         low, high = 0.0, clear_m
         while high - low > _CLOSE_M:  # r^2 exp(2 a r) = R^2, or r exp(a r) = R: the left side grows
@@ -59,11 +59,11 @@ class Air:
         return high
 
     def signal_range_m(self, clear_m: float) -> float:
-        """Return how far a signal is seen that is seen `clear_m` far in clear air, m; in fog no farther than one
-        sees."""
+        """Return the range in this air, m, of a signal with the range `clear_m` in clear air; in fog at most the
+        visibility."""
         seen_m = clear_m * (1.0 - SUN_LOSES * self.sun) * (1.0 - RAIN_LOSES * self.rain)
         return min(seen_m, FOG_VISIBILITY_M / self.fog) if self.fog > 0.0 else seen_m
 
 
 CLEAR = Air()
-"""Nothing in the air."""
+"""Clear air."""

@@ -1,4 +1,4 @@
-"""Follows conditions over time: since when the condition of a `for` holds, and the `expect` lines of a scenario."""
+"""Follows conditions over time: how long the condition of a `for` has held, and the `expect` lines of a scenario."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ from foresee_dsl.simulate.triggers.kinds import Kind, Truth, kind_of, truth_of
 from foresee_dsl.simulate.triggers.record import Run, Runs
 
 Note = Callable[[int, Run | None], None]
-"""Told when what a `for` is about begins to hold, or ceases to (None): its place among the condition's `parts`."""
+"""Called when the condition of a `for` begins or ceases (None) to hold, with its place in the condition's `parts`."""
 
 
 class Watch:
-    """One condition of one trigger, step or expectation. `look` has to be called at every frame that counts.
+    """Follows one condition of a trigger, step or expectation; call `look` at every frame that counts.
 
-    Every part is evaluated at every frame, even where `and` or `or` would not need it, so that what a `for` remembers
+    Every part is evaluated at every frame, even where `and` or `or` would not need it, so that the history of a `for`
     does not depend on the parts beside it.
     """
 
     def __init__(self, condition: Condition, conditions: Conditions, note: Note | None = None) -> None:
-        """Begin to watch at the frame that is looked at first."""
+        """Begin with the frame of the first `look`."""
         self._condition, self._conditions, self._note = condition, conditions, note
         self._windows: dict[int, _Window] = {}
         self._kinds: dict[int, Kind] = {}
         self._last: tuple[int, Outcome | None] | None = None
         self.truth: Truth = truth_of(condition, conditions) or self._followed
-        """Says whether the condition holds at this frame, without its margin; None where it cannot be evaluated."""
+        """Returns whether the condition holds at this frame, without its margin; None if it cannot be evaluated."""
         self._held: tuple[int, bool | None] = (-1, None)
 
     def look(self) -> Outcome | None:
-        """Return whether the condition holds at this frame and by how much; None where it cannot be evaluated."""
+        """Return whether the condition holds at this frame, and its margin; None if it cannot be evaluated."""
         frame = self._conditions.frame
         if self._last is None or self._last[0] != frame:
             outcome, _ = self._look(self._condition, 0, positive=True)
@@ -58,12 +58,12 @@ class Watch:
         return self._last[1]
 
     def holds(self) -> bool:
-        """Whether the condition holds at this frame; without an outcome it does not."""
+        """Return whether the condition holds at this frame; without an outcome it does not."""
         outcome = self.look()
         return outcome is not None and outcome.held
 
     def held(self) -> bool | None:
-        """Return `truth` of this frame, as it was when it was first asked for."""
+        """Return `truth` of this frame, computed at the first call in the frame."""
         frame = self._conditions.frame
         if self._held[0] != frame:
             self._held = frame, self.truth()
@@ -75,13 +75,13 @@ class Watch:
 
     @property
     def runs(self) -> Runs:
-        """Since when what each `for` is about holds; only of those where it does."""
+        """The runs of those `for`s whose condition holds now, by their place."""
         return {number: window.run for number, window in self._windows.items() if window.run is not None}
 
     def _look(self, condition: Condition, number: int, *, positive: bool) -> tuple[Outcome | None, int]:
-        """Return the outcome of a part and the number of the part after it (`parts` counts outer ones first).
+        """Return the outcome of a part and the number of the next part (`parts` counts outer parts first).
 
-        `positive`: it stands under an even number of `not`.
+        `positive`: whether the part stands under an even number of `not`.
         """
         if isinstance(condition, Not):
             inner, after = self._look(condition.condition, number + 1, positive=not positive)
@@ -97,20 +97,20 @@ class Watch:
                 self._note(number, window.run)
             return window.outcome(), after
         if isinstance(condition, Both | Either):
-            found, after = [], number + 1
+            outcomes, after = [], number + 1
             for part in condition.conditions:
                 outcome, after = self._look(part, after, positive=positive)
-                found.append(outcome)
-            return (every if isinstance(condition, Both) else some)(found), after
+                outcomes.append(outcome)
+            return (every if isinstance(condition, Both) else some)(outcomes), after
         if number not in self._kinds:
             self._kinds[number] = kind_of(condition, self._conditions)
         return self._kinds[number].outcome(), number + 1
 
 
 class _Window:
-    """What a `for` remembers: the outcomes of its condition over the time that it asks for, from `now_s` on.
+    """The history of a `for`: the outcomes of its condition over the required duration, from `now_s` on.
 
-    `unsaid`: whether a frame without an outcome counts as holding, for `run`.
+    `unsaid`: whether a frame without an outcome counts as holding in `run`.
     """
 
     def __init__(self, condition: Sustained, now_s: float, *, unsaid: bool) -> None:
@@ -125,26 +125,26 @@ class _Window:
         self.run: Run | None = None
 
     def add(self, outcome: Outcome | None, now_s: float) -> bool:
-        """Take the outcome of one more frame; True when it now holds and did not before, or the other way round."""
+        """Add the outcome of the next frame; return whether the condition began or ceased to hold."""
         before_s, self._since_s = self._since_s, None
-        known = before_s is not None or (bool(self._seen) and self._seen[-1] is not None)
+        evaluated = before_s is not None or (bool(self._seen) and self._seen[-1] is not None)
         self._seen.append(outcome)
-        was = self.run
+        before = self.run
         if not (self._unsaid if outcome is None else outcome.held):
             self.run = None
-        elif was is None:
-            self.run = Run(now_s if before_s is None else before_s, known)
-        return (was is None) != (self.run is None)
+        elif before is None:
+            self.run = Run(now_s if before_s is None else before_s, evaluated)
+        return (before is None) != (self.run is None)
 
     def outcome(self) -> Outcome | None:
-        """Return whether it has held for so long; None while the run (or the step) is not that old, unless it failed
-        once."""
+        """Return whether the condition has held for the duration; None while the run (or step) is younger than that,
+        unless the condition failed once."""
         missing = len(self._seen) <= self._frames
         return every(self._seen, unknown=missing)
 
 
 class Expectations:
-    """What is expected of a run; `look` once a frame, `results` at its end.
+    """The `expect` lines of a run; call `look` once a frame and `results` at the end.
 
     `never` and `always` must hold at every frame with an outcome, `eventually` at one (within its time).
     """
@@ -154,7 +154,7 @@ class Expectations:
         self._conditions = conditions
 
     def look(self, time_s: float, *, ego_hit: bool) -> None:
-        """Look at a frame; `ego_hit`: the ego touches something (known already, so not computed again)."""
+        """Evaluate a frame; `ego_hit`: whether the ego touches another actor (already computed by the judge)."""
         self._conditions.ego_hit = ego_hit
         for watched in self._open:
             watched.look(time_s)
@@ -163,15 +163,15 @@ class Expectations:
         self._conditions.ego_hit = None
 
     def results(self) -> tuple[ExpectationResult, ...]:
-        """Return how each turned out, in the scenario's order."""
+        """Return the result of each expectation, in the scenario's order."""
         return tuple(watched.result() for watched in self._watched)
 
 
 class _Watched:
-    """One expectation; its margin is how far it was from the opposite.
+    """One expectation; its margin is the distance to the opposite result.
 
     Attributes:
-        settled: nothing can change it any more.
+        settled: whether its result cannot change any more.
     """
 
     def __init__(self, expect: Expect, conditions: Conditions) -> None:
@@ -191,7 +191,7 @@ class _Watched:
         if self._fact is not None:
             held = self._fact()
             if held is None or held is self._was:
-                return  # joined once more, the same outcome without a margin changes nothing
+                return  # an outcome without a margin that equals the last one does not change the result
             self._was = held
         outcome = self._watch.look()
         if outcome is None:
@@ -200,18 +200,20 @@ class _Watched:
             outcome = outcome.negated()
         join = some if self._expect.mode == "eventually" else every
         self._so_far = outcome if self._so_far is None else join((self._so_far, outcome))
-        # A fact that decides has no margin that another frame could change.
+        # The margin of a deciding fact cannot change in a later frame, as it has none.
         decides = self._so_far is not None and self._so_far.held == (self._expect.mode == "eventually")
         self.settled = decides and isinstance(self._expect.condition, Predicate)
 
     def result(self) -> ExpectationResult:
         text, name = print_item(self._expect), self._expect.name or ""
-        found = self._so_far
-        if found is None:  # it never had an outcome
+        outcome = self._so_far
+        if outcome is None:  # it never had an outcome
             return ExpectationResult(text, self._expect.mode != "eventually", name=name)
-        decides = text_of(found.decides) if found.decides is not None else ""
-        if not math.isfinite(found.margin):
-            return ExpectationResult(text, found.held, decides=decides, name=name)
-        to_si = UNITS[found.unit].to_si if found.unit else 1.0
-        value = round(found.value / to_si, 6) if math.isfinite(found.value) else None
-        return ExpectationResult(text, found.held, round(found.margin / to_si, 6), found.unit, decides, name, value)
+        decides = text_of(outcome.decides) if outcome.decides is not None else ""
+        if not math.isfinite(outcome.margin):
+            return ExpectationResult(text, outcome.held, decides=decides, name=name)
+        to_si = UNITS[outcome.unit].to_si if outcome.unit else 1.0
+        value = round(outcome.value / to_si, 6) if math.isfinite(outcome.value) else None
+        return ExpectationResult(
+            text, outcome.held, round(outcome.margin / to_si, 6), outcome.unit, decides, name, value
+        )

@@ -1,13 +1,13 @@
-"""Evaluates conditions against the running world, and by how much they hold.
+"""Evaluates conditions in the running simulation, with the margin by which they hold.
 
-Their definitions are those of `language.model.conditions`. Where a condition cannot be evaluated, because an actor is
-not there or does not come to the junction, it has no outcome and does not hold.
+Their definitions are those of `language.model.conditions`. A condition that cannot be evaluated, because an actor is
+absent or does not pass the junction, has no outcome and does not hold.
 
-By how much it holds is the robustness of signal temporal logic, kept within one dimension: the margin of a comparison
-is how far its measure is from the bound, positive where it holds. `and`, `always` and `for` take the smallest, `or` and
-`eventually` the largest, `not` turns the sign (Donze and Maler, "Robust Satisfaction of Temporal Logic over Real-Valued
-Signals", FORMATS 2010). Metres and seconds cannot be compared: across dimensions the margin is that of what decides
-whether the condition holds, of the first where several do.
+The margin is the robustness of signal temporal logic, restricted to one dimension: that of a comparison is the distance
+of its measure from the bound, positive if it holds. `and`, `always` and `for` take the smallest margin, `or` and
+`eventually` the largest, `not` changes the sign (Donze and Maler, "Robust Satisfaction of Temporal Logic over
+Real-Valued Signals", FORMATS 2010). Metres and seconds cannot be compared: across dimensions the margin is that of the
+first part that decides whether the condition holds.
 """
 
 from __future__ import annotations
@@ -34,32 +34,32 @@ _Between = Literal["eta", "distance", "ttc", "ttc_along", "headway", "lateral", 
 
 
 class Eyes(Protocol):
-    """What sees: the ego's sensors."""
+    """The ego's sensors."""
 
     def reports(self, actor: str) -> bool:
-        """Say whether they report an actor now."""
+        """Return whether they report an actor at the current frame."""
         ...
 
 
 class Sightlines(Protocol):
-    """Bare lines of sight."""
+    """Lines of sight between actors, without sensors."""
 
     def clear(self, eye: str, actor: str) -> bool:
-        """Say whether nothing hides an actor from another."""
+        """Return whether nothing hides an actor from another one."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Whether a condition holds at a frame, and by how much.
+    """Whether a condition holds at a frame, and its margin.
 
     Attributes:
-        held: it does.
-        margin: in the SI unit of `unit`, positive where the condition holds; NaN where there is no number.
-        unit: the unit word of what decides, as its author wrote it; "" where there is no number.
-        decides: the part that decides.
-        dimension: of the margin; margins of one dimension can be compared.
-        value: what was compared with the bound, in the same SI unit; NaN where nothing is compared.
+        held: whether it holds.
+        margin: in the SI unit of `unit`, positive if the condition holds; NaN without a number.
+        unit: unit word of the deciding part, as its author wrote it; "" without a number.
+        decides: the deciding part.
+        dimension: dimension of the margin; margins of one dimension can be compared.
+        value: the value compared with the bound, in the same SI unit; NaN without a comparison.
     """
 
     held: bool
@@ -70,12 +70,12 @@ class Outcome:
     value: float = math.nan
 
     def negated(self) -> Outcome:
-        """Return the outcome of the opposite."""
+        """Return the outcome of the negated condition."""
         return replace(self, held=not self.held, margin=-self.margin)
 
 
 class Conditions:
-    """Evaluates conditions at the frame that a simulation is at; `condition_history` follows them over time."""
+    """Evaluates conditions at the simulation's current frame; `condition_history` follows them over time."""
 
     def __init__(
         self,
@@ -85,8 +85,11 @@ class Conditions:
         eyes: Eyes | None = None,
         sightlines: Sightlines | None = None,
     ) -> None:
-        """Evaluate conditions of one run. `eyes`: the ego's sensors; `sightlines`: None, like `eyes`, where nothing is
-        seen."""
+        """Evaluate conditions of one run.
+
+        `eyes`, `sightlines`: the ego's sensors and the lines of sight; without them conditions about sight have no
+        outcome.
+        """
         self.simulation, self.signals = simulation, signals
         self.eyes, self.sightlines = eyes, sightlines
         self.outlines = outlines_of(simulation.network)
@@ -96,20 +99,20 @@ class Conditions:
         self.rows = {actor.id: row for row, actor in enumerate(simulation.actors)}
         self.ways = Ways(simulation)
         self.ego_hit: bool | None = None
-        """Whether the ego touches anything at this frame, where that is known already."""
+        """Whether the ego touches another actor at this frame; None if it was not computed yet."""
 
     @property
     def frame(self) -> int:
-        """The frame that the simulation is at."""
+        """The simulation's current frame."""
         return self.simulation.frame
 
     @property
     def time_s(self) -> float:
-        """Its time."""
+        """The simulation's current time, s."""
         return self.simulation.time_s
 
     def arrived(self, name: str) -> bool:
-        """Whether an actor has reached its goal: the ego's point, a path's end, the end of a route."""
+        """Return whether an actor has reached its goal: the ego's goal, a path's end, or the end of a route."""
         actor = self.simulation.by_id.get(name)
         if actor is None:
             return False
@@ -122,7 +125,7 @@ class Conditions:
         return not actor.present
 
     def collides(self, name: str) -> bool:
-        """Whether an actor touches another."""
+        """Return whether an actor touches another one."""
         if name == "ego" and self.ego_hit is not None:
             return self.ego_hit
         actor = self.actor(name)
@@ -133,38 +136,38 @@ class Conditions:
         return float(gap(self.states, self.sizes, self.rows[actor.id], self.rows[other.id]))
 
     def actor(self, name: str | None) -> Actor | None:
-        """Return an actor that is present; None for any other name."""
+        """Return the present actor with this name; None without one."""
         actor = self.simulation.by_id.get(name or "")
         return actor if actor is not None and actor.present else None
 
     def is_junction(self, name: str) -> bool:
-        """Whether a name is a junction's; an actor of the same name comes first."""
+        """Return whether a name is that of a junction; an actor with the same name takes precedence."""
         return name not in self.simulation.by_id and self.simulation.network.is_junction(name)
 
 
 def every(outcomes: Iterable[Outcome | None], *, unknown: bool = False) -> Outcome | None:
-    """Return the outcome of `and`: one that does not hold decides; else none where one of them has none, or with
+    """Return the outcome of `and`: a part that does not hold decides; otherwise None if a part has no outcome, or with
     `unknown`."""
     return _joined(tuple(outcomes), enough=False, unknown=unknown)
 
 
 def some(outcomes: Iterable[Outcome | None]) -> Outcome | None:
-    """Return the outcome of `or`. One that holds decides; otherwise it has none where one has none."""
+    """Return the outcome of `or`: a part that holds decides; otherwise None if a part has no outcome."""
     return _joined(tuple(outcomes), enough=True, unknown=False)
 
 
 def _joined(outcomes: tuple[Outcome | None, ...], *, enough: bool, unknown: bool) -> Outcome | None:
-    """Join outcomes of which one with `held == enough` is enough to decide.
+    """Join outcomes of which one with `held == enough` decides.
 
-    The margin is that of a part that decides: of those in the dimension of the first, the nearest to the opposite for
-    `and`, the furthest from it for `or`.
+    The margin is that of a deciding part: of those with the dimension of the first, the smallest for `and`, the largest
+    for `or`.
     """
-    known = [outcome for outcome in outcomes if outcome is not None]
-    deciding = [outcome for outcome in known if outcome.held == enough]
+    present = [outcome for outcome in outcomes if outcome is not None]
+    deciding = [outcome for outcome in present if outcome.held == enough]
     if not deciding:
-        if unknown or len(known) < len(outcomes):
+        if unknown or len(present) < len(outcomes):
             return None
-        deciding = known
+        deciding = present
     numbers = [outcome for outcome in deciding if not math.isnan(outcome.margin)]
     if not numbers:
         return deciding[0]

@@ -1,7 +1,7 @@
-"""Triggers and what they set off: actors start, stop, change speed or lane, ignore rules, or meet another actor.
+"""Carries out triggers: actors start, stop, change speed or lane, ignore rules, or meet another actor.
 
-Everything that takes effect is noted as an event: the steps of triggers (see `trigger`), `place` (where a place on an
-actor's route is), and what each actor does. What a clip needs that begins in between is recorded beside them (see
+Each effect is recorded as an event: the steps of triggers (see `trigger`), `place` (the position of a place on an
+actor's route), and each actor's actions. The state that a clip needs to begin in between is recorded too (see
 `record`).
 """
 
@@ -34,13 +34,14 @@ from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.record import DirectorRecord, Order
 from foresee_dsl.simulate.triggers.trigger import IsComplete, Trigger
 
-_Told = TypeVar("_Told", bound=m.Item)
+_Item = TypeVar("_Item", bound=m.Item)
 IN_LANE_M = 0.2
-"""An actor this near to a lane's middle is in the lane. Ours: the slack that drivers keep in a lane is larger."""
+"""Distance from a lane's centreline within which an actor has reached the lane, m. Ours: drivers deviate more in a
+lane."""
 
 
 class Director:
-    """Watches the triggers of a scene and begins what they set off, from the first frame on."""
+    """Evaluates the triggers of a scene and begins their actions, from the first frame on."""
 
     def __init__(self, simulation: Simulation, conditions: Conditions, recorder: Recorder) -> None:
         self._simulation, self._conditions, self._recorder = simulation, conditions, recorder
@@ -48,19 +49,19 @@ class Director:
         self._latest_path: dict[str, object] = {}
         self._strays: list[tuple[float, m.ChangesLine]] = []
         self._things: list[Order] = []
-        # On a route, places depend on where its actor starts.
+        # The position of a place on a route depends on where its actor starts.
         self._places = {text_of(place, frozenset()): at for place, at in simulation.scene.places.items()}
         self._begin()
         self._triggers = [Trigger(index, when, conditions, self) for index, when in enumerate(simulation.scene.whens)]
 
     def step(self) -> None:
-        """Look at the frame that the simulation is at; what follows takes effect in the next step."""
+        """Evaluate the triggers at the current frame; their orders take effect in the next step."""
         if not (self._triggers or self._strays or self._orders.any()):
             return
         for trigger in self._triggers:
             trigger.look()
         self._orders.take_effect()
-        # What is complete now lets the next step begin now; an order that it gives may be complete at once.
+        # A completed action lets the next one begin in the same step; its order may be complete at once.
         while True:
             self._orders.new.clear()
             for trigger in self._triggers:
@@ -75,7 +76,7 @@ class Director:
             trigger.record()
 
     def record(self) -> DirectorRecord:
-        """Return what is recorded of the run so far."""
+        """Return the record of the run so far."""
         orders = {actor: tuple(states) for actor, states in self._orders.recorded.items()}
         triggers = tuple(tuple(trigger.states) for trigger in self._triggers)
         return DirectorRecord(triggers, orders, self._places, tuple(self._things))
@@ -83,16 +84,16 @@ class Director:
     # --- what triggers need ----------------------------------------------------------------------------------------
 
     def event(self, what: str, detail: dict[str, Any], actor: str = "") -> None:
-        """Note something about a trigger, or what an actor does."""
+        """Record an event of a trigger or of an actor."""
         self._recorder.event(self._simulation.time_s, actor, what, detail)
 
     def act(self, action: m.Action) -> IsComplete:
-        """Begin an action; what comes back says whether it is complete."""
+        """Begin an action; return a function that returns whether it is complete."""
         if isinstance(action, m.Wait):
             until = self._simulation.time_s + si_of(action.duration)
             return lambda: self._simulation.time_s >= until - STEP_S / 100
         if isinstance(action, m.Then):
-            raise TypeError("a block is no action of its own: `Sequence` goes through it")
+            raise TypeError("a block is not an action of its own: `Sequence` goes through it")
         match action:
             case m.TurnsTo():
                 return self._turn(action)
@@ -103,7 +104,7 @@ class Director:
         action = self._settled(action)
         self._orders.record(action, action.actor)
         actor = self._simulation.by_id.get(action.actor)
-        if actor is None or not actor.present:  # one of the traffic may have found no room
+        if actor is None or not actor.present:  # an actor of the traffic may not have been placed
             return _at_once
         complete = self._begin_action(actor, action)
         return lambda: not actor.present or complete()
@@ -162,9 +163,9 @@ class Director:
             self.event("place", {"text": text, "x": x, "y": y})
 
     def _stray(self, time_s: float) -> None:
-        """Let those go to another line, or back, whose time has come."""
+        """Let actors whose time has come go to another line, or back."""
         due = [(at, action) for at, action in self._strays if time_s >= at - STEP_S / 100]
-        self._strays = [one for one in self._strays if one not in due]
+        self._strays = [stray for stray in self._strays if stray not in due]
         for _, action in due:
             self.act(action)
 
@@ -177,10 +178,10 @@ class Director:
         meeting = Meeting(self._simulation, self._recorder, actor, meets)
         if actor.placed.timing == 1.0:
             return self._orders.give(actor, meeting)
-        # It would make up for its `timing`: it drives on as it would have driven now, times the factor.
+        # A meeting would compensate the actor's `timing`; instead the actor drives at the speed of now, times `timing`.
         if not meeting.over():
             self._orders.end(actor)
-            self._simulation.cruise_mps[actor.id] = meeting.asked() * actor.placed.timing
+            self._simulation.cruise_mps[actor.id] = meeting.pace_mps() * actor.placed.timing
             self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
         return self._orders.note(actor, meeting)
 
@@ -212,7 +213,7 @@ class Director:
         return lambda: self._in_lane(actor, target)
 
     def _in_lane(self, actor: Actor, target: str) -> bool:
-        """Whether an actor has come to a lane, or cannot: there is none, or it has driven on to another road."""
+        """Return whether an actor has reached a lane, or cannot: there is none, or it is on another road by now."""
         lane = self._simulation.network.lanes.get(target)
         if (
             lane is None
@@ -247,22 +248,22 @@ class Director:
         self.event("stops_at", detail, actor.id)
         if not halt.missed:
             return self._orders.give(actor, halt)
-        # It drives on, and whatever it was told before is over.
+        # It drives on, and its earlier speed order ends.
         self._orders.end(actor)
         self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
         self._orders.note(actor, halt)
         return _at_once
 
-    def _settled(self, action: _Told) -> _Told:
-        """Return an action with points for the places relative to actors, which move on: those where they are now."""
-        found: dict[str, m.Point] = {}
+    def _settled(self, action: _Item) -> _Item:
+        """Return an action with the current points instead of places relative to moving actors."""
+        points: dict[str, m.Point] = {}
         for field, value in fields_of(action):
             if isinstance(value, m.OfActor) and "." not in field and (at := self._at(value)) is not None:
-                found[field] = m.Point(x=m.Quantity.of(at[0], "length", 4), y=m.Quantity.of(at[1], "length", 4))
-        return action.model_copy(update=found) if found else action
+                points[field] = m.Point(x=m.Quantity.of(at[0], "length", 4), y=m.Quantity.of(at[1], "length", 4))
+        return action.model_copy(update=points) if points else action
 
     def _at(self, where: m.AtStop | m.Place) -> tuple[float, float] | None:
-        """Return where a place is now, m; None where the actor that it is relative to is not there."""
+        """Return the current x and y of a place, m; None if it is relative to an absent actor."""
         if isinstance(where, m.Point):
             return si_of(where.x), si_of(where.y)
         if isinstance(where, m.OfActor):
@@ -271,7 +272,7 @@ class Director:
         return self._simulation.scene.places[where]
 
     def _spot_on(self, actor: Actor, where: m.AtStop | m.Place) -> StopSpot:
-        """Return where a place is on an actor's way."""
+        """Return the position of a place along an actor's route."""
         progress = self._simulation.progress
         at = self._at(where)
         s = math.nan if at is None else progress.along(actor, *at)
@@ -288,7 +289,7 @@ class Director:
             detail |= {"way": action.way, "gap": si_of(action.gap), "timed": action.gap_is_time}
         self.event(action.kind, detail, actor.id)
         other = self._simulation.by_id.get(action.other)
-        if other is None:  # one of the traffic may have found no room
+        if other is None:  # an actor of the traffic may not have been placed
             return _at_once
         command: Command
         match action:
@@ -308,21 +309,21 @@ class Director:
     def _reverse(self, actor: Actor, action: m.Reverses) -> IsComplete:
         self.event("reverses", {"length_m": si_of(action.length), "speed_mps": si_of(action.speed)}, actor.id)
         if not isinstance(actor, GuidedVehicle) or actor.guide is not None:
-            return _at_once  # it follows no lane
+            return _at_once  # it does not follow a lane
         return self._orders.give(actor, Reverse(self._simulation, actor, si_of(action.length), si_of(action.speed)))
 
     def _follow_path(self, actor: Actor, action: m.FollowsPath) -> IsComplete:
         points = [at for place in action.points if (at := self._at(place)) is not None]
         self.event("follows_path", {"points": points, "joins": bool(action.edges)}, actor.id)
         if len(points) < len(action.points) or not isinstance(actor, PathActor | GuidedVehicle):
-            return _at_once  # an actor whose place is asked for is not there; a steered one has left its way
-        found = None
+            return _at_once  # a point's actor is absent, or this actor is steered and has left its lane
+        joined = None
         if action.edges and isinstance(actor, GuidedVehicle):
-            with contextlib.suppress(RouteError):  # a place relative to an actor may be on no lane of theirs
+            with contextlib.suppress(RouteError):  # a place relative to an actor may be off the edges' lanes
                 kind = lane_kind(actor.placed.model)
-                found = joined_way(self._simulation.network, action.edges, points[-1], kind)
-        path = self._simulation.follow_path(actor, points, found)
-        joins = found[0] if found is not None else ()
+                joined = joined_way(self._simulation.network, action.edges, points[-1], kind)
+        path = self._simulation.follow_path(actor, points, joined)
+        joins = joined[0] if joined is not None else ()
         self._orders.record_path(actor, path, joins)
         order = self._latest_path[actor.id] = object()
         return lambda: self._latest_path[actor.id] is not order or self._simulation.path_done(actor)
@@ -342,7 +343,7 @@ class Director:
             detail = {"other": action.other, "side": word_of(action.side), "room_m": si_of(action.room)}
             self.event("keeps_beside", detail, actor.id)
         if vehicle is None or vehicle.id not in self._simulation.world:
-            return _at_once  # it follows no lane
+            return _at_once  # it does not follow a lane
         if isinstance(action, m.ChangesLine):
             order = Shift(self._simulation, vehicle, action)
         elif action.other in self._simulation.by_id:
@@ -351,7 +352,7 @@ class Director:
             return _at_once
         return self._orders.give_sideways(actor, order)
 
-    # --- actions of nobody -----------------------------------------------------------------------------------------
+    # --- actions without an actor ----------------------------------------------------------------------------------
 
     def _turn(self, action: m.TurnsTo) -> IsComplete:
         junction, stage = word_of(action.junction), word_of(action.stage)
@@ -379,12 +380,12 @@ class Director:
 
 
 def _at_once() -> bool:
-    """An action that is complete when it has begun."""
+    """Return True: the action is complete as soon as it has begun."""
     return True
 
 
 def _there_and_back(actor: str, strays: Timed) -> list[tuple[float, m.ChangesLine]]:
-    """Return when an actor goes to its line of a time, and when it goes back."""
+    """Return the times and actions with which an actor goes to its temporary line and back."""
     there = m.ChangesLine(actor=actor, to=m.Quantity.of(strays.value, "length", 4))
     back = there.model_copy(update={"to": m.Quantity.of(0.0, "length", 4)})
     return [(at, action) for at, action in ((strays.from_s, there), (strays.until_s, back)) if math.isfinite(at)]

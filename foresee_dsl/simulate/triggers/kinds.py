@@ -1,8 +1,8 @@
-"""What each kind of condition means in a run: one class a kind, bound to the run and its actors.
+"""Evaluates each kind of condition in a run: one class per kind, bound to the run and its actors.
 
-A kind says by how much it holds (`outcome`), whether it holds where that is cheaper (`truth`), what a look costs, and
-how far off a fact without a number is (`away`). `condition_history` joins kinds by `and`, `or`, `not` and `for`;
-`truth_of` joins their truths, of which the parts that cost least are looked at first.
+A kind computes its outcome with the margin (`outcome`), only its truth where that is cheaper (`truth`), the cost of an
+evaluation, and the distance of a fact from holding (`away`). `condition_history` joins kinds by `and`, `or`, `not` and
+`for`; `truth_of` joins their truths and evaluates the cheapest parts first.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
 from foresee_dsl.simulate.triggers.measures import Cost, cost_of, measured
 
 Truth = Callable[[], bool | None]
-"""Says whether a condition holds now; None where it cannot be evaluated."""
+"""Returns whether a condition holds now; None if it cannot be evaluated."""
 
 
 class Kind:
     """A condition without parts, in one run.
 
     Attributes:
-        cost: of a look at its truth.
+        cost: cost of evaluating its truth.
     """
 
     def __init__(self, condition: m.Condition, run: Conditions) -> None:
@@ -37,34 +37,34 @@ class Kind:
         self.cost = cost_of(condition, run)
 
     def outcome(self) -> Outcome | None:
-        """Return whether it holds now and by how much; None where it cannot be evaluated."""
+        """Return whether it holds now, and its margin; None if it cannot be evaluated."""
         raise NotImplementedError
 
     def truth(self) -> bool | None:
-        """Return whether it holds now; None where it cannot be evaluated."""
+        """Return whether it holds now; None if it cannot be evaluated."""
         outcome = self.outcome()
         return None if outcome is None else bool(outcome.held)
 
     def away(self) -> tuple[float, str] | None:
-        """Return how far off a fact without a number is, m, and why; None where that has no distance."""
+        """Return the distance of a fact from holding, m, and the reason; None if it has no distance."""
         return None
 
     def fact(self, held: bool) -> Outcome:
-        """Return the outcome of a condition that is no comparison."""
+        """Return the outcome of a condition that is not a comparison."""
         return Outcome(held, decides=self.condition)
 
     def judged(self, held: bool, slack: float, bound: m.AnyValue, value: float) -> Outcome:
-        """Return the outcome of a comparison with a bound, in whose unit the margin is."""
+        """Return the outcome of a comparison with a bound; the margin has the bound's unit."""
         quantity = quantity_of(bound)
         return Outcome(held, slack, quantity.unit, self.condition, quantity.dimension, value)
 
 
 class _Compared(Kind):
-    """`ego.speed < 3 m/s`: a measure, compared with a bound."""
+    """`ego.speed < 3 m/s`: a comparison of a measure with a bound."""
 
     def __init__(self, condition: m.Comparison, run: Conditions) -> None:
         if not isinstance(condition.left, m.Measure):
-            raise TypeError(f"`{condition.left!r}` says nothing about a run")
+            raise TypeError(f"`{condition.left!r}` is not a measure of a run")
         super().__init__(condition, run)
         self._bound, self._right = si_of(condition.right), condition.right
         self._above, self._equal = condition.op[0] == ">", condition.op[-1] == "="
@@ -144,7 +144,7 @@ class _InAnyJunction(Kind):
         away = math.nan if actor is None else self._away(actor)
         if math.isnan(away):
             return None
-        # How deep it is inside means nothing.
+        # There is no margin inside: the depth inside a junction is meaningless.
         return Outcome(False, -away, "m", self.condition, "length") if away > 0 else self.fact(True)
 
     def _away(self, actor: Actor) -> float:
@@ -177,7 +177,7 @@ class _InJunction(_InAnyJunction):
 
 
 class _Beside(Kind):
-    """`a ahead of b`, `a behind b`, `a in lane of b`, `a in lane 1`: where an actor is along and across the ways."""
+    """`a ahead of b`, `a behind b`, `a in lane of b`, `a in lane 1`: an actor's position along and across a way."""
 
     def __init__(self, condition: m.Ahead | m.Behind | m.SameLane | m.InLane, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -205,7 +205,7 @@ class _Beside(Kind):
 
 
 class _Seen(Kind):
-    """`ego sees walker`, by its sensors; `walker in sight of bus`, by a bare line of sight."""
+    """`ego sees walker`, by its sensors; `walker in sight of bus`, by a line of sight."""
 
     def __init__(self, condition: m.Sees | m.InSight, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -271,18 +271,18 @@ class _Signalled(Kind):
         self._state = word_of(condition.state)
 
     def outcome(self) -> Outcome | None:
-        signal, shown = self.run.signals.get(self._junction), self.run.simulation.world.signals
+        signal, lights = self.run.signals.get(self._junction), self.run.simulation.world.signals
         if signal is None:
             return None
         if self._actor is None:
-            stage, _ = shown.stage(signal.tls)
+            stage, _ = lights.stage(signal.tls)
             return self.fact(signal.stages[stage] == self._state)
         actor = self.run.actor(self._actor)
         link = None if actor is None else self._link(actor, signal.tls)
-        return None if link is None else self.fact(shown.colour(*link) == self._state)
+        return None if link is None else self.fact(lights.colour(*link) == self._state)
 
     def _link(self, actor: Actor, tls: str) -> tuple[str, int] | None:
-        """Return which signal, and which of its links, an actor has to look at until it has left the junction."""
+        """Return the signal and the link that apply to an actor until it has left the junction."""
         if isinstance(actor, PathActor):
             stops = actor.placed.walk_stops
             return next(((name, link) for _, leaves, name, link in stops if name == tls and leaves > actor.along), None)
@@ -316,7 +316,7 @@ def kind_of(condition: m.Condition, run: Conditions) -> Kind:
         case m.Shows():
             kind = _Signalled(condition, run)
         case m.Equals():
-            raise TypeError("a condition about a parameter says nothing about a run")
+            raise TypeError("a condition about a parameter cannot be evaluated in a run")
         case m.Sustained() | m.Not() | m.Both() | m.Either():
             raise TypeError(f"{condition.kind} has parts: `condition_history.Watch` evaluates it")
         case _:
@@ -333,8 +333,8 @@ class _Costing(NamedTuple):
 
 
 def truth_of(condition: m.Condition, run: Conditions) -> Truth | None:
-    """Return a function that says whether a condition holds at the frame that a run is at; None for one with a `for`,
-    which has to be followed from frame to frame."""
+    """Return a function that returns whether a condition holds at the current frame; None for a condition with a `for`,
+    which must be followed from frame to frame."""
     if any(isinstance(part, m.Sustained) for part in parts(condition)):
         return None
     return _costing(condition, run).truth
@@ -362,7 +362,7 @@ def _opposite(truth: Truth) -> bool | None:
 def _joined(every_step: tuple[Truth, ...], rest: tuple[Truth, ...], enough: bool) -> bool | None:
     """Join the parts of an `or` (`enough`: True) or an `and` (False): one part that is `enough` decides.
 
-    `every_step`: parts that are looked at in every step. `rest`: those that are looked at until one decides.
+    `every_step`: parts that are evaluated in every step. `rest`: parts that are evaluated until one decides.
     """
     decided, unknown = False, False
     for truth in every_step:

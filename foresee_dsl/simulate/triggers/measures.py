@@ -1,4 +1,4 @@
-"""What each measure of a condition is in a run (`ego.speed`, `distance(a, b)`), and what a look at it costs."""
+"""Computes the measures of conditions in a run (`ego.speed`, `distance(a, b)`), and ranks them by their cost."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from foresee_dsl.simulate.triggers.conditions import Conditions
 
 
 class Cost(IntEnum):
-    """What a look at a condition costs; the parts of an `and` or `or` are looked at in this order.
+    """Cost of evaluating a condition; the parts of an `and` or `or` are evaluated in this order.
 
-    A look along a SUMO vehicle's line begins where the last one ended, so that a condition which depends on that is
-    looked at in `EVERY_STEP`, whatever the other parts say. Of the others, `NUMBER` reads one number of the state
-    table, `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and `MARGIN` the whole
-    outcome.
+    Projecting a SUMO vehicle onto its line is incremental, so a condition that uses it must be evaluated in
+    `EVERY_STEP`, even when another part already decides. Of the others, `NUMBER` reads one number of the state table,
+    `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and `MARGIN` computes the
+    whole outcome.
     """
 
     EVERY_STEP = 0
@@ -36,7 +36,7 @@ class Measured:
     """A measure in one run.
 
     Attributes:
-        cost: of a look at its value.
+        cost: cost of computing its value.
     """
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
@@ -44,11 +44,11 @@ class Measured:
         self.name, self.other = measure.actor or "", word_of(measure.other or "")
 
     def value(self) -> float:
-        """Return its value now; NaN where there is none."""
+        """Return its current value; NaN without one."""
         raise NotImplementedError
 
     def until(self, bound: float) -> float:
-        """Return its value, or infinity where that is surely above a bound."""
+        """Return its value, or infinity if the value is certainly above a bound."""
         del bound
         return self.value()
 
@@ -77,7 +77,7 @@ class _State(Measured):
 
 
 class _ToJunction(Measured):
-    """`distance(a, j4)`, `a.eta(j4)`: along the route to where it enters a junction."""
+    """`distance(a, j4)`, `a.eta(j4)`: along the route to the point where it enters a junction."""
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
         super().__init__(measure, run)
@@ -123,7 +123,7 @@ class _BetweenFootprints(Measured):
 
 
 class _Offset(Measured):
-    """`a.offset`: from the middle of its lane."""
+    """`a.offset`: lateral distance from its lane's centreline."""
 
     def value(self) -> float:
         actor = self.run.actor(self.name)
@@ -136,7 +136,7 @@ class _AlongTheWay(Measured):
 
     def value(self) -> float:
         actor, other = self.run.actor(self.name), self.run.actor(self.other)
-        if actor is None or other is None:  # one of the traffic may have found no room
+        if actor is None or other is None:  # an actor of the traffic may not have been placed
             return math.nan
         if self.what == "lateral":
             return self.run.ways.lateral_m(actor, other)
@@ -172,13 +172,13 @@ def measured(measure: m.Measure, run: Conditions) -> Measured:
 
 
 def _looks_anywhere(actor: Actor, run: Conditions) -> bool:
-    """Whether it makes no difference when the place of an actor on its line was looked up before: that of the ego is
-    looked up in every frame, that of an actor on a path is known."""
+    """Return whether an actor's position on its line does not depend on earlier projections: the ego is projected in
+    every frame, and an actor on a path has its length along it."""
     return actor is run.simulation.ego or isinstance(actor, PathActor)
 
 
 def cost_of(item: m.Condition | m.Measure, run: Conditions) -> Cost:
-    """Return what a look at the whole outcome of a condition, or at a measure, costs."""
+    """Return the cost of computing the whole outcome of a condition, or a measure."""
     by_id = run.simulation.by_id
     actors = (by_id.get(name) for name in (getattr(item, "actor", None), getattr(item, "other", None)) if name)
     anywhere = all(actor is None or _looks_anywhere(actor, run) for actor in actors)

@@ -1,4 +1,4 @@
-"""How far actors have come along their routes, and how far it is to a junction or to where two routes meet."""
+"""Lengths along the actors' routes: their progress, and the distances to junctions and to crossings of two routes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import Actor
 
 AROUND_M = 2.0
-"""Routes are taken to meet in a junction when they do within this much around it. Ours: crossings lie at its edge."""
+"""Margin around a junction within which two routes count as meeting in it, m. Ours: crossings lie at its edge."""
 
 BESIDE_M = 8.0
-"""An actor comes by a place that is no further than this beside its way. Ours: two lanes and a bit."""
+"""Lateral distance from its line within which an actor passes a place, m. Ours: slightly more than two lanes."""
 
 
 class Progress:
-    """Lengths along routes and paths; a look-up of one actor at one frame is done once."""
+    """Lengths along routes and paths; each actor is projected at most once per frame."""
 
     def __init__(self, network: RoadNetwork, actors: Sequence[Actor]) -> None:
         self._network = network
@@ -41,7 +41,7 @@ class Progress:
         self._spans: dict[tuple[str, str], tuple[float, float] | None] = {}
 
     def of(self, actor: Actor, frame: int) -> tuple[float, float]:
-        """Return the length along its line of an actor's centre, and how far it is to the left of it; NaN without a
+        """Return the length of an actor's centre along its line, and its distance to the left of it, m; NaN without a
         line."""
         last = self._last.get(actor.id)
         if last is not None and last[0] == frame:
@@ -60,20 +60,19 @@ class Progress:
         return s, lateral
 
     def front(self, actor: Actor, frame: int) -> float:
-        """Return the length along its line of an actor's front (a pedestrian's middle)."""
+        """Return the length of an actor's front (of a pedestrian: centre) along its line, m."""
         s, _ = self.of(actor, frame)
         return s if actor.placed.model.kind == "pedestrian" else s + actor.length / 2
 
     def span(self, actor: Actor, junction: str) -> tuple[float, float] | None:
-        """Return where an actor's line enters a junction and leaves it, None when it does not come there."""
+        """Return the lengths at which an actor's line enters and leaves a junction, m; None if it does not pass it."""
         key = (actor.id, junction)
         if key not in self._spans:
             self._spans[key] = self._find_span(actor, junction)
         return self._spans[key]
 
     def to_junction(self, actor: Actor, junction: str, frame: int) -> float:
-        """Return how far an actor's front has to go into a junction, negative once it is in; NaN where it does not come
-        there."""
+        """Return the distance from an actor's front to a junction, m, negative inside; NaN if it does not pass it."""
         span = self.span(actor, junction)
         return math.nan if span is None else span[0] - self.front(actor, frame)
 
@@ -96,7 +95,7 @@ class Progress:
         self._spans = {key: span for key, span in self._spans.items() if key[0] != actor.id}
 
     def along(self, actor: Actor, x: float, y: float) -> float:
-        """Return the length along an actor's line where a place is; NaN without a line, or if it does not come by."""
+        """Return the length of a place along an actor's line, m; NaN without a line, or if it does not pass there."""
         line = self._lines.get(actor.id)
         if line is None:
             return math.nan
@@ -104,27 +103,28 @@ class Progress:
         return s if abs(beside) <= BESIDE_M and 0.0 <= s <= line.length_m else math.nan
 
     def ahead_of(self, actor: Actor, other: Actor) -> float:
-        """Return how far another actor's centre is ahead of an actor's along its line, m; NaN without a line."""
+        """Return the distance of another actor's centre ahead of an actor's centre, along the line of the latter, m;
+        NaN without a line."""
         line = self._lines.get(actor.id)
         if line is None:
             return math.nan
         return line.project(other.x, other.y)[0] - line.project(actor.x, actor.y)[0]
 
     def beside(self, actor: Actor, other: Actor) -> float:
-        """Return how far another actor's centre is to the left of an actor's line, m; NaN without a line."""
+        """Return the distance of another actor's centre to the left of an actor's line, m; NaN without a line."""
         line = self._lines.get(actor.id)
         return math.nan if line is None else line.project(other.x, other.y)[1]
 
     def inside(self, actor: Actor, frame: int) -> float:
-        """Return how far an actor's front has come into the junction that it is on, m; 0 when it is on none."""
+        """Return the distance of an actor's front inside its current junction, m; 0 outside junctions."""
         if not actor.lane.startswith(":"):
             return 0.0
         return max(0.0, next((-room for _, room in self.ahead(actor, frame, 0.0)), 0.0))
 
-    def meeting(self, one: Actor, other: Actor, junction: str) -> tuple[float, float] | None:
-        """Return the lengths along both lines of the point where they first come together in a junction; None where one
-        has no line or they come nowhere near each other there."""
-        a, b = self._lines.get(one.id), self._lines.get(other.id)
+    def meeting(self, actor: Actor, other: Actor, junction: str) -> tuple[float, float] | None:
+        """Return the lengths along both lines of the first point where they meet in a junction, m; None if an actor has
+        no line or a line does not pass the junction."""
+        a, b = self._lines.get(actor.id), self._lines.get(other.id)
         if a is None or b is None:
             return None
         area = shapely.buffer(self._polygon(junction), AROUND_M)
@@ -133,7 +133,7 @@ class Progress:
         if mine.is_empty or theirs.is_empty:
             return None
         shared = shapely.intersection(mine, theirs)
-        if shared.is_empty:  # they run side by side: where they are nearest
+        if shared.is_empty:  # they run side by side: take the nearest points
             near = shapely.get_coordinates(shapely.shortest_line(mine, theirs))
             return a.project(*near[0].tolist())[0], b.project(*near[1].tolist())[0]
         points = shapely.get_coordinates(shared)
@@ -143,8 +143,8 @@ class Progress:
         route = actor.placed.line
         if route is not None and not isinstance(actor, PathActor):
             s, _ = self.of(actor, -1)
-            found = route.over(junction)
-            passage = next((p for p in found if p.exit_s > s), None) or (found[-1] if found else None)
+            passages = route.over(junction)
+            passage = next((p for p in passages if p.exit_s > s), None) or (passages[-1] if passages else None)
             return (passage.entry_s, passage.exit_s) if passage is not None else None
         line = self._lines.get(actor.id)
         if line is None:

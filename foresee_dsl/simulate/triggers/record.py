@@ -1,7 +1,7 @@
-"""What the director of a run records of itself, for clips that begin in the middle of the run.
+"""The record of a run's triggers and orders, for clips that begin in the middle of the run.
 
-Each trigger and each actor has its states in the order of time. A state holds from its `time_s` on until the next one;
-one is added at the end of a frame at which something has changed.
+Each trigger and each actor has a list of states in order of time. A state is valid from its `time_s` until the next
+one; a state is added at the end of a frame in which it changed.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
 
 Place = tuple[int, ...]
-"""Where an action is in a trigger: the numbers of the actions from the trigger's block inwards."""
+"""Place of an action in a trigger: the indices of the actions from the trigger's block inwards."""
 _ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Since when what a `for` is about holds without a break.
+    """The time for which the condition of a `for` has held without interruption.
 
     Under an odd number of `not`, a frame without an outcome counts as holding: only a false `for` matters there.
 
     Attributes:
-        since_s: in the run, or before it (`for 2 s since -1.30 s`).
-        known: that it did not hold just before; False where it was not evaluated then, or had no outcome.
+        since_s: time from which it holds, in the run or before it (`for 2 s since -1.30 s`).
+        known: whether it is known not to have held just before; False if it was not evaluated then or had no outcome.
     """
 
     since_s: float
@@ -37,7 +37,7 @@ class Run:
 
 
 Runs = dict[int, Run]
-"""The runs of a condition, by the place of each `for` among the condition's `parts`; only of those that hold."""
+"""The runs of a condition's `for`s that hold, by their place among the condition's `parts`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +45,9 @@ class BlockState:
     """A block of actions that has begun.
 
     Attributes:
-        began_s: when. complete: the numbers of the actions that are.
-        waits: of each `then when` that looks at its condition, the runs.
-        inner: the blocks inside it that have begun and are not complete.
+        began_s: time at which it began. complete: indices of completed actions.
+        waits: for each `then when` that evaluates its condition, the condition's runs.
+        inner: blocks inside it that have begun and are not complete.
     """
 
     began_s: float
@@ -56,7 +56,7 @@ class BlockState:
     inner: dict[int, BlockState]
 
     def is_complete(self, place: Place) -> bool:
-        """Say whether an action that is inside the block is complete."""
+        """Return whether an action inside the block is complete."""
         first, *rest = place
         if first in self.complete:
             return True
@@ -65,12 +65,12 @@ class BlockState:
 
 @dataclass(frozen=True, slots=True)
 class TriggerState:
-    """How far a trigger has come, from `time_s` on.
+    """The state of a trigger from `time_s` on.
 
     Attributes:
-        fired_s: when it fired the last time; None where it has not. runs: of its condition.
-        held: an `every` or `next` waits until its condition ceases to hold before it fires again.
-        sequence: what it set off, while some of that is not complete; None where nothing waits for anything.
+        fired_s: time at which it last fired, None before. runs: the runs of its condition.
+        held: whether an `every` or `next` must wait until its condition ceases to hold before it fires again.
+        sequence: the progress of its actions while some are not complete; None if no action waits for another one.
     """
 
     time_s: float
@@ -82,7 +82,7 @@ class TriggerState:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """An action that an actor was told, when, and until when it lasts where that is known from the start, s."""
+    """An action that was ordered, with the time of the order and, if it is known in advance, of its end, s."""
 
     action: m.Action
     since_s: float
@@ -91,17 +91,17 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class ActorOrders:
-    """What triggers have told one actor, from `time_s` on.
+    """The orders of triggers to one actor, from `time_s` on.
 
     Attributes:
-        ignores: the rules that it was told to ignore.
-        speed: what sets its speed, None where nothing does: a change of speed that is over has become `cruise`.
-        cruise: what it drives since then where nothing hinders it.
-        keeps_mps: the speed that it keeps near the junction where it meets another; None before.
-        lane: the last change of lane that it was asked for. started_s: when a trigger started it first.
-        stands_s: since when it stands at the place where it was told to stop.
-        path: the path that it was told to follow last, from where it was. joins: the edges that it drives over then.
-        sideways: what it was told last about where across its lane it keeps. line_m: what it keeps now.
+        ignores: orders to ignore rules.
+        speed: the speed order in force; None without one: a completed change of speed becomes `cruise`.
+        cruise: the cruising speed of the last completed change of speed.
+        keeps_mps: the speed that it keeps near the junction where it meets another actor; None before.
+        lane: the last order to change lane. started_s: time at which a trigger first started it.
+        stands_s: time from which it stands at the place where it was ordered to stop.
+        path: the last path that it was ordered to follow, from its position at that time. joins: the edges after it.
+        sideways: the last order about its lateral position. line_m: the line that it keeps now.
     """
 
     time_s: float = 0.0
@@ -118,7 +118,7 @@ class ActorOrders:
     joins: tuple[str, ...] = ()
 
     def at(self, time_s: float) -> ActorOrders:
-        """Return the same at a later time: a change of speed may be over."""
+        """Return the orders in force at a later time: a change of speed may be complete by then."""
         until_s = self.speed.until_s if self.speed else None
         if until_s is None or until_s > time_s + _ROUNDING_S:
             return self
@@ -126,7 +126,7 @@ class ActorOrders:
         return replace(self, speed=None, cruise=action.to if isinstance(action, m.ChangesSpeed) else self.cruise)
 
     def after(self, action: m.Action, time_s: float) -> ActorOrders:
-        """Return what is in force when one more action has been told."""
+        """Return the orders in force after one more order."""
         now = replace(self.at(time_s), time_s=time_s)
         match action:
             case m.Ignores():
@@ -154,13 +154,13 @@ class ActorOrders:
 
 @dataclass(frozen=True)
 class DirectorRecord:
-    """The states of a run's triggers and of what its actors were told.
+    """The states of a run's triggers and of the orders to its actors.
 
     Attributes:
-        triggers: by trigger, in the scenario's order.
-        orders: by actor; those that were never told anything are left out.
-        places: where the places on routes of the triggers' conditions and actions are, m, by their text.
-        things: the speed limits that were changed and the doors that were opened or shut, in the order of time.
+        triggers: states by trigger, in the scenario's order.
+        orders: states by actor, for actors with orders.
+        places: x and y (m) of the places on routes in the triggers' conditions and actions, by their text.
+        things: changes of speed limits and of doors, in order of time.
     """
 
     triggers: tuple[tuple[TriggerState, ...], ...] = ()
@@ -169,22 +169,22 @@ class DirectorRecord:
     things: tuple[Order, ...] = ()
 
     def triggers_at(self, time_s: float) -> tuple[TriggerState, ...]:
-        """Return how far each trigger has come at a time."""
+        """Return the state of each trigger at a time."""
         return tuple(_at(states, time_s) for states in self.triggers)
 
     def orders_at(self, time_s: float) -> dict[str, ActorOrders]:
-        """Return what each actor has been told by a time."""
-        found = {actor: _at(states, time_s).at(time_s) for actor, states in self.orders.items()}
-        return {actor: orders for actor, orders in found.items() if orders.time_s <= time_s + _ROUNDING_S}
+        """Return the orders to each actor up to a time."""
+        by_actor = {actor: _at(states, time_s).at(time_s) for actor, states in self.orders.items()}
+        return {actor: orders for actor, orders in by_actor.items() if orders.time_s <= time_s + _ROUNDING_S}
 
     def fires_after(self, trigger: int, time_s: float) -> float | None:
-        """Return when a trigger fires the next time after a time; None where it does not."""
+        """Return when a trigger next fires after a time; None if it does not."""
         fired = (state.fired_s for state in self.triggers[trigger])
         return next((at for at in fired if at is not None and at > time_s + _ROUNDING_S), None)
 
     def completes_after(self, trigger: int, place: Place, time_s: float) -> float | None:
-        """Return when an action that is under way at a time will be complete; None where its trigger fires again, or
-        the run ends, before that."""
+        """Return when an action in progress at a time will be complete; None if its trigger fires again, or the run
+        ends, before that."""
         states = self.triggers[trigger]
         fired_s = _at(states, time_s).fired_s
         for state in states:
@@ -197,12 +197,12 @@ class DirectorRecord:
         return None
 
     def as_json(self) -> bytes:
-        """Return it as it is in a trace's file."""
+        """Return the record as JSON, as a trace's file holds it."""
         return _adapter().dump_json(self)
 
     @staticmethod
     def of_json(text: bytes) -> DirectorRecord:
-        """Read what `as_json` wrote; a `ValueError` where it is something else."""
+        """Read a record from the JSON of `as_json`; raises `ValueError` for anything else."""
         return _adapter().validate_json(text)
 
 
@@ -215,14 +215,14 @@ _State = TypeVar("_State", bound=_Timed)
 
 
 def add(states: list[_State], state: _State) -> None:
-    """Add a state to those before it; it replaces one of the same frame."""
+    """Append a state; it replaces a state of the same frame."""
     if states and states[-1].time_s >= state.time_s:
         states.pop()
     states.append(state)
 
 
 def _at(states: Sequence[_State], time_s: float) -> _State:
-    """Return the state at a time; the first one before that."""
+    """Return the state at a time; before the first state, the first state."""
     return next((state for state in reversed(states) if state.time_s <= time_s + _ROUNDING_S), states[0])
 
 

@@ -1,8 +1,8 @@
-"""One `when` of a run: whether its condition fires it, and how far the sequence that it set off has come.
+"""Evaluates one `when` of a run: it fires when its condition begins to hold, and goes through its actions.
 
-Every step is an event: `trigger`, `rearmed` (the condition of an `every` has ceased to hold), `holds` and `lapses` (of
-what a `for` is about), `waits` (a `then when` begins to look at its condition), `then` (a block begins), `complete`.
-All of them say which trigger and where in it. How far it has come is recorded beside them, for clips.
+Every step is an event: `trigger`, `rearmed` (the condition of an `every` has ceased to hold), `holds` and `lapses` (the
+condition of a `for` begins or ceases to hold), `waits` (a `then when` begins to evaluate its condition), `then` (a
+block begins), `complete`. All events contain the trigger and the place in it. The state is recorded too, for clips.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.record import BlockState, Place, Run, TriggerState, add
 
 IsComplete = Callable[[], bool]
-"""Asked whether an action is complete by now."""
+"""Returns whether an action is complete."""
 
 
 class Performer(Protocol):
-    """What a trigger needs of the director."""
+    """The part of the director that a trigger uses."""
 
     def event(self, what: str, detail: dict[str, Any]) -> None:
-        """Note something about a trigger."""
+        """Record an event of a trigger."""
         ...
 
     def act(self, action: Action) -> IsComplete:
-        """Begin an action."""
+        """Begin an action; return the test whether it is complete."""
         ...
 
 
 class Trigger:
     """A `when`.
 
-    When an `every` fires while its own sequence is still running, the sequence starts anew: what the old one has set
-    off continues until something replaces it, but the rest of its steps is dropped. While its condition has no outcome,
+    When an `every` fires while its sequence is still running, the sequence starts again: orders of the old sequence
+    continue until another order replaces them, but its remaining steps are dropped. While the condition has no outcome,
     nothing changes.
     """
 
     def __init__(self, index: int, when: When, conditions: Conditions, director: Performer) -> None:
         self._index, self._when, self._conditions, self._director = index, when, conditions, director
         self.states: list[TriggerState] = []
-        """What is recorded of it."""
+        """The recorded states of the trigger."""
         self._changed = True
         self._watch: Watch | None = self.watch(when.condition, ())
         self._held = when.repeat == "next"  # it fires when its condition holds and did not hold before
@@ -53,11 +53,11 @@ class Trigger:
         self.record()
 
     def look(self) -> None:
-        """Look at the condition at this frame; fire when it begins to hold."""
+        """Evaluate the condition at this frame; fire if it begins to hold."""
         if self._watch is None:
             return
         held = self._watch.truth()
-        if held is None or held is self._held:  # too early to say, or never: it neither begins to hold nor ceases to
+        if held is None or held is self._held:  # the condition neither begins nor ceases to hold
             return
         fires, ceased = held, not held
         self._held = held
@@ -72,14 +72,14 @@ class Trigger:
             self._sequence = sequence if self._follows else None
 
     def advance(self) -> None:
-        """Begin and end what can begin and end at this frame."""
+        """Begin and complete the actions of the sequence that can begin or be complete at this frame."""
         if self._sequence is not None:
             self._sequence.advance()
             if self._sequence.complete:
                 self._sequence = None
 
     def record(self) -> None:
-        """Record how far it has come, if that has changed since the last frame."""
+        """Record the state of the trigger if it has changed since the last frame."""
         if self._changed:
             runs = self._watch.runs if self._watch is not None else {}
             sequence = self._sequence.state() if self._sequence is not None else None
@@ -90,24 +90,24 @@ class Trigger:
 
     @property
     def now_s(self) -> float:
-        """The time of the frame."""
+        """The time of the current frame, s."""
         return round(self._conditions.time_s, 6)
 
     def begin(self, action: Action) -> IsComplete:
-        """Begin an action."""
+        """Begin an action; return the test whether it is complete."""
         return self._director.act(action)
 
     def watch(self, condition: Condition, place: Place) -> Watch:
         """Begin to watch a condition of the trigger (or of the step at `place`)."""
 
         def note(part: int, run: Run | None) -> None:
-            found = {} if run is None else asdict(run)
-            self._event("lapses" if run is None else "holds", where=list(place), part=part, **found)
+            detail = {} if run is None else asdict(run)
+            self._event("lapses" if run is None else "holds", where=list(place), part=part, **detail)
 
         return Watch(condition, self._conditions, note)
 
     def note(self, what: str, place: Place) -> None:
-        """Note a step as an event."""
+        """Record a step as an event."""
         self._event(what, where=list(place))
 
     def _event(self, what: str, **detail: Any) -> None:  # noqa: ANN401  JSON values
@@ -116,9 +116,10 @@ class Trigger:
 
 
 class Sequence:
-    """One block of actions that has begun; the blocks inside it follow.
+    """A block of actions that has begun, with the blocks inside it.
 
-    Plain actions begin at once, wherever they are; each `then` begins when all before it in its block are complete.
+    Plain actions begin at once, wherever they stand; each `then` begins when all actions before it in its block are
+    complete.
     """
 
     def __init__(self, actions: tuple[Action, ...], trigger: Trigger, place: Place) -> None:
@@ -133,17 +134,17 @@ class Sequence:
 
     @property
     def complete(self) -> bool:
-        """Whether all of it has come to its end."""
+        """Whether all actions of the block are complete."""
         return len(self._complete) == len(self._actions)
 
     def state(self) -> BlockState:
-        """Return how far it has come."""
+        """Return the current state of the block."""
         waits = {k: watch.runs for k, watch in self._watches.items() if k not in self._inner}
         inner = {k: block.state() for k, block in self._inner.items() if k not in self._complete}
         return BlockState(self._began_s, frozenset(self._complete), waits, inner)
 
     def advance(self) -> None:
-        """Begin and end what can begin and end at this frame."""
+        """Begin and complete the actions that can begin or be complete at this frame."""
         for k, action in enumerate(self._actions):
             if k in self._complete:
                 continue

@@ -1,7 +1,7 @@
-"""Which triggers and steps of a run never came, and how near they came: worked out afterwards, from the trace.
+"""Finds the triggers and steps of a run that never came, and how near they came, afterwards from the trace.
 
-A condition of several parts joined with `and` is told part by part: those that never held, each at the moment at which
-it was nearest; and where every part held at some time, the moment at which most of them did.
+A condition of several parts joined with `and` is explained part by part: each part that never held, at the moment when
+it was nearest; if every part held at some time, the moment at which most of them did.
 """
 
 from __future__ import annotations
@@ -45,33 +45,33 @@ def unfired(
 ) -> tuple[Unfired, ...]:
     """Return the triggers and steps of a run that waited and never came, in the file's order.
 
-    Those that no frame could have fired, such as what keeps an actor waiting in a clip, are left out; and of a trigger
-    that never fired its steps are.
+    Triggers that no frame could have fired, such as one that keeps an actor waiting in a clip, are left out; so are the
+    steps of a trigger that never fired.
 
     Args:
-        scenario: what was run, concrete. compiled: compiles it; called where something never came.
-        trace: its run. sensors: what the ego's sensors could do in it.
+        scenario: the concrete scenario of the run. compiled: compiles it; called only if a trigger or step never came.
+        trace: the run. sensors: settings of the ego's sensors in it.
     """
     waiting = tuple(_waiting(scenario, trace))
     if not waiting:
         return ()
     bundle = compiled()
     replay = Replay(bundle, trace)
-    sees = any(isinstance(part, m.Sees) for one in waiting for part in parts(one.condition))
+    sees = any(isinstance(part, m.Sees) for step in waiting for part in parts(step.condition))
     eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors) if sees else None
     lines = LinesOfSight(replay)
     conditions = Conditions(replay, bundle.signals, eyes=eyes, sightlines=lines)
-    followed = [_Followed(one, conditions) for one in waiting]
+    followed = [_Followed(step, conditions) for step in waiting]
     for frame in range(trace.frames):
         replay.go_to(frame)
-        for one in followed:
-            one.look()
-    return tuple(one.result() for one in followed)
+        for condition in followed:
+            condition.look()
+    return tuple(condition.result() for condition in followed)
 
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A trigger or step that never came: its condition, and from when on it was looked at."""
+    """A trigger or step that never came: its condition, and the time from which it was evaluated."""
 
     index: int
     name: str
@@ -109,7 +109,7 @@ def _step(actions: Sequence[m.Action], where: Place) -> m.Then | None:
 
 
 class _Followed:
-    """A condition that never held, over the frames of its run."""
+    """Follows a condition that never held over the frames of its run."""
 
     def __init__(self, waiting: _Waiting, conditions: Conditions) -> None:
         self._waiting, self._conditions = waiting, conditions
@@ -119,7 +119,7 @@ class _Followed:
         self._most: tuple[int, tuple[Nearest, ...]] = (-1, ())
 
     def look(self) -> None:
-        """Look at the frame that the replay is at."""
+        """Evaluate the replay's current frame."""
         if self._conditions.time_s < self._waiting.since_s - STEP_S / 2:
             return
         held = [part.look() for part in self._parts]
@@ -128,17 +128,17 @@ class _Followed:
             self._most = (sum(held), left)
 
     def result(self) -> Unfired:
-        """Return how near it came."""
+        """Return how near the condition came to holding."""
         waiting = self._waiting
         short = tuple(part.nearest for part in self._parts if not part.ever)
-        found = short or tuple(replace(one, held=True) for one in self._most[1])
-        return Unfired(written(waiting.condition), waiting.name, waiting.index, waiting.where, waiting.since_s, found,
+        nearest = short or tuple(replace(part, held=True) for part in self._most[1])
+        return Unfired(written(waiting.condition), waiting.name, waiting.index, waiting.where, waiting.since_s, nearest,
                        together=not short)  # fmt: skip
 
 
 @dataclass
 class _Part:
-    """One part of a condition: whether it ever held, and how near it came."""
+    """One part of a condition: whether it ever held, and how near it came to holding."""
 
     condition: m.Condition
     conditions: Conditions
@@ -159,7 +159,7 @@ class _Part:
         self.nearest = Nearest(written(self.condition))
 
     def look(self) -> bool:
-        """Look at this frame; return whether the part holds."""
+        """Evaluate the current frame; return whether the part holds."""
         outcome = self.watch.look()
         if self.inner is not None:
             self._look_inside(self.inner)
@@ -174,7 +174,7 @@ class _Part:
         return outcome.held
 
     def now(self) -> Nearest:
-        """Return how near it is at this frame."""
+        """Return how near the part is to holding at this frame."""
         outcome, text = self.watch.look(), written(self.condition)
         if outcome is not None and outcome.decides is not None and isinstance(self.condition, m.Either):
             text = written(outcome.decides)
@@ -187,11 +187,11 @@ class _Part:
             return Nearest(text, time_s, unit=unit)
         per = UNITS[unit].to_si if unit else 1.0
         value = self._value(outcome)
-        shown = None if value is None else round(value / per, 6)
-        return Nearest(text, time_s, shown, round(abs(outcome.margin) / per, 6), unit)
+        rounded = None if value is None else round(value / per, 6)
+        return Nearest(text, time_s, rounded, round(abs(outcome.margin) / per, 6), unit)
 
     def _away(self) -> tuple[float, str] | None:
-        """Return how far off a fact without a number is, m, and why."""
+        """Return the distance of a fact from holding, m, and the reason; None without a distance."""
         return None if self.kind is None else self.kind.away()
 
     def _by_distance(self, away_m: float, why: str) -> Nearest:
@@ -204,7 +204,7 @@ class _Part:
         return outcome.dimension == self.best.dimension and outcome.margin > self.best.margin
 
     def _value(self, outcome: Outcome) -> float | None:
-        """Return what the comparison that decides measures at this frame, SI; None for a fact."""
+        """Return the measured value of the deciding comparison at this frame, in SI units; None for a fact."""
         decides = outcome.decides
         if isinstance(self.condition, m.Sustained) or not isinstance(decides, m.Comparison | m.Within):
             return None
@@ -212,7 +212,7 @@ class _Part:
         return None if outcome_now is None or math.isnan(outcome_now.value) else outcome_now.value
 
     def _look_inside(self, inner: Watch) -> None:
-        """Follow for how long what a `for` is about holds."""
+        """Update the longest time for which the condition of a `for` has held."""
         now_s = self.conditions.time_s
         if not inner.holds():
             self.began_s = None
@@ -227,38 +227,38 @@ class _Part:
 
 
 class _RecordedSignals:
-    """What the signals showed at the frame that a replay is at."""
+    """The recorded stages and colours of the signals at a replay's current frame."""
 
     def __init__(self, bundle: SumoBundle, trace: Trace) -> None:
         self._trace, self.frame = trace, 0
         columns = {junction: k for k, junction in enumerate(trace.signals)}
-        self._known = {s.tls: (s, columns[s.junction]) for s in bundle.signals.values() if s.junction in columns}
+        self._columns = {s.tls: (s, columns[s.junction]) for s in bundle.signals.values() if s.junction in columns}
 
     def stage(self, tls: str) -> tuple[int, float]:
-        """Return the stage that a signal showed (index) and the time since it began."""
-        column = self._known[tls][1]
+        """Return the stage of a signal (index) and the time since it began, s."""
+        column = self._columns[tls][1]
         return int(self._trace.stages[self.frame, column]), float(self._trace.elapsed[self.frame, column])
 
     def colour(self, tls: str, link: int) -> SignalColour:
-        """Return what a signal showed to one of its links."""
-        signal = self._known[tls][0]
+        """Return the colour of one link of a signal."""
+        signal = self._columns[tls][0]
         stage, elapsed_s = self.stage(tls)
         phase, _ = signal.phase_at(signal.stages[stage], elapsed_s)
         return colour_shown(signal.phases[phase].state, link)
 
 
 class _NoWorld:
-    """What is left of SUMO's world in a replay: its signals."""
+    """The part of SUMO's world that a replay has: its signals."""
 
     def __init__(self, signals: _RecordedSignals) -> None:
         self.signals = signals
 
 
 class Replay(Simulation):
-    """The actors of a trace, at the frame that `go_to` was last told; it cannot be stepped."""
+    """The actors of a trace at the frame of the last `go_to`; it cannot be stepped."""
 
     def __init__(self, bundle: SumoBundle, trace: Trace) -> None:
-        """Stand at the first frame; `bundle`: what was run."""
+        """Begin at the first frame; `bundle`: the compiled test case of the run."""
         self._trace, self._signals = trace, _RecordedSignals(bundle, trace)
         self.world = cast(World, _NoWorld(self._signals))
         self.network, self.scene = bundle.network, bundle.scene
@@ -271,7 +271,7 @@ class Replay(Simulation):
         self.go_to(0)
 
     def go_to(self, frame: int) -> None:
-        """Put everybody where they were at a frame."""
+        """Set the states of all actors to those of a frame."""
         trace = self._trace
         self.frame = self._signals.frame = frame
         self.time_s = round(frame * STEP_S, 6)

@@ -1,8 +1,8 @@
-"""Where actors are relative to each other along the way of one of them, which lanes they are in, and places near them.
+"""Relative positions of actors along the way of one of them, the lanes that they are in, and places relative to them.
 
-An actor's way is its path, or the line of its route from the edge that it is on; that of an actor with neither is
-straight on. It depends on where actors are and on what is left of their routes, and on nothing else of the past, so
-that a clip, whose routes begin elsewhere, has the same ways.
+An actor's way is its path, or the line of its route from its current edge on; an actor with neither has a straight way.
+A way depends only on the actor's position and the rest of its route, so that a clip, whose routes begin elsewhere, has
+the same ways.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
 
 BEHIND_M, BEYOND_M = 100.0, 200.0
-"""How far a way goes on behind the edge that its actor is on, and beyond its route. Ours: a place or an actor farther
-away is told from the straight line there."""
+"""Length by which a way extends behind its actor's edge, and beyond its route, m. Ours: a place or an actor farther
+away is located relative to a straight continuation."""
 IN_LANE_OF_M = 300.0
-"""How far a lane leads on for `a in lane of b`. Ours: farther than any sensor of a driver reaches."""
+"""Length ahead within which lanes continue a lane for `a in lane of b`, m. Ours: beyond the range of any sensor."""
 
 
 class Ways:
-    """The ways of a simulation's actors at the frame that it is at."""
+    """The ways of a simulation's actors at the current frame."""
 
     def __init__(self, simulation: Simulation) -> None:
-        """Compute nothing yet: only conditions and actions that ask for a way pay for it."""
+        """Begin without ways; each is computed when a condition or action first needs it."""
         self._simulation, self._network = simulation, simulation.network
         self._line = lru_cache(maxsize=64)(self._make_line)
         self._strip = lru_cache(maxsize=256)(self._make_strip)
@@ -43,60 +43,60 @@ class Ways:
         self._standing: dict[str, Standing] = {}
 
     def of(self, actor: Actor) -> Standing:
-        """Return where an actor stands on its way now."""
+        """Return the current position of an actor on its way."""
         if self._frame != self._simulation.frame:
             self._frame = self._simulation.frame
             self._standing.clear()
-        known = self._standing.get(actor.id)
-        if known is None:
-            known = self._standing[actor.id] = self._find(actor)
-        return known
+        standing = self._standing.get(actor.id)
+        if standing is None:
+            standing = self._standing[actor.id] = self._find(actor)
+        return standing
 
     def place(self, place: m.OfActor) -> Pose | None:
-        """Return where a place relative to an actor is now; None where the actor is not there."""
+        """Return the current pose of a place relative to an actor; None if the actor is absent."""
         actor = self._simulation.by_id.get(place.actor)
         if actor is None or not actor.present:
             return None
         return self.of(actor).place(place, wheels=actor.placed.model.kind in WHEELS)
 
-    def overlap_m(self, one: Actor, other: Actor) -> float:
-        """Return over how many metres of the first one's way both footprints are side by side; negative: the gap."""
-        (rear, front), (other_rear, other_front) = self._span(one, one), self._span(one, other)
+    def overlap_m(self, actor: Actor, other: Actor) -> float:
+        """Return the length of an actor's way along which both footprints are side by side, m; negative: the gap."""
+        (rear, front), (other_rear, other_front) = self._span(actor, actor), self._span(actor, other)
         return min(front, other_front) - max(rear, other_rear)
 
-    def side_by_side_s(self, one: Actor, other: Actor) -> float:
-        """Return how long it takes, s, until both footprints are side by side along the first one's way when both keep
-        their speeds along it: 0 where they are, infinite where the gap between them does not close."""
-        (rear, front), (other_rear, other_front) = self._span(one, one), self._span(one, other)
+    def side_by_side_s(self, actor: Actor, other: Actor) -> float:
+        """Return the time (s) until both footprints are side by side along an actor's way if both keep their speeds
+        along it: 0 if they are now, infinite if the gap does not close."""
+        (rear, front), (other_rear, other_front) = self._span(actor, actor), self._span(actor, other)
         gap_m = max(other_rear - front, rear - other_front)
         if gap_m <= 0:
             return 0.0
-        closing_mps = self._speed_along(one, one) - self._speed_along(one, other)
+        closing_mps = self._speed_along(actor, actor) - self._speed_along(actor, other)
         if other_front < rear:
             closing_mps = -closing_mps
         return gap_m / closing_mps if closing_mps > STILL_MPS else math.inf
 
-    def ahead_m(self, one: Actor, other: Actor) -> float:
-        """Return how far the rear of `one` is beyond the front of the other along the other's way, m (negative: short
-        of it)."""
-        return self._span(other, one)[0] - self._span(other, other)[1]
+    def ahead_m(self, actor: Actor, other: Actor) -> float:
+        """Return the distance from the front of the other to the rear of the actor along the other's way, m; negative
+        if that rear is not beyond the front."""
+        return self._span(other, actor)[0] - self._span(other, other)[1]
 
-    def behind_m(self, one: Actor, other: Actor) -> float:
-        """Return how far the front of `one` is short of the other's rear along the other's way, m."""
-        return self._span(other, other)[0] - self._span(other, one)[1]
+    def behind_m(self, actor: Actor, other: Actor) -> float:
+        """Return the distance from the front of the actor to the rear of the other along the other's way, m."""
+        return self._span(other, other)[0] - self._span(other, actor)[1]
 
-    def lateral_m(self, one: Actor, other: Actor) -> float:
-        """Return how far apart two footprints are sideways, across the way of the first, m; 0 where they overlap."""
-        _, left, _, half = self._beside(one, one)
-        _, other_left, _, other_half = self._beside(one, other)
+    def lateral_m(self, actor: Actor, other: Actor) -> float:
+        """Return the lateral gap between two footprints, across the way of the first, m; 0 if they overlap."""
+        _, left, _, half = self._beside(actor, actor)
+        _, other_left, _, other_half = self._beside(actor, other)
         return max(abs(other_left - left) - half - other_half, 0.0)
 
     def lane(self, actor: Actor) -> tuple[Lane, float] | None:
-        """Return the lane that an actor's middle is in, with how far it is to the left of the lane's middle, m; None
+        """Return the lane that an actor's centre is in, and its distance to the left of the lane's centreline, m; None
         off the lanes.
 
-        Of several that overlap, a vehicle is in one that points its way; elsewhere it may be in one that points the
-        other way.
+        Of overlapping lanes a vehicle is in the one with its own direction; where there is no such lane, it may be in
+        one with the opposite direction.
         """
         kind = lane_kind(actor.placed.model) if actor.placed.model.kind in WHEELS else "car"
         headings = (actor.heading, None) if actor.placed.model.kind in WHEELS else (None,)
@@ -107,31 +107,31 @@ class Ways:
         return None
 
     def in_lane_m(self, actor: Actor, number: int, road: str | None) -> float:
-        """Return by how much an actor's middle is inside a lane's borders, m (negative: outside); NaN where it is off
-        the lanes, or its edge (or the one named) has no such lane."""
+        """Return the distance of an actor's centre inside a lane's borders, m (negative: outside); NaN if it is off the
+        lanes, or if its edge (or `road`) has no lane with this number."""
         if road is None:
-            found = self.lane(actor)
-            if found is None:
+            current = self.lane(actor)
+            if current is None:
                 return math.nan
-            if found[0].internal:
+            if current[0].internal:
                 return math.nan
-            road = found[0].edge
-        found_m = [
+            road = current[0].edge
+        inside_m = [
             lanes[number - 1].width_m / 2 - _off(lanes[number - 1], actor)
             for piece in self._network.pieces(road)
             if number <= len(lanes := self._network.edges[piece].drivable)
         ]
-        return max(found_m, default=math.nan)
+        return max(inside_m, default=math.nan)
 
-    def same_lane_m(self, one: Actor, other: Actor) -> float:
-        """Return by how much the middle of one is inside the lane of the other, or of one that this leads on to, m
-        (negative: outside), or the other way round; NaN where the other is in no lane."""
-        theirs, mine = self.lane(other), self.lane(one)
+    def same_lane_m(self, actor: Actor, other: Actor) -> float:
+        """Return the distance of an actor's centre inside the lane of the other, or inside a lane that continues it, m
+        (negative: outside), or of the other inside the actor's lane; NaN if the other is off the lanes."""
+        theirs, mine = self.lane(other), self.lane(actor)
         if theirs is None:
             return math.nan
-        inside = theirs[0].width_m / 2 - distance_to(one.x, one.y, self._ahead(other, theirs[0]))
+        inside = theirs[0].width_m / 2 - distance_to(actor.x, actor.y, self._ahead(other, theirs[0]))
         if mine is not None:
-            leads_there = mine[0].width_m / 2 - distance_to(other.x, other.y, self._ahead(one, mine[0]))
+            leads_there = mine[0].width_m / 2 - distance_to(other.x, other.y, self._ahead(actor, mine[0]))
             inside = max(inside, leads_there) if leads_there >= 0 else inside
         return inside
 
@@ -149,7 +149,7 @@ class Ways:
         return Standing(*body, line, *line.project(actor.x, actor.y))
 
     def _route_left(self, actor: Actor) -> tuple[str, ...]:
-        """Return the edges of an actor's route from the one that it is on, or has been on before a junction."""
+        """Return the rest of an actor's route, from its current edge (inside a junction: the edge before it) on."""
         line, route = actor.placed.line, actor.placed.route
         if line is None or not route:
             return ()
@@ -162,12 +162,12 @@ class Ways:
     def _make_line(self, route: tuple[str, ...], kind: LaneKind) -> RouteLine:
         try:
             return self._network.line(route, behind_m=BEHIND_M, beyond_m=BEYOND_M, kind=kind)
-        except RouteError:  # the first edge has no lane for its kind to the next: a cyclist that began on another
+        except RouteError:  # no lane of the first edge leads on for this kind: a cyclist
             return self._network.line(route[:1], behind_m=BEHIND_M, beyond_m=BEYOND_M, kind=kind)
 
     def _beside(self, whose: Actor, other: Actor) -> tuple[float, float, float, float]:
-        """Return where another is on somebody's way: length along it, distance to the left, and half of what its
-        footprint takes along and across."""
+        """Return the position of another actor on an actor's way: the length along it, the distance to its left, and
+        half the extent of its footprint along and across the way, m."""
         way = self.of(whose)
         if whose is other:
             return way.s, way.left_m, whose.length / 2, whose.width / 2
@@ -183,7 +183,7 @@ class Ways:
         return s, left, half * cos + across * sin, half * sin + across * cos
 
     def _speed_along(self, whose: Actor, other: Actor) -> float:
-        """Return how fast another goes along somebody's way, m/s; negative against it."""
+        """Return the speed of another actor along an actor's way, m/s; negative against it."""
         way = self.of(whose)
         heading = way.heading_rad if way.line is None else way.line.at(self._beside(whose, other)[0])[2]
         return other.speed * math.cos(other.heading - heading)
@@ -196,7 +196,7 @@ class Ways:
         return self._strip(lane.id, self._route_left(actor), lane_kind(actor.placed.model))
 
     def _make_strip(self, lane: str, route: tuple[str, ...], kind: LaneKind) -> Points:
-        """Return the middle of a lane and of those that it leads on to along a route, without changing lane."""
+        """Return the centreline of a lane and of the lanes that continue it along a route without a lane change."""
         lanes = self._network.lanes
         points, length, onward = [*lanes[lane].shape], lanes[lane].length_m, dict(pairwise(route))
         while length < IN_LANE_OF_M:
@@ -216,17 +216,17 @@ class Ways:
 
 
 def _edges_along(line: RouteLine) -> tuple[tuple[float, int], ...]:
-    """Return where each edge of a route begins along its line, with the edge's number."""
-    found: list[tuple[float, int]] = []
+    """Return the length along its line at which each edge of a route begins, with the edge's index."""
+    edges: list[tuple[float, int]] = []
     before = ""
     for s, lane in line.pieces:
         edge = "" if lane.startswith(":") else lane.rpartition("_")[0]
         if edge and edge != before:  # a change of lane begins another piece of the same edge
-            found.append((s, len(found)))
+            edges.append((s, len(edges)))
         before = edge
-    return tuple(found)
+    return tuple(edges)
 
 
 def _off(lane: Lane, actor: Actor) -> float:
-    """Return how far an actor's middle is from a lane's middle, m."""
+    """Return the distance of an actor's centre from a lane's centreline, m."""
     return distance_to(actor.x, actor.y, lane.shape)
