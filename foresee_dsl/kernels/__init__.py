@@ -1,1 +1,1 @@
-"""Numerical kernels, compiled to machine code (numba), and the records that they work on."""
+"""Numerical kernels, which numba compiles to machine code, and the records that they work on."""

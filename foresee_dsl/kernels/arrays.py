@@ -1,4 +1,4 @@
-"""The numpy arrays that signatures name, by the type of their elements."""
+"""Names of numpy array types for signatures, by the type of the elements."""
 
 from __future__ import annotations
 
@@ -10,4 +10,4 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 Hashes = NDArray[np.uint64]
 Records = NDArray[np.void]
-"""Of a record type of `records`."""
+"""An array of a record type of `records`."""

@@ -1,7 +1,7 @@
-"""Geometry of boxes: do two overlap, how far are they apart, and are a vehicle's wheels on the road.
+"""Geometry of boxes: overlap, distance, and whether a vehicle's wheels are on the road.
 
-A box is a footprint: a rectangle given by its centre, the heading of its long axis, its length and its width. Overlap
-is exact (separating axes); boxes that only touch count as overlapping.
+A box is a footprint: a rectangle with a centre, the heading of its long axis, a length and a width. Overlap is exact
+(separating axes); boxes that only touch count as overlapping.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Bytes = NDArray[np.uint8]
 Flags = NDArray[np.bool_]
 
 WHOLE = 1
-"""Of a square of the network's area: it is known to lie on the drivable area altogether."""
+"""State of a square of the network's area that lies wholly on the drivable area."""
 
 
 class Box(NamedTuple):
@@ -45,7 +45,7 @@ class Mover(NamedTuple):
 
     @property
     def box(self) -> Box:
-        """Where it is now."""
+        """The footprint without its speed."""
         return Box(self.x, self.y, self.heading, self.length, self.width)
 
     @property
@@ -66,11 +66,11 @@ def _posed(pose: FloatArray, size: FloatArray) -> Box:
 
 @inner
 def overlap(a: Box, b: Box) -> bool:
-    """Say whether two boxes share a point; False where a value is NaN."""
+    """Return whether two boxes share a point; False if a value is NaN."""
     dx, dy = b.x - a.x, b.y - a.y
     ca, sa, cb, sb = np.cos(a.heading), np.sin(a.heading), np.cos(b.heading), np.sin(b.heading)
     c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
-    # Written as a chain of "<=" so that NaN answers False.
+    # A chain of "<=", so that a NaN gives False.
     shares: bool = (
         abs(dx * ca + dy * sa) <= (a.length + c * b.length + s * b.width) / 2
         and abs(dy * ca - dx * sa) <= (a.width + s * b.length + c * b.width) / 2
@@ -98,7 +98,7 @@ def _corners_apart(of: Box, to: Box) -> float:
 
 @inner
 def apart(a: Box, b: Box) -> float:
-    """Return how far two boxes are apart, m."""
+    """Return the distance of two boxes, m."""
     if overlap(a, b):
         return 0.0
     # Two convex shapes that do not overlap are nearest at a corner of one of them.
@@ -107,52 +107,55 @@ def apart(a: Box, b: Box) -> float:
 
 @compiled(TABLE, TABLE)
 def gaps(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return [N] m, how far boxes ([N, 5] the fields of `Box`) are apart, 0 where they overlap, NaN where one holds a
+    """Return the distances of pairs of boxes ([N, 5] the fields of `Box`), [N] m: 0 if they overlap, NaN if a value is
     NaN."""
-    found = np.empty(a.shape[0])
+    distances = np.empty(a.shape[0])
     for k in range(a.shape[0]):
-        found[k] = np.nan if np.isnan(a[k].sum() + b[k].sum()) else apart(_box(a[k]), _box(b[k]))
-    return found
+        distances[k] = np.nan if np.isnan(a[k].sum() + b[k].sum()) else apart(_box(a[k]), _box(b[k]))
+    return distances
 
 
 @inner
 def _reach(a: FloatArray, b: FloatArray) -> float:
-    """Return how far apart the centres of two boxes may be when they touch, of their lengths and widths."""
+    """Return the largest distance of the centres of two touching boxes, m, from their lengths and widths."""
     return float((np.hypot(a[0], a[1]) + np.hypot(b[0], b[1])) / 2)
 
 
 @compiled(CUBE, TABLE, FLOATS)
 def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> FloatArray:
-    """Return the distances between the first actor and each other one over time, [K, T], m.
+    """Return the distances between the first actor and each other actor over time, [K, T], m.
 
-    Infinite where one is absent (NaN) or where the centres say that it is more than `within`.
+    A distance is infinite if an actor is absent (NaN), or if the distance of the centres shows that it exceeds
+    `within`.
 
     Args:
         poses: [1 + K, T, 3] x, y, heading. sizes: [1 + K, 2] length, width. within: [K] m.
     """
-    found = np.empty((poses.shape[0] - 1, poses.shape[1]))
-    for k in range(found.shape[0]):
+    distances = np.empty((poses.shape[0] - 1, poses.shape[1]))
+    for k in range(distances.shape[0]):
         most = within[k] + _reach(sizes[0], sizes[k + 1])
-        for t in range(found.shape[1]):
+        for t in range(distances.shape[1]):
             dx, dy = poses[k + 1, t, 0] - poses[0, t, 0], poses[k + 1, t, 1] - poses[0, t, 1]
-            near = dx * dx + dy * dy <= most * most  # a NaN is not
-            found[k, t] = (
+            near = dx * dx + dy * dy <= most * most  # False for a NaN
+            distances[k, t] = (
                 apart(_posed(poses[0, t], sizes[0]), _posed(poses[k + 1, t], sizes[k + 1])) if near else np.inf
             )
-    return found
+    return distances
 
 
 @compiled(CUBE, TABLE, TABLE, FLOAT)
 def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius: float) -> bool:
-    """Say whether a box comes within `radius` m of another ([T, 3], NaN where absent) on any of its paths, [N, T,
-    3]."""
+    """Return whether a box comes within `radius` (m) of another one on any of its paths.
+
+    `paths`: [N, T, 3] x, y, heading. `other`: [T, 3] the same of the other box, NaN where absent. `sizes`: [2, 2].
+    """
     outer = radius + _reach(sizes[0], sizes[1])
     inside = radius + (min(sizes[0, 0], sizes[0, 1]) + min(sizes[1, 0], sizes[1, 1])) / 2
     for n in range(paths.shape[0]):
         for t in range(paths.shape[1]):
             dx, dy = other[t, 0] - paths[n, t, 0], other[t, 1] - paths[n, t, 1]
             squared = dx * dx + dy * dy
-            # The circles inside the boxes are near enough; those around them are, and then the boxes may be.
+            # If circles inside the boxes are near enough, so are the boxes; if circles around them are, they may be.
             if squared <= inside * inside:
                 return True
             if squared <= outer * outer and apart(_posed(paths[n, t], sizes[0]), _posed(other[t], sizes[1])) <= radius:
@@ -162,32 +165,32 @@ def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius:
 
 @compiled(TABLE, TABLE)
 def overlaps_of(a: FloatArray, b: FloatArray) -> Flags:
-    """Return [N], which boxes overlap; arguments as `gaps`."""
-    found = np.empty(a.shape[0], dtype=np.bool_)
+    """Return which pairs of boxes overlap, [N]; arguments as for `gaps`."""
+    overlapping = np.empty(a.shape[0], dtype=np.bool_)
     for k in range(a.shape[0]):
-        found[k] = overlap(_box(a[k]), _box(b[k]))
-    return found
+        overlapping[k] = overlap(_box(a[k]), _box(b[k]))
+    return overlapping
 
 
 @inner
 def _hits(box: Box, poses: FloatArray, sizes: FloatArray) -> IntArray:
-    """Return which of some footprints a footprint overlaps; see `hits`."""
-    found = np.empty(poses.shape[0], dtype=np.intp)
+    """Return the indices of the footprints that a box overlaps; see `hits`."""
+    indices = np.empty(poses.shape[0], dtype=np.intp)
     count = 0
     reach = np.hypot(box.length, box.width)
     for k in range(poses.shape[0]):
         dx, dy = poses[k, 0] - box.x, poses[k, 1] - box.y
-        # Circles around the boxes first: hardly any other actor is this near. A NaN is not.
+        # Compare circles around the boxes first: few actors are this near. The test is False for a NaN.
         most = (reach + sizes[k, 0] + sizes[k, 1]) / 2
         if dx * dx + dy * dy <= most * most and overlap(box, _posed(poses[k], sizes[k])):
-            found[count] = k
+            indices[count] = k
             count += 1
-    return found[:count]
+    return indices[:count]
 
 
 @compiled(FLOATS, ANY_TABLE, ANY_TABLE)
 def hits(box: FloatArray, poses: FloatArray, sizes: FloatArray) -> IntArray:
-    """Return which of some footprints the box `box` ([5] the fields of `Box`) overlaps, ascending.
+    """Return the indices of the footprints that a box ([5] the fields of `Box`) overlaps, in ascending order.
 
     `poses`: [K, >=3] x, y, heading of the others; NaN where absent. `sizes`: [K, 2] length, width.
     """
@@ -196,9 +199,9 @@ def hits(box: FloatArray, poses: FloatArray, sizes: FloatArray) -> IntArray:
 
 @compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT)
 def wheels(x: float, y: float, heading: float, front: float, rear: float, left: float) -> FloatArray:
-    """Return [4, 2] m, a point for each wheel of a footprint: front left, rear left, rear right, front right.
+    """Return a point for each wheel of a footprint, [4, 2] m: front left, rear left, rear right, front right.
 
-    `front`, `rear`: how far ahead of its centre the axles are. `left`: how far from the middle the points are, m.
+    `front`, `rear`: distances of the axles ahead of the centre, m. `left`: distance of the points from the middle, m.
     """
     c, s = np.cos(heading), np.sin(heading)
     points = np.empty((4, 2))
@@ -210,30 +213,30 @@ def wheels(x: float, y: float, heading: float, front: float, rear: float, left: 
 
 
 @compiled(TABLE, FLOAT, FLOAT, FLOAT, BYTE_TABLE)
-def all_whole(points: FloatArray, left: float, bottom: float, cell: float, known: Bytes) -> bool:
-    """Whether all of some points ([N, 2] m) lie in squares that are known to be whole; see `drivable_area.Squares`."""
+def all_whole(points: FloatArray, left: float, bottom: float, cell: float, squares: Bytes) -> bool:
+    """Return whether all points ([N, 2] m) lie in squares with the state `WHOLE`; see `drivable_area.Squares`."""
     for k in range(points.shape[0]):
         column, row = np.floor((points[k, 0] - left) / cell), np.floor((points[k, 1] - bottom) / cell)
-        if not (0 <= column < known.shape[0] and 0 <= row < known.shape[1]):  # NaN neither
+        if not (0 <= column < squares.shape[0] and 0 <= row < squares.shape[1]):  # also for a NaN
             return False
-        if known[int(column), int(row)] != WHOLE:
+        if squares[int(column), int(row)] != WHOLE:
             return False
     return True
 
 
 @compiled(TABLE, TABLE, FLOATS, FLOAT, FLOAT, FLOAT, BYTE_TABLE)
 def drives_on(
-    states: FloatArray, sizes: FloatArray, ego: FloatArray, left: float, bottom: float, cell: float, known: Bytes
+    states: FloatArray, sizes: FloatArray, ego: FloatArray, left: float, bottom: float, cell: float, squares: Bytes
 ) -> bool:
-    """Whether the ego touches no other actor, and its wheels stand in squares that are known to be whole.
+    """Return whether the ego touches no other actor and its wheels are in squares with the state `WHOLE`.
 
     `states`: [1 + K, >=3] x, y, heading of the ego and of the others; NaN where absent. `sizes`: [K, 2] of the others.
-    `ego`: [5] its length and width, and what `wheels` needs. The rest is `drivable_area.Squares`'.
+    `ego`: [5] its length and width, then `front`, `rear`, `left` of `wheels`. The rest: see `drivable_area.Squares`.
     """
     if _hits(_posed(states[0], ego), states[1:], sizes).size > 0:
         return False
     return all_whole(
-        wheels(states[0, 0], states[0, 1], states[0, 2], ego[2], ego[3], ego[4]), left, bottom, cell, known
+        wheels(states[0, 0], states[0, 1], states[0, 2], ego[2], ego[3], ego[4]), left, bottom, cell, squares
     )
 
 
@@ -241,7 +244,7 @@ def drives_on(
 
 
 def corners(boxes: FloatArray | Box) -> FloatArray:
-    """Return the corners of boxes, [..., 5]: [..., 4, 2] m, front left, rear left, rear right, front right
+    """Return the corners of boxes ([..., 5]), [..., 4, 2] m: front left, rear left, rear right, front right
     (counter-clockwise)."""
     b = np.asarray(boxes, dtype=np.float64)
     along = b[..., 3, None] / 2 * np.array([1.0, -1.0, -1.0, 1.0])
@@ -265,32 +268,32 @@ def corner_points(box: Box) -> list[tuple[float, float]]:
 
 
 def overlaps(a: Box, b: Box) -> bool:
-    """Say whether two boxes share a point; False where a value is NaN."""
+    """Return whether two boxes share a point; False if a value is NaN."""
     return bool(overlaps_of(np.array([a], dtype=np.float64), np.array([b], dtype=np.float64))[0])
 
 
 def box_distances(ego: FloatArray | Box, others: FloatArray) -> FloatArray:
-    """Return the distances between one box, [5], and many, [K, 5]: [K] m, 0 where they overlap, NaN where absent."""
+    """Return the distances between a box ([5]) and K boxes ([K, 5]), [K] m: 0 if they overlap, NaN if absent."""
     return _distances(np.asarray(ego, dtype=np.float64), np.asarray(others, dtype=np.float64))
 
 
 def pairwise_box_distance(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the distance between two footprints, [T, 5] each, frame by frame: 0 where they overlap, NaN where
+    """Return the distances between two footprints ([T, 5] each) at each frame, [T] m: 0 if they overlap, NaN if
     absent."""
     return _distances(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
 
 
 def box_overlap(a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
-    """Return which boxes overlap, frame by frame: [..., 5] and [..., 5] to [...]; False where either is absent."""
-    one, other = np.broadcast_arrays(a, b)
-    found: NDArray[np.bool_] = overlaps_of(_rows(one), _rows(other)).reshape(one.shape[:-1])
-    return found
+    """Return which boxes ([..., 5] and [..., 5]) overlap, [...]; False if one is absent."""
+    a, b = np.broadcast_arrays(a, b)
+    overlapping: NDArray[np.bool_] = overlaps_of(_rows(a), _rows(b)).reshape(a.shape[:-1])
+    return overlapping
 
 
 def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    one, other = np.broadcast_arrays(a, b)
-    found: FloatArray = gaps(_rows(one), _rows(other)).reshape(one.shape[:-1])
-    return found
+    a, b = np.broadcast_arrays(a, b)
+    distances: FloatArray = gaps(_rows(a), _rows(b)).reshape(a.shape[:-1])
+    return distances
 
 
 def _rows(boxes: FloatArray) -> FloatArray:

@@ -1,15 +1,15 @@
-"""Makes kernels of plain functions: numba compiles each once and keeps the machine code in its own cache.
+"""Turns plain functions into kernels: numba compiles each once and stores the machine code in its own cache.
 
 A kernel is a plain function of numbers, arrays and records that loops over a few actors, frames or proposals: many
-small operations, for which calls of numpy would cost ten times what the arithmetic does. numba compiles each for one
-signature. A process reads a kernel from the cache when it first calls it.
+small operations, for which calls of numpy would cost ten times as much as the arithmetic. numba compiles each kernel
+for one signature. A process reads a kernel from the cache at the kernel's first call.
 
-Arithmetic is IEEE's, in the order that is written (no `fastmath`, no threads), so that a machine of the same kind gives
-the same bits. Indices are not checked: an index that comes from a measurement is clamped to its array (the integer of a
-NaN may be anything).
+Arithmetic follows IEEE 754 in the written order (no `fastmath`, no threads), so that machines of the same kind compute
+the same bits. Indices are not checked: an index computed from a measurement must be clamped to its array (a NaN may
+become any integer).
 
-Another package may have kernels too: it names the package that they are in by an entry point of the group `GROUP`, and
-they are compiled with ours, before its driver's time is counted.
+Another package may have kernels too: an entry point of the group `GROUP` names the package that contains them, and they
+are compiled together with ours, before the time of its driver is measured.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from numba.extending import typeof_impl
 F = TypeVar("F", bound=Callable[..., Any])
 _FOLDER = Path(__file__).parent
 GROUP = "foresee_dsl.kernels"
-"""Entry points: packages with kernels, which may call those here."""
+"""Group of entry points that name packages with kernels; these may call the kernels here."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Kind:
     """The type of a kernel's argument: a number, or an array of numbers or records.
 
     Attributes:
-        dtype: numpy's. dimensions: 0 of a number. layout: in one piece ("C"), or a part of another array, perhaps.
+        dtype: type of the elements. dimensions: 0 for a number. layout: "C" for a contiguous array, "A" for any.
     """
 
     dtype: np.dtype[Any]
@@ -52,18 +52,18 @@ class Kind:
     layout: Literal["C", "A"] = "C"
 
     def for_numba(self) -> Any:  # noqa: ANN401  numba's types have none
-        """Return numba's type."""
+        """Return the corresponding type of numba."""
         item = numba.from_dtype(self.dtype)
         return numba.types.Array(item, self.dimensions, self.layout) if self.dimensions else item
 
 
 FLOAT, INT, FLAG = (Kind(np.dtype(kind)) for kind in (np.float64, np.int64, np.bool_))
 FLOATS, INTS, KEYS = (Kind(np.dtype(kind), 1) for kind in (np.float64, np.int64, np.uint64))
-"""[N], in one piece."""
+"""[N], contiguous."""
 TABLE, KEY_TABLE = (Kind(np.dtype(kind), 2) for kind in (np.float64, np.uint64))
-"""[M, N], in one piece."""
+"""[M, N], contiguous."""
 ANY_TABLE = Kind(np.dtype(np.float64), 2, "A")
-"""[M, N], a part of another one, perhaps."""
+"""[M, N], possibly a part of another array."""
 BYTE_TABLE, FLAG_TABLE = (Kind(np.dtype(kind), 2) for kind in (np.uint8, np.bool_))
 CUBE = Kind(np.dtype(np.float64), 3)
 HYPERCUBE = Kind(np.dtype(np.float64), 4)
@@ -83,21 +83,21 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:  # noqa: ANN401  numba's types have none
-        """What numba makes of it; it refuses arguments of other types with a `TypeError`."""
+        """numba's compiled function; it raises `TypeError` for arguments of other types."""
         signature = tuple(kind.for_numba() for kind in self._kinds)
-        # numba (0.68.1) compiles anew when the function's own file changes, but not when a file does from which it uses
-        # functions or constants. It stores a function under its name, so the name contains a hash of its folder.
+        # numba (0.68.1) recompiles a function when its own file changes, but not when a file changes whose functions or
+        # constants it uses. As numba stores a function under its name, the name gets a hash of the folder.
         qualified = self.py_func.__qualname__
         self.py_func.__qualname__ = f"{qualified}_{_state_around(self.py_func)}"
         try:
             return numba.njit(signature, cache=True, error_model="numpy")(self.py_func)
-        except RuntimeError:  # it can be stored neither beside the module nor in a user's folder
+        except RuntimeError:  # neither the module's folder nor the user's cache folder is writable
             return numba.njit(signature, error_model="numpy")(self.py_func)
         finally:
             self.py_func.__qualname__ = qualified
 
-    def __call__(self, *arguments: object) -> Any:  # noqa: ANN401  whatever the function returns
-        """Run its machine code; a `TypeError` where an argument is of another type than it was compiled for."""
+    def __call__(self, *arguments: object) -> Any:  # noqa: ANN401  the type of the function's result
+        """Run the machine code; raises `TypeError` if an argument does not have the signature's type."""
         return self.dispatcher(*arguments)
 
 
@@ -108,12 +108,12 @@ def _(kernel: Kernel, context: object) -> Any:  # noqa: ANN401  numba's types ha
 
 
 def inner(function: F) -> F:
-    """Mark a function that only kernels call: it is compiled as a part of each of them."""
+    """Mark a function that only kernels call: it is compiled as a part of each kernel that calls it."""
     return cast(F, numba.njit(error_model="numpy")(function))
 
 
 def compiled(*signature: Kind) -> Callable[[F], F]:
-    """Compile a function for arguments of these types: those above, or of `records.array_of`."""
+    """Compile a function for arguments of these types: a `Kind` of this module or of `records.array_of`."""
 
     def compile_it(function: F) -> F:
         return cast(F, Kernel(function, signature)) if _compiles() else function
@@ -123,14 +123,14 @@ def compiled(*signature: Kind) -> Callable[[F], F]:
 
 @cache
 def ensure() -> None:
-    """Compile all kernels, ours and those of other packages, where that was not done yet: a minute, once.
+    """Compile all kernels, ours and those of other packages, if the cache does not have them: a minute, once.
 
-    A run calls this before its driver's time is counted.
+    A run calls this before it measures the time of its driver.
     """
     if not _compiles():
         return
     for package in (str(__package__), *_added()):
-        # The cache of a package is that of any function in it.
+        # All functions of a package have the same cache folder, so any one of them will do.
         function = _machine if package == __package__ else next((k.py_func for k in _kernels_of(package)), None)
         if function is not None:
             _ensure(package, function)
@@ -140,7 +140,7 @@ def _ensure(package: str, function: Callable[..., Any]) -> None:
     """Compile a package's kernels; `function` is one of the package's, compiled or not."""
     try:
         folder = Path(str(numba.njit(cache=True)(function).stats.cache_path))
-    except RuntimeError:  # nothing can be stored
+    except RuntimeError:  # the cache is not writable
         return
     stamp = folder / f"kernels-{_machine()}-{_state_around(function)}"
     if stamp.exists():
@@ -155,14 +155,14 @@ def _ensure(package: str, function: Callable[..., Any]) -> None:
 
 
 def load(*packages: str) -> None:
-    """Make the kernels of these packages ready, from numba's cache where it has them; of all, where none is named."""
+    """Prepare the kernels of these packages (default: all), from numba's cache where it has them."""
     for package in packages or (str(__package__), *_added()):
         for kernel in _kernels_of(package):
             _ = kernel.dispatcher
 
 
 def _kernels_of(package: str) -> Iterator[Kernel]:
-    """Yield the kernels of a package's modules; none of one that cannot be imported, of which its driver tells."""
+    """Yield the kernels of a package's modules; none if it cannot be imported, which its driver then reports."""
     with suppress(ImportError):
         for info in pkgutil.walk_packages(import_module(package).__path__, f"{package}."):
             for value in vars(import_module(info.name)).values():
@@ -172,25 +172,25 @@ def _kernels_of(package: str) -> Iterator[Kernel]:
 
 @cache
 def _added() -> tuple[str, ...]:
-    """Return the packages of others that have kernels."""
+    """Return the other packages that have kernels."""
     return tuple(sorted({entry.value for entry in entry_points(group=GROUP)}))
 
 
 def _state_around(function: Callable[..., Any]) -> str:
-    """Return a hash of what a kernel may use: this folder, and its own package's where that is another."""
+    """Return a hash of the code that a kernel may use: this folder and, if it is another one, its own package."""
     own = [package for package in _added() if (function.__module__ or "").startswith(f"{package}.")]
     states = [state_of(_FOLDER), *(state_of(Path(path)) for name in own for path in import_module(name).__path__)]
     return states[0] if len(states) == 1 else hashlib.sha256("".join(states).encode()).hexdigest()[:12]
 
 
 def _compiles() -> bool:
-    """Return whether kernels are compiled; numba's variable lets them be plain Python, for tests and debuggers."""
+    """Return whether kernels are compiled; numba's environment variable turns that off, for tests and debuggers."""
     return os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 
 
 @cache
 def state_of(folder: Path) -> str:
-    """Return a short hash of the contents of all Python files in a folder and those within it."""
+    """Return a short hash of the contents of all Python files in a folder and its subfolders."""
     digest = hashlib.sha256()
     for file in sorted(folder.rglob("*.py")):
         digest.update(file.read_bytes())
@@ -198,14 +198,14 @@ def state_of(folder: Path) -> str:
 
 
 def _machine() -> str:
-    """Return a short hash of what numba compiles for: its version, Python's, and the processor."""
+    """Return a short hash of the target of the compilation: versions of numba and Python, and the processor."""
     parts = (numba.__version__, sys.version, binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten())
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]
 
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Let one process at a time do what is in this block."""
+    """Let one process at a time execute this block."""
     lock = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX)

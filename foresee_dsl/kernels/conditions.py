@@ -1,7 +1,7 @@
-"""What conditions of scenarios measure: between two actors, and between an actor and the area of a junction.
+"""The measures of scenario conditions: between two actors, and between an actor and the area of a junction.
 
-Actors are rows of the table of states. Conditions are decided by these numbers, and they are the bits that plain Python
-gives, its `math.hypot` included (`tests/simulate/test_condition_kernels.py`).
+Actors are rows of the state table. These numbers decide conditions, so they equal the results of plain Python bit for
+bit, `math.hypot` included (`tests/simulate/test_condition_kernels.py`).
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from foresee_dsl.kernels.compiling import ANY_TABLE, FLOAT, FLOATS, INT, TABLE, 
 from foresee_dsl.kernels.lines import nearest_on_segment
 
 STILL_MPS = 1e-9
-"""A closing speed under this is rounding: at the largest distances of a town it would take a century to meet."""
+"""Closing speed below which it is a rounding error, m/s: across a town two actors would need a century to meet."""
 SURE_M = 1e-6
-"""An actor that is nearer than this to the border of an area is not told by `beside_area` to be inside or outside.
-Ours: a thousand times what rounding moves a point at 10 km."""
+"""Distance to the border of an area below which `beside_area` returns `UNSURE`, m. Ours: a thousand times the rounding
+error of a point at 10 km."""
 INSIDE, UNSURE, OUTSIDE = -1, 0, 1
 _LEAST_M = 1e-290
-"""A length under this is as long as its longer side. Ours: it only keeps the numbers below from becoming too small."""
+"""Length below which `hypotenuse` returns the longer side. Ours: only to avoid underflow."""
 _SPLIT = 134217729.0
-"""2^27 + 1: cuts a number into two halves whose products are exact (Dekker 1971)."""
+"""2^27 + 1: splits a number into two halves whose products are exact (Dekker 1971)."""
 
 
 @inner
 def _product(x: float, y: float) -> tuple[float, float]:
-    """Return a product and what rounding took from it (Dekker 1971)."""
+    """Return a product and its rounding error (Dekker 1971)."""
     high_x, high_y = x * _SPLIT, y * _SPLIT
     high_x, high_y = high_x - (high_x - x), high_y - (high_y - y)
     low_x, low_y = x - high_x, y - high_y
@@ -40,8 +40,8 @@ def _product(x: float, y: float) -> tuple[float, float]:
 
 @inner
 def hypotenuse(x: float, y: float) -> float:
-    """Return the length of (x, y) as Python's `math.hypot` does, in the order in which CPython 3.11 computes it: the
-    root of an exact sum, corrected by what is left."""
+    """Return the length of (x, y) exactly as Python's `math.hypot`, with the operations of CPython 3.11: the root of an
+    exact sum, corrected by the remaining error."""
     x, y = abs(x), abs(y)
     most = max(x, y)
     if not _LEAST_M < most < np.inf:
@@ -65,7 +65,7 @@ def hypotenuse(x: float, y: float) -> float:
 
 @inner
 def _corners_to_box(of: Box, to: Box) -> float:
-    """Return how far the nearest corner of a box is from another box, m."""
+    """Return the distance of the nearest corner of a box from another box, m."""
     c, s = cos(of.heading), sin(of.heading)
     ahead_x, ahead_y = c * of.length / 2, s * of.length / 2
     left_x, left_y = -s * of.width / 2, c * of.width / 2
@@ -96,18 +96,18 @@ def _gap(a: Box, b: Box) -> float:
 
 
 @compiled(TABLE, ANY_TABLE, INT, INT)
-def gap(states: FloatArray, sizes: FloatArray, one: int, other: int) -> float:
-    """Return how far two actors' footprints are apart, m: 0 where they overlap, NaN where a number of them is NaN.
+def gap(states: FloatArray, sizes: FloatArray, actor: int, other: int) -> float:
+    """Return the distance of two actors' footprints, m: 0 if they overlap, NaN if a value is NaN.
 
     `states`: [A, >=3] x, y, heading. `sizes`: [A, 2] length, width.
     """
-    return _gap(_box(states, sizes, one), _box(states, sizes, other))
+    return _gap(_box(states, sizes, actor), _box(states, sizes, other))
 
 
 @compiled(TABLE, ANY_TABLE, INT, INT, FLOAT)
-def gap_within(states: FloatArray, sizes: FloatArray, one: int, other: int, within: float) -> float:
-    """Return the same, but infinity where the circles around the footprints say that it is more than `within`, m."""
-    a, b = _box(states, sizes, one), _box(states, sizes, other)
+def gap_within(states: FloatArray, sizes: FloatArray, actor: int, other: int, within: float) -> float:
+    """Return `gap`, or infinity if the circles around the footprints show that it exceeds `within`, m."""
+    a, b = _box(states, sizes, actor), _box(states, sizes, other)
     dx, dy = b.x - a.x, b.y - a.y
     most = within + SURE_M + (np.hypot(a.length, a.width) + np.hypot(b.length, b.width)) / 2
     if dx * dx + dy * dy > most * most and most > 0.0:
@@ -121,12 +121,12 @@ def _mover(states: FloatArray, sizes: FloatArray, k: int) -> Mover:
 
 
 @compiled(TABLE, ANY_TABLE, INT, INT)
-def time_to_touch(states: FloatArray, sizes: FloatArray, one: int, other: int) -> float:
-    """Return the time until two actors' footprints touch when both keep heading and speed, s; see `metrics.ttc`.
+def time_to_touch(states: FloatArray, sizes: FloatArray, actor: int, other: int) -> float:
+    """Return the time until two actors' footprints touch if both keep heading and speed, s; see `metrics.ttc`.
 
     `states`: [A, >=4] x, y, heading, speed. `sizes`: [A, 2] length, width.
     """
-    a, b = _mover(states, sizes, one), _mover(states, sizes, other)
+    a, b = _mover(states, sizes, actor), _mover(states, sizes, other)
     ca, sa, cb, sb = cos(a.heading), sin(a.heading), cos(b.heading), sin(b.heading)
     dx, dy = b.x - a.x, b.y - a.y
     vx, vy = b.speed * cb - a.speed * ca, b.speed * sb - a.speed * sa
@@ -163,7 +163,7 @@ def _turned_left(ax: float, ay: float, bx: float, by: float, x: float, y: float)
 
 @inner
 def _cut(a: FloatArray, b: FloatArray, border: FloatArray) -> bool:
-    """Whether the side from `a` to `b` and a border, [4] its two ends, cross."""
+    """Return whether the side from `a` to `b` crosses a border, [4] its two end points."""
     x0, y0, x1, y1 = border[0], border[1], border[2], border[3]
     return bool(
         (_turned_left(a[0], a[1], b[0], b[1], x0, y0) > 0) != (_turned_left(a[0], a[1], b[0], b[1], x1, y1) > 0)
@@ -173,7 +173,7 @@ def _cut(a: FloatArray, b: FloatArray, border: FloatArray) -> bool:
 
 @inner
 def _depth(x: float, y: float, borders: FloatArray) -> float:
-    """Return how far a point is inside an area, m, negative outside: to the nearest border."""
+    """Return the distance of a point from the nearest border of an area, m: positive inside, negative outside."""
     nearest, inside = np.inf, False
     for k in range(len(borders)):
         x0, y0, x1, y1 = borders[k, 0], borders[k, 1], borders[k, 2], borders[k, 3]
@@ -196,7 +196,7 @@ def _corners(box: Box) -> FloatArray:
 
 @inner
 def _by_corners(corners: FloatArray, borders: FloatArray) -> int:
-    """Say where the corners of a footprint are: one `INSIDE` an area, all of them `OUTSIDE`, or `UNSURE`."""
+    """Return `INSIDE` if a corner of a footprint is in an area, `OUTSIDE` if no corner is, or `UNSURE`."""
     for k in range(4):
         depth = _depth(corners[k, 0], corners[k, 1], borders)
         if depth > SURE_M:
@@ -208,7 +208,7 @@ def _by_corners(corners: FloatArray, borders: FloatArray) -> int:
 
 @inner
 def _touched(box: Box, corners: FloatArray, borders: FloatArray) -> bool:
-    """Whether a border goes through a footprint or ends near it."""
+    """Return whether a border crosses a footprint or ends near it."""
     c, s = cos(box.heading), sin(box.heading)
     for m in range(len(borders)):
         x, y = borders[m, 0] - box.x, borders[m, 1] - box.y
@@ -221,27 +221,27 @@ def _touched(box: Box, corners: FloatArray, borders: FloatArray) -> bool:
 
 
 @compiled(TABLE, ANY_TABLE, INT, TABLE, FLOATS)
-def beside_area(states: FloatArray, sizes: FloatArray, one: int, borders: FloatArray, bounds: FloatArray) -> int:
-    """Say whether some part of an actor's footprint is in an area: `INSIDE`, `OUTSIDE`, or `UNSURE` near its border.
+def beside_area(states: FloatArray, sizes: FloatArray, actor: int, borders: FloatArray, bounds: FloatArray) -> int:
+    """Return whether a part of an actor's footprint is in an area: `INSIDE`, `OUTSIDE`, or `UNSURE` near its border.
 
-    `states`, `sizes`: as for `gap`. `borders`: [M, 4] the ends of all sides of the area, its holes' too; none where
-    they are not known. `bounds`: [4] west, south, east, north of it.
+    `states`, `sizes`: as for `gap`. `borders`: [M, 4] the end points of all sides of the area, also of its holes; empty
+    if they are unknown. `bounds`: [4] west, south, east, north of it.
     """
-    box = _box(states, sizes, one)
+    box = _box(states, sizes, actor)
     if len(borders) == 0 or np.isnan(box.x + box.y + box.heading):
         return UNSURE
     reach = np.hypot(box.length, box.width) / 2 + SURE_M
     if not (bounds[0] - reach <= box.x <= bounds[2] + reach and bounds[1] - reach <= box.y <= bounds[3] + reach):
         return OUTSIDE
     corners = _corners(box)
-    found = _by_corners(corners, borders)
-    return UNSURE if found == OUTSIDE and _touched(box, corners, borders) else found
+    side = _by_corners(corners, borders)
+    return UNSURE if side == OUTSIDE and _touched(box, corners, borders) else side
 
 
 # --- plain Python -----------------------------------------------------------------------------------------------------
 
 
 def box_distance(a: Box, b: Box) -> float:
-    """Return the smallest distance (m) between two boxes, 0 when they overlap, NaN where a value is NaN."""
+    """Return the distance of two boxes, m: 0 if they overlap, NaN if a value is NaN."""
     both = np.array((a, b), dtype=np.float64)
     return float(gap(both, both[:, 3:], 0, 1))

@@ -1,9 +1,9 @@
-"""Geometry of lines: the nearest point, places along a line, and where two paths cut each other.
+"""Geometry of lines: the nearest point, positions along a line, and intersections of two paths.
 
-Lanes and routes are arrays of `LineVertex`; recorded paths, which need no lengths, are tables of points. The nearest
-place is computed twice: along a lane it is looked for around the last one, and along a recorded path of a thousand
-segments, by blocks of them. The two distances differ in their last bit (the one subtracts the foot from the point, the
-other moves the point by the foot), and the ranking of risky points shows all bits of its own.
+Lanes and routes are arrays of `LineVertex`; recorded paths, which need no lengths, are tables of points. There are two
+searches for the nearest point: on a lane around the last result, and on a recorded path of a thousand segments by
+blocks of segments. Their distances differ in the last bit (one subtracts the foot from the point, the other moves the
+point by the foot); both are kept because the ranking of risky points depends on all bits.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INTS, TABLE, compiled, 
 from foresee_dsl.kernels.records import array_of, dtype_of
 
 SEARCH_M = 12.0
-"""How far around its last place on a line a vehicle is looked for, m; as `Polyline.project` does."""
+"""Distance around its last position on a line within which a vehicle is searched first, m; as in `Polyline.project`."""
 SHORTEST_M2 = 1e-12
-"""The least square of a segment's length in a division. Ours: a micrometre, so that a point that is there twice divides
-by no zero."""
+"""Least square of a segment's length in a division, m^2. Ours: a micrometre, so that two equal points do not cause a
+division by zero."""
 _BLOCK = 16
-"""Segments of a path that share a bounding box. Ours: about the root of a path's number of segments, where boxes and
-segments cost the same."""
+"""Number of segments of a path with a common bounding box. Ours: about the root of a path's number of segments, where
+boxes and segments cost the same."""
 _WEST, _SOUTH, _EAST, _NORTH = range(4)
 _CLEAR_M = 1e-6
-"""Bounding boxes that are nearer than this may touch (in metres, or their square). Ours: rounding moves coordinates of
-some kilometres by a thousandth of it."""
+"""Distance (m, or its square) below which bounding boxes may touch. Ours: a thousand times the rounding error of
+coordinates of some kilometres."""
 
 
 class LineVertex(NamedTuple):
-    """A point of a line: x, y (m), the length along the line (m), the line's heading there (rad, continuous)."""
+    """A vertex of a line: x, y (m), the length along the line (m), the line's heading there (rad, continuous)."""
 
     x: float
     y: float
@@ -43,7 +43,7 @@ class LineVertex(NamedTuple):
 
 
 class SpeedPoint(NamedTuple):
-    """The speed (m/s) that is allowed at a length along a line (m)."""
+    """The speed limit (m/s) at a length along a line (m)."""
 
     along: float
     speed: float
@@ -54,22 +54,22 @@ VERTICES, SPEED_POINTS = array_of(LineVertex), array_of(SpeedPoint)
 
 def vertices(xy: Any, along: Sequence[float] | FloatArray, heading: Sequence[float] | FloatArray) -> Records:  # noqa: ANN401  rows of two numbers, of any kind
     """Return a line as an array of `LineVertex`: its points [N, 2] m, lengths [N] m, headings [N] rad."""
-    made = np.empty(len(along), dtype_of(LineVertex))
+    line = np.empty(len(along), dtype_of(LineVertex))
     points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
-    made["x"], made["y"], made["along"], made["heading"] = points[:, 0], points[:, 1], along, heading
-    return made
+    line["x"], line["y"], line["along"], line["heading"] = points[:, 0], points[:, 1], along, heading
+    return line
 
 
 def speed_points(along: Sequence[float], speed: Sequence[float]) -> Records:
-    """Return allowed speeds along a line as an array of `SpeedPoint`."""
-    made = np.empty(len(along), dtype_of(SpeedPoint))
-    made["along"], made["speed"] = along, speed
-    return made
+    """Return speed limits along a line as an array of `SpeedPoint`."""
+    points = np.empty(len(along), dtype_of(SpeedPoint))
+    points["along"], points["speed"] = along, speed
+    return points
 
 
 @inner
 def last_up_to(line: Records, first: int, end: int, s: float) -> int:
-    """Return the last of first..end (exclusive) whose length along the line is at most `s`; first - 1 if none is."""
+    """Return the last index in first..end (exclusive) whose length along the line is at most `s`; else first - 1."""
     low, high = first, end
     while low < high:
         middle = (low + high) // 2
@@ -82,7 +82,10 @@ def last_up_to(line: Records, first: int, end: int, s: float) -> int:
 
 @inner
 def share_of_segment(px: float, py: float, dx: float, dy: float) -> float:
-    """Return where beside a segment (dx, dy) a point lies, both from the segment's begin: 0 there, 1 at its end."""
+    """Return the position of a point's foot on a segment: 0 at the begin, 1 at the end.
+
+    `px`, `py`: the point. `dx`, `dy`: the segment's end. Both are relative to the segment's begin.
+    """
     return (px * dx + py * dy) / max(dx * dx + dy * dy, SHORTEST_M2)
 
 
@@ -98,7 +101,7 @@ def nearest_on_segment(px: float, py: float, dx: float, dy: float) -> tuple[floa
 
 @inner
 def _nearest(x: float, y: float, line: Records, low: int, high: int) -> tuple[int, float]:
-    """Return the segment of low..high (exclusive) nearest to a point, and the share of it where the foot is."""
+    """Return the segment of low..high (exclusive) nearest to a point, and the foot's share of it."""
     best, at, share = np.inf, low, 0.0
     for k in range(low, high):
         a, b = line[k], line[k + 1]
@@ -110,16 +113,16 @@ def _nearest(x: float, y: float, line: Records, low: int, high: int) -> tuple[in
 
 @inner
 def _foot(x: float, y: float, near_s: float, line: Records, first: int, end: int) -> tuple[int, float]:
-    """Return the segment nearest to a point, and the share of it where the foot is; see `along`."""
+    """Return the segment nearest to a point, and the foot's share of it; see `along`."""
     last = end - 1
-    k, t, found = first, 0.0, False
+    k, t, is_nearest = first, 0.0, False
     if not np.isnan(near_s):
         low = min(max(last_up_to(line, first, end, near_s - SEARCH_M), first), last - 1)
         high = min(max(last_up_to(line, first, end, near_s + SEARCH_M) + 1, low + 1), last)
         k, t = _nearest(x, y, line, low, high)
-        # At an end of the window, not of the line, something nearer may lie beyond.
-        found = not (k == low and t < 0.0 and low > first) and not (k == high - 1 and t > 1.0 and high < last)
-    if not found:
+        # At an end of the window that is not an end of the line, a nearer point may lie beyond.
+        is_nearest = not (k == low and t < 0.0 and low > first) and not (k == high - 1 and t > 1.0 and high < last)
+    if not is_nearest:
         k, t = _nearest(x, y, line, first, last)
     if k > first:
         t = max(t, 0.0)
@@ -130,10 +133,9 @@ def _foot(x: float, y: float, near_s: float, line: Records, first: int, end: int
 
 @inner
 def along(x: float, y: float, near_s: float, line: Records, first: int, end: int) -> float:
-    """Return the length along a line nearest to a point, m; before 0 or over the line's length beyond its ends.
+    """Return the length along a line nearest to a point, m; below 0 or above the line's length beyond its ends.
 
-    Looked for around `near_s` first, NaN for everywhere. `first`, `end`: the vertices of this line among those of
-    several.
+    The search begins around `near_s` (NaN: the whole line). `first`, `end`: range of this line's vertices in `line`.
     """
     k, t = _foot(x, y, near_s, line, first, end)
     a, b = line[k], line[k + 1]
@@ -153,7 +155,7 @@ def heading_at(s: float, line: Records, first: int, end: int) -> float:
 
 @inner
 def place_at(s: float, line: Records) -> tuple[float, float, float]:
-    """Return x, y and heading of a line at a length, as `Polyline.at` does: straight on beyond the ends."""
+    """Return x, y and heading of a line at a length, as `Polyline.at`: straight on beyond the ends."""
     k = min(max(last_up_to(line, 0, line.size, s), 0), line.size - 2)
     a, b = line[k], line[k + 1]
     t = (s - a["along"]) / (b["along"] - a["along"])
@@ -164,7 +166,7 @@ def place_at(s: float, line: Records) -> tuple[float, float, float]:
 
 @inner
 def speed_at(s: float, points: Records, first: int, end: int) -> float:
-    """Return the speed between its neighbours in first..end (exclusive); beyond the ends the first or last one."""
+    """Return the speed limit interpolated between the points first..end (exclusive); constant beyond the ends."""
     k = last_up_to(points, first, end, s)
     if k < first:
         return float(points[first]["speed"])
@@ -177,7 +179,7 @@ def speed_at(s: float, points: Records, first: int, end: int) -> float:
 
 @compiled(FLOAT, FLOAT, FLOAT, VERTICES)
 def project(x: float, y: float, near_s: float, line: Records) -> tuple[float, float]:
-    """Return the length along a line nearest to a point, and how far to the left of it that is, m; see `along`."""
+    """Return the length along a line nearest to a point, and the point's distance to its left, m; see `along`."""
     k, t = _foot(x, y, near_s, line, 0, line.size)
     a, b = line[k], line[k + 1]
     dx, dy = b["x"] - a["x"], b["y"] - a["y"]
@@ -209,7 +211,7 @@ def _bounds(path: FloatArray) -> FloatArray:
 
 @inner
 def _apart(a: FloatArray, b: FloatArray) -> bool:
-    """Say whether two bounding boxes have no point in common."""
+    """Return whether two bounding boxes have no point in common."""
     return bool(
         a[_WEST] > b[_EAST] + _CLEAR_M
         or b[_WEST] > a[_EAST] + _CLEAR_M
@@ -220,7 +222,7 @@ def _apart(a: FloatArray, b: FloatArray) -> bool:
 
 @inner
 def _segments_cut(a: FloatArray, i: int, b: FloatArray, k: int, sine: float) -> bool:
-    """Say whether segment i of one path and k of another have a point in common, at an angle of at least this sine."""
+    """Return whether segment i of a path and k of another one intersect at an angle of at least this sine."""
     rx, ry = a[i + 1, 0] - a[i, 0], a[i + 1, 1] - a[i, 1]
     sx, sy = b[k + 1, 0] - b[k, 0], b[k + 1, 1] - b[k, 1]
     cross = rx * sy - ry * sx
@@ -236,10 +238,10 @@ def _segments_cut(a: FloatArray, i: int, b: FloatArray, k: int, sine: float) -> 
 
 @compiled(TABLE, TABLE, FLOAT)
 def paths_cut(a: FloatArray, b: FloatArray, sine: float) -> bool:
-    """Say whether two paths ([N, 2], [M, 2]) cut each other at an angle of at least this sine.
+    """Return whether two paths ([N, 2], [M, 2]) intersect at an angle of at least this sine.
 
-    Two paths of a drive have a million pairs of segments, of which hardly any are near each other: those of blocks
-    whose bounding boxes are apart are not looked at.
+    Two recorded paths have a million pairs of segments, few of them near each other: blocks of segments whose bounding
+    boxes are apart are skipped.
     """
     if len(a) < 2 or len(b) < 2:
         return False
@@ -284,15 +286,14 @@ def feet_on_path(
 ) -> None:
     """Project points [N, 2] onto a path [M, 2], M >= 2.
 
-    Filled are [N] the distances, m, the nearest segments, and where beside its segment each point lies
-    (`share_of_segment`).
+    Fills, for each point, `gaps` (the distance, m), `nearest` (the nearest segment) and `shares` (`share_of_segment`).
     """
     bounds = _bounds(path)
     segments = len(path) - 1
     best = 0
     for n in range(len(points)):
         x, y = points[n, 0], points[n, 1]
-        # The segment that was nearest to the point before is hardly ever far from the best.
+        # Begin with the nearest segment of the previous point, which is usually near the best one.
         least = _to_segment(x, y, path, best)
         for block in range(len(bounds)):
             if _to_bound(x, y, bounds[block]) > least + _CLEAR_M:

@@ -1,4 +1,4 @@
-"""Noise from hashes, compiled (`foresee_dsl.kernels.compiling` says what that asks for); `noise` says what it is."""
+"""Noise from hashes, as kernels (see `kernels.compiling`); `simulate.sensing.noise` explains the method."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ GOLDEN = 0x9E3779B97F4A7C15
 MIX_1, MIX_2 = 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 """Constants of splitmix64 (Steele, Lea, Flood 2014)."""
 SPLINE_SD = 0.479**0.5
-"""Standard deviation of a B-spline through independent values of variance 1, over all places: the integral of the
-squared weights is 151/315."""
+"""Standard deviation of a B-spline with independent coefficients of variance 1, averaged over all positions: the
+integral of the squared weights is 151/315."""
 NORMAL_SCALE = 3.0**0.5 / 65536.0
-"""Makes the sum of four whole numbers under 65536 one of variance 1."""
+"""Scales the sum of four integers below 65536 to variance 1."""
 
 
 @inner
@@ -44,7 +44,7 @@ def uniform(drawn: np.uint64) -> float:
 
 @inner
 def drift(key: np.uint64, frame: int, spacing: int) -> float:
-    """Return smooth noise of standard deviation 1, with a knot each `spacing` frames."""
+    """Return smooth noise of standard deviation 1, with a knot every `spacing` frames."""
     knot = frame // spacing
     u = (frame - knot * spacing) / spacing
     v = 1 - u
@@ -56,8 +56,10 @@ def drift(key: np.uint64, frame: int, spacing: int) -> float:
 
 @inner
 def error(keys: Hashes, scales: FloatArray, channel: int, frame: int, spacing: int) -> float:
-    """Return one channel of an object's noise, of standard deviation 1: the share that drifts and the one that does
-    not (arguments as in `normals_over`, keys of one object)."""
+    """Return one channel of an object's noise, with standard deviation 1: the drifting plus the independent part.
+
+    Arguments as for `normals_over`; `keys`: of one object.
+    """
     channels = scales.shape[1]
     value = 0.0
     if scales[0, channel] > 0.0:
@@ -69,7 +71,7 @@ def error(keys: Hashes, scales: FloatArray, channel: int, frame: int, spacing: i
 
 @inner
 def chance(keys: Hashes, channels: int, frame: int, hold: int) -> float:
-    """Return a number from 0 to 1 that stays for `hold` frames; objects change theirs at different frames."""
+    """Return a number from 0 to 1 that stays the same for `hold` frames; it changes at other frames for each object."""
     phase = np.int64(keys[2 * channels + 1] >> np.uint64(11)) % hold
     return uniform(mixed(keys[2 * channels], (frame + phase) // hold))
 
@@ -86,12 +88,13 @@ def hashes(keys: Hashes, counters: IntArray) -> Hashes:
 
 @compiled(KEY_TABLE, TABLE, INT, INT, INT)
 def normals_over(keys: Hashes, scales: FloatArray, spacing: int, first: int, frames: int) -> FloatArray:
-    """Return objects' noise over some frames, [F, N, C].
+    """Return the noise of N objects over several frames, [F, N, C].
 
     Args:
-        keys: [N, 2 C + 2] of the streams: what drifts, what does not, chances, and when these change.
-        scales: [2, C] standard deviations of what drifts and what does not. spacing: frames between the drift's knots.
-        first: frame, absolute. frames: how many.
+        keys: [N, 2 C + 2] keys of the drifting errors, the independent errors, the chances, and their phases.
+        scales: [2, C] standard deviations of the drifting and the independent errors. spacing: frames between two knots
+            of the drift.
+        first: the first frame, absolute. frames: number of frames F.
     """
     values = np.empty((frames, len(keys), scales.shape[1]))
     for f in range(frames):

@@ -1,7 +1,7 @@
-"""The rows of the object list, compiled (`foresee_dsl.kernels.compiling` says what that asks for).
+"""The rows of the object list, as a kernel (see `kernels.compiling`): sight, misses and errors in one call per scan.
 
-Sight, what is missed, and errors: one call a scan. Between two scans SUMO has thrown everything out of the processor's
-caches, so that a call costs more than what is computed in it.
+All of it is one call: between two scans SUMO evicts our data from the processor's caches, so that a call costs more
+than its computation.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from foresee_dsl.kernels.sight import BODIES, HEADING, SPEED, WALLS, SightLimits
 
 
 class ScanSettings(NamedTuple):
-    """What a scan needs of the settings of the sensors: `SightLimits`, then `ObjectNoise` and `Dropouts` of
-    `simulate.sensing.settings`, times in frames.
+    """The sensor settings for a scan: `SightLimits`, then `ObjectNoise` and `Dropouts` of `simulate.sensing.settings`,
+    with times in frames.
 
     Attributes:
-        least_size: no side is measured shorter than this share of it.
+        least_size: smallest measured length or width, as a share of the true one.
     """
 
     reach: float
@@ -48,13 +48,15 @@ class ScanSettings(NamedTuple):
 
 SETTINGS = array_of(ScanSettings)
 CHANNELS = 6
-"""Errors of an object: along and across the line of sight, heading, speed, length, width."""
+"""Number of errors of an object: along and across the line of sight, heading, speed, length, width."""
 
 
 @inner
 def _detected(frame: int, boxes: Records, seen: IntArray, bodies: Records, keys: Hashes, settings: Record) -> int:
-    """Put those that are not missed in front in `seen`, the nearest first (the earlier first where equal); return how
-    many."""
+    """Move the detected objects to the front of `seen`, the nearest first; return their number.
+
+    Of equally near objects the one that came first stays first.
+    """
     least, most, hold = settings["missed_least"], settings["missed_most"], settings["missed_frames"]
     count = 0
     for place in range(len(seen)):
@@ -84,18 +86,18 @@ def measured(
     scales: FloatArray,
     settings_of: Records,
 ) -> FloatArray:
-    """Measure those in sight.
+    """Measure the objects in sight.
 
     Args:
-        frame: absolute. ego: [2, 3] x, y, heading: where the ego is, and where its localisation has it.
-        states: [N, >=4] x, y, heading, speed, NaN where there is none. bodies: [N]. walls: [M] the near ones.
-        keys, scales: as in `noise.normals_over`, of six channels. settings_of: [1].
+        frame: absolute frame. ego: [2, 3] x, y, heading: the ego's true pose, then the pose of its localisation.
+        states: [N, >=4] x, y, heading, speed, NaN where absent. bodies: [N]. walls: [M] the near walls.
+        keys, scales: as for `noise.normals_over`, with six channels. settings_of: [1].
 
     Returns:
-        [S, 7] x, y, heading, speed, length, width with errors, and the object's number, the nearest first.
+        [S, 7] x, y, heading, speed, length, width with errors, and the object's index; the nearest object first.
     """
     settings = settings_of[0]
-    # numba (0.68.1) would take one record for a part of the other and warn that this is experimental.
+    # A named tuple, as numba (0.68.1) would treat one record as a part of the other and warn that this is experimental.
     limits = SightLimits(settings["reach"], settings["ahead_share"], settings["least_marks"])
     boxes, seen = find(ego[0, X], ego[0, Y], ego[0, HEADING], states, bodies, walls, limits)
     count = _detected(frame, boxes, seen, bodies, keys, settings)

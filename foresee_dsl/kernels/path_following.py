@@ -1,6 +1,6 @@
-"""Kernels that move actors along paths, and find out where SUMO's vehicles see them.
+"""Kernels that move actors along paths, and find where SUMO's vehicles see them.
 
-An actor takes up a pace, slows for bends and stops where it is told to.
+An actor accelerates or brakes to a pace, slows down for bends and stops at its stop.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ Record = Any
 """One element of an array of records."""
 
 CELL_M = 0.5
-"""The lane under a path is looked up once per this length of it. Ours."""
+"""Length of path per look-up of the lane under it, m. Ours."""
 STEPS_OUT_M = 1.0
-"""A pedestrian this near (along its path) to the road is seen by SUMO's drivers as about to step on it. Ours: one
+"""Length of path before the road within which SUMO's drivers see a pedestrian who is about to step on it, m. Ours: one
 pace."""
 STANDS_MPS = 0.1
-"""Slower is standing; SUMO's own threshold for a halting vehicle."""
+"""Speed below which an actor stands, m/s; SUMO's threshold for a halting vehicle."""
 NO_LANE, OFF_ROAD, UNKNOWN = -1, -2, -3
-"""In place of a lane's number: on the road beside all lanes; not on the road; not looked up yet."""
+"""Values instead of a lane's number: on the road but off all lanes; off the road; not looked up yet."""
 
 
 class Follower(NamedTuple):
     """An actor on a path.
 
     Attributes:
-        along: how far it has come, m. speed: m/s. pace: the speed that it takes up, m/s.
-        acceleration, braking: how fast it does so, m/s^2, positive.
-        stop: a length at which it must wait, m; NaN for none. half_length: of its footprint, m; 0 for one that turns on
-            the spot. heading: of the path where it is, rad.
+        along: its length along the path, m. speed: m/s. pace: the speed to reach, m/s.
+        acceleration, braking: rates of speeding up and braking, m/s^2, positive.
+        stop: length at which it must wait, m; NaN without one. half_length: half its footprint's length, m; 0 for an
+            actor that turns on the spot. heading: heading of the path at its position, rad.
         length, width: of its footprint, m.
-        row: of its state in the table of all actors; -1 when it is not to be moved. seen_on: the lane on which SUMO has
-            its stand-in, `OFF_ROAD` for none.
-        line_begin, line_end: its path's vertices; bends_begin, bends_end: how fast that may be followed;
-            cells_begin, cells_end: what is under it; all among those of several paths.
+        row: row of its state in the table of all actors; -1 if it must not be moved. seen_on: the lane with its
+            stand-in in SUMO, `OFF_ROAD` without one.
+        line_begin, line_end: range of its path's vertices; bends_begin, bends_end: range of its path's speed limits;
+            cells_begin, cells_end: range of the cells under its path; all in arrays of several paths.
     """
 
     along: float
@@ -65,19 +65,19 @@ class Follower(NamedTuple):
 
 
 class PathCell(NamedTuple):
-    """What is under a path at a multiple of `CELL_M`: the number of the lane, or one of the above; its heading, rad."""
+    """The lane under a path at a multiple of `CELL_M`: its number, or one of the values above; its heading, rad."""
 
     lane: int
     heading: float
 
 
 class Sight(NamedTuple):
-    """Where SUMO's vehicles see an actor on a path.
+    """The position at which SUMO's vehicles see an actor on a path.
 
     Attributes:
-        follower: its number. lane: the number of the lane on which it is seen, or one of the above.
-        cell: which of its path's cells this comes from.
-        x, y: the front of the stand-in, m. heading: of the lane, rad. length: of the stand-in, m.
+        follower: index of the follower. lane: number of the lane on which it is seen, or one of the values above.
+        cell: index of the cell of its path that determines the lane.
+        x, y: front of the stand-in, m. heading: heading of the lane, rad. length: length of the stand-in, m.
         speed: along the lane, m/s.
     """
 
@@ -96,7 +96,7 @@ FOLLOWERS, CELLS, SIGHTS = array_of(Follower), array_of(PathCell), array_of(Sigh
 
 @inner
 def _approach(room: float, speed: float, braking: float, dt: float) -> float:
-    """Return the largest speed at the end of this step from which braking still ends within `room`, m/s."""
+    """Return the largest speed at the end of this step from which it can still stop within `room`, m/s."""
     left = room - speed * dt / 2
     return float(braking * (np.sqrt(max(0.0, dt * dt / 4 + 2 * left / braking)) - dt / 2))
 
@@ -109,23 +109,23 @@ def _pose(along: float, half: float, line: Records) -> tuple[float, float, float
         rear_x, rear_y, _ = place_at(along - half, line)
         front_x, front_y, _ = place_at(along + half, line)
         dx, dy = front_x - rear_x, front_y - rear_y
-        if np.hypot(dx, dy) > half / 2:  # less: the path folds back on itself here
+        if np.hypot(dx, dy) > half / 2:  # otherwise the path folds back on itself here
             heading = np.arctan2(dy, dx)
     return x, y, heading - 2 * np.pi * np.round(heading / (2 * np.pi))
 
 
 @compiled(FLOAT, FLOAT, VERTICES)
 def pose_on_path(along: float, half: float, line: Records) -> tuple[float, float, float]:
-    """Return x, y (m) and heading (rad) of an actor that has come so far (m).
+    """Return x, y (m) and heading (rad) of an actor at a length along its path (m).
 
-    With a length (`half` of it, m) its heading is that of the path between its rear and its front.
+    `half`: half its length, m; if positive, its heading is that of the line between its rear and its front.
     """
     return _pose(along, half, line)
 
 
 @inner
 def _wrapped(angle: float) -> float:
-    """Return an angle that is within -3 pi..3 pi as `math.remainder(angle, math.tau)` does, to the last bit."""
+    """Return `math.remainder(angle, math.tau)` to the last bit, for an angle within -3 pi..3 pi."""
     if angle > np.pi:
         return angle - 2 * np.pi
     if angle < -np.pi:
@@ -135,18 +135,18 @@ def _wrapped(angle: float) -> float:
 
 @inner
 def _advance(follower: Record, line: Records, bends: Records, dt: float) -> tuple[float, float, float]:
-    """Move a follower on by a step: its `along` and `speed` are changed; return x, y (m), heading (rad).
+    """Advance a follower by a step: change its `along` and `speed`; return x, y (m) and heading (rad).
 
-    `bends`: how fast the path's bends may be taken; empty for none.
+    `bends`: speed limits of the path's bends; empty without limits.
     """
     along, before, braking = follower["along"], follower["speed"], follower["braking"]
     pace, stop, half = follower["pace"], follower["stop"], follower["half_length"]
     length = line[line.size - 1]["along"]
-    if bends.size:  # its front comes to a corner before its middle does
+    if bends.size:  # its front reaches a corner before its centre does
         pace = min(pace, speed_at(along + half + before * dt, bends, 0, bends.size))
     speed = max(before - braking * dt, min(pace, before + follower["acceleration"] * dt), 0.0)
     held = False
-    if not along <= stop < length:  # a NaN neither
+    if not along <= stop < length:  # also for a NaN
         stop = length
     for wait in (stop, length):
         if held:
@@ -154,7 +154,7 @@ def _advance(follower: Record, line: Records, bends: Records, dt: float) -> tupl
         room = wait - along
         speed = min(speed, max(_approach(room, before, braking, dt), before - braking * dt, 0.0))
         if room <= (before + speed) / 2 * dt + 1e-9 and speed <= braking * dt:
-            along, speed, held = wait, 0.0, True  # the last step: onto the very point, and still
+            along, speed, held = wait, 0.0, True  # the last step ends exactly at the stop, at rest
     if not held:
         along = min(along + (before + speed) / 2 * dt, length)
         if along >= length:
@@ -165,14 +165,14 @@ def _advance(follower: Record, line: Records, bends: Records, dt: float) -> tupl
 
 @inner
 def _cell(along: float, follower: Record) -> int:
-    """Return which cell of its path lies at a length."""
+    """Return the index of the path's cell at a length."""
     return int(max(min(np.rint(along / CELL_M), follower["cells_end"] - follower["cells_begin"] - 1), 0))
 
 
 @inner
 def _find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
     """See `find_seen`."""
-    found = 0
+    count = 0
     for n in range(followers.size):
         follower = followers[n]
         if follower["row"] < 0:
@@ -185,8 +185,8 @@ def _find_seen(followers: Records, states: Records, lines: Records, cells: Recor
             lane = cells[follower["cells_begin"] + k]["lane"]
         if lane == OFF_ROAD and follower["seen_on"] == OFF_ROAD:
             continue
-        sight = sights[found]
-        found += 1
+        sight = sights[count]
+        count += 1
         sight["follower"], sight["lane"], sight["cell"] = n, lane, k
         if lane == UNKNOWN:
             break
@@ -199,15 +199,15 @@ def _find_seen(followers: Records, states: Records, lines: Records, cells: Recor
         half, speed = length / 2, state["speed"] * ahead
         sight["x"], sight["y"] = state["x"] + half * np.cos(heading), state["y"] + half * np.sin(heading)
         sight["heading"], sight["length"], sight["speed"] = heading, length, speed if speed > 0.0 else 0.0
-    return found
+    return count
 
 
 @compiled(FOLLOWERS, STATES, VERTICES, CELLS, SIGHTS)
 def find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
-    """Find out where SUMO's vehicles see followers: on the road, or about to step on it.
+    """Find the positions at which SUMO's vehicles see followers: on the road, or about to step on it.
 
-    `sights` is filled for those that are seen, and with `OFF_ROAD` for those that are not seen any more, as many as are
-    returned. It ends at a cell that has to be looked up first: the last of `sights` says which (`UNKNOWN`).
+    Fills `sights` for followers that are seen, and with `OFF_ROAD` for followers that are not seen any more; returns
+    their number. It stops at a cell that must be looked up first, which is then the last sight (`UNKNOWN`).
     """
     return _find_seen(followers, states, lines, cells, sights)
 
@@ -223,9 +223,9 @@ def advance(
     sights: Records,
     dt: float,
 ) -> int:
-    """Move followers on by a step, and their states with them; return and fill what `find_seen` does.
+    """Advance followers and their states by a step; then fill `sights` and return their number as `find_seen`.
 
-    `states`, `along`: of all actors. `lines`, `bends`, `cells`: of all paths, one after the other.
+    `states`, `along`: of all actors. `lines`, `bends`, `cells`: of all paths.
     """
     for n in range(followers.size):
         follower = followers[n]

@@ -1,7 +1,7 @@
-"""The records that kernels work on: numpy's structured types, each declared once as a named tuple.
+"""The records of kernels: structured types of numpy, each declared once as a named tuple.
 
-A kernel takes arrays of such records and reads `actors[a]["speed"]`, which numba compiles to one load and plain Python
-understands too. Arrays of records are handed over in 0.5 us each; a named tuple would take 3 us (numba 0.68.1).
+A kernel takes arrays of such records and reads `actors[a]["speed"]`, which numba compiles to one load and which also
+works in plain Python. Passing an array of records takes 0.5 us; a named tuple would take 3 us (numba 0.68.1).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from foresee_dsl.kernels.compiling import Kind
 def dtype_of(record: type) -> np.dtype[np.void]:
     """Return the numpy type of a named tuple whose fields are floats, integers and booleans.
 
-    Always the same object: a kernel's call recognises it without comparing fields.
+    It is always the same object, so that a kernel's call recognises it without comparing fields.
     """
     return np.dtype(list(get_type_hints(record).items()), align=True)
 
 
 def array_of(record: type, dimensions: int = 1) -> Kind:
-    """Return the type of an array of such records, in one piece."""
+    """Return the type of a contiguous array of such records."""
     return Kind(dtype_of(record), dimensions)

@@ -1,9 +1,8 @@
-"""Lines of sight past boxes and walls, compiled (`foresee_dsl.kernels.compiling` says what that asks for).
+"""Lines of sight past boxes and walls, as kernels (see `kernels.compiling`).
 
-All is relative to an eye at some height over a flat ground. A body hides a point when the straight line from the eye to
-the point runs through the body's footprint and, somewhere on that stretch, lower than the body's top. So a child
-behind a parked car is hidden, an adult's head behind it is not, and a lorry hides both. Buildings are as high as one
-likes.
+Positions are relative to an eye at some height above flat ground. A body hides a point if the straight line from the
+eye to the point crosses the body's footprint and is, somewhere on that stretch, lower than the body's top. So a parked
+car hides a child but not an adult's head, and a lorry hides both. Buildings are infinitely high.
 """
 
 from __future__ import annotations
@@ -22,19 +21,19 @@ from foresee_dsl.kernels.records import array_of, dtype_of
 X, Y, HEADING, SPEED = range(4)
 """Columns of the states and poses of objects, as in `Trace.states`."""
 MARKS = 5
-"""Points at which a body is looked at: its corners and its centre."""
+"""Number of points of a body whose visibility is tested: its corners and its centre."""
 _TINY = 1e-12
-"""Stands for 0 in a division."""
+"""Replaces 0 in a division."""
 _SLACK_M = 1e-6
-"""More than rounding takes, where many points are judged at once."""
+"""Slack for rounding errors where many points are tested at once, m."""
 
 
 class Body(NamedTuple):
-    """What there is to see of an object.
+    """The visible body of an object.
 
     Attributes:
-        length, width: of its footprint, m. top, high, low: its top and the two heights that are looked at, over the
-            eye, m. range: how far it is seen, m. heading_spread: standard deviation of its measured heading, rad.
+        length, width: of its footprint, m. top, high, low: its top and the two tested heights, above the eye, m.
+        range: distance within which it can be seen, m. heading_spread: standard deviation of its measured heading, rad.
     """
 
     length: float
@@ -47,7 +46,7 @@ class Body(NamedTuple):
 
 
 class Wall(NamedTuple):
-    """A side of a building: where it begins and how it goes on, counter-clockwise about the building, m."""
+    """A side of a building: its begin, and the vector to its end, counter-clockwise around the building, m."""
 
     x: float
     y: float
@@ -56,11 +55,11 @@ class Wall(NamedTuple):
 
 
 class SightLimits(NamedTuple):
-    """How far and where a sensor sees.
+    """The limits of a sensor.
 
     Attributes:
-        reach: what is farther hides nothing, m. ahead_share: the cosine of half of the field of view (less than -1: all
-            around). least_marks: how many of a body's marks must be in sight.
+        reach: distance beyond which bodies hide nothing, m. ahead_share: cosine of half the field of view (less than
+            -1: all around). least_marks: number of a body's marks that must be in sight.
     """
 
     reach: float
@@ -69,7 +68,11 @@ class SightLimits(NamedTuple):
 
 
 class _Box(NamedTuple):
-    """A footprint relative to the eye, m: the distance of its centre, its object, and the circle around it."""
+    """A footprint relative to the eye, m.
+
+    Attributes:
+        gap: distance of its centre from the eye. who: index of its object. radius: of the circle around it.
+    """
 
     x: float
     y: float
@@ -84,11 +87,11 @@ class _Box(NamedTuple):
 
 
 class _FacingWall(NamedTuple):
-    """A wall on whose outer side the eye is, relative to the eye, m.
+    """A wall whose outer side faces the eye, relative to the eye, m.
 
     Attributes:
-        from_x, from_y, to_x, to_y: its ends. outer_x, outer_y: a vector to its outer side. depth: how far the eye is on
-            that side, times that vector's length (negative). from_m, to_m, outer_m: the lengths of the three vectors.
+        from_x, from_y, to_x, to_y: its ends. outer_x, outer_y: a vector to its outer side. depth: distance of the eye
+            on that side times the length of that vector (negative). from_m, to_m, outer_m: lengths of the vectors.
     """
 
     from_x: float
@@ -109,7 +112,7 @@ _BOX, _FACING_WALL = dtype_of(_Box), dtype_of(_FacingWall)
 
 @compiled(FLOAT, FLOAT, WALLS, FLOAT)
 def walls_near(x: float, y: float, walls: Records, reach_m: float) -> BoolArray:
-    """Say which walls come nearer to a point than `reach_m`, [M]."""
+    """Return, for each wall, whether it is within `reach_m` of a point, [M]."""
     near = np.empty(len(walls), dtype=np.bool_)
     for k in range(len(walls)):
         wall = walls[k]
@@ -120,7 +123,7 @@ def walls_near(x: float, y: float, walls: Records, reach_m: float) -> BoolArray:
 
 @inner
 def _facing(x: float, y: float, walls: Records) -> Records:
-    """Return the walls on whose outer side the eye is: a line that enters a building does so through one of these."""
+    """Return the walls whose outer side faces the eye: a line of sight enters a building through one of these."""
     facing = np.empty(len(walls), _FACING_WALL)
     count = 0
     for k in range(len(walls)):
@@ -141,18 +144,18 @@ def _facing(x: float, y: float, walls: Records) -> Records:
 
 @inner
 def _screen(px: float, py: float, room_m: float, facing: Records, screens: IntArray) -> int:
-    """Put the numbers of the walls that may hide something within `room_m` of a point into `screens`; return how
-    many."""
+    """Fill `screens` with the indices of the walls that may hide points within `room_m` of a point; return their
+    number."""
     count = 0
     for k in range(len(facing)):
         wall = facing[k]
         if px * wall["outer_x"] + py * wall["outer_y"] - room_m * wall["outer_m"] > wall["depth"]:
-            continue  # all of it is in front of the wall
+            continue  # the whole circle is in front of the wall
         left = px * wall["from_y"] - py * wall["from_x"]
         right = px * wall["to_y"] - py * wall["to_x"]
         room_left, room_right = room_m * wall["from_m"], room_m * wall["to_m"]
         if (left > room_left and right > room_right) or (left < -room_left and right < -room_right):
-            continue  # both ends are to one side of all of it
+            continue  # both ends of the wall are on one side of the whole circle
         screens[count] = k
         count += 1
     return count
@@ -160,11 +163,11 @@ def _screen(px: float, py: float, room_m: float, facing: Records, screens: IntAr
 
 @inner
 def _walled(px: float, py: float, facing: Records, screens: IntArray, count: int) -> bool:
-    """Say whether the line from the eye to a point runs through a building, given what `_screen` found."""
+    """Return whether the line from the eye to a point crosses a building; `screens`, `count`: result of `_screen`."""
     for n in range(count):
         wall = facing[screens[n]]
         if px * wall["outer_x"] + py * wall["outer_y"] < wall["depth"]:
-            # The wall's ends lie on both sides of the line: crosswise products with them have different signs.
+            # The wall's ends are on different sides of the line if their cross products have different signs.
             left = px * wall["from_y"] - py * wall["from_x"]
             right = px * wall["to_y"] - py * wall["to_x"]
             if left * right <= 0.0:
@@ -174,13 +177,13 @@ def _walled(px: float, py: float, facing: Records, screens: IntArray, count: int
 
 @inner
 def _boxes(x: float, y: float, poses: FloatArray, bodies: Records, reach_m: float) -> Records:
-    """Return the footprints of those within reach, [K]."""
+    """Return the footprints of the objects within reach, [K]."""
     boxes = np.empty(len(poses), _BOX)
     count = 0
     for k in range(len(poses)):
         dx, dy = poses[k, X] - x, poses[k, Y] - y
         gap = math.sqrt(dx * dx + dy * dy)
-        if not gap <= reach_m:  # NaN is not
+        if not gap <= reach_m:  # also skips absent objects (NaN)
             continue
         box, length, width = boxes[count], bodies[k]["length"], bodies[k]["width"]
         box["x"], box["y"], box["gap"], box["who"] = dx, dy, gap, k
@@ -193,8 +196,8 @@ def _boxes(x: float, y: float, poses: FloatArray, bodies: Records, reach_m: floa
 
 @inner
 def _cross(px: float, py: float, room_m: float, own: int, boxes: Records, crossed: IntArray) -> int:
-    """Put the numbers of the boxes near enough to the line to a point to hide what lies within `room_m` of it into
-    `crossed`, but for the `own` one, which lies around the points; return how many."""
+    """Fill `crossed` with the indices of the boxes that may hide points within `room_m` of a point; return their
+    number. The box `own`, which contains these points, is left out."""
     gap = max(math.sqrt(px * px + py * py), _TINY)
     way_x, way_y = px / gap, py / gap
     count = 0
@@ -211,10 +214,10 @@ def _cross(px: float, py: float, room_m: float, own: int, boxes: Records, crosse
 
 @inner
 def _stretch(px: float, py: float, box: Record) -> tuple[float, float]:
-    """Return where the line from the eye to a point enters and leaves a box, as shares of the way.
+    """Return where the line from the eye to a point enters and leaves a box, as shares of the distance.
 
-    In the box's own axes it is the set of points within half its length and half its width; a line is within each over
-    one stretch, and runs through the box where the stretches meet. A line that misses it enters after it leaves.
+    In the box's own axes the line is within half its length over one stretch and within half its width over another;
+    it is in the box where both stretches overlap. If the line misses the box, the first share exceeds the second.
     """
     begin, end = 0.0, 1.0
     cos, sin = box["cos"], box["sin"]
@@ -231,14 +234,16 @@ def _stretch(px: float, py: float, box: Record) -> tuple[float, float]:
 
 @inner
 def _under(rise: float, enter: float, leave: float, top: float) -> bool:
-    """Say whether a line that rises by so much runs, somewhere on a stretch of it, lower than a top: it is lowest where
-    it leaves the stretch, or where it enters when it rises."""
+    """Return whether a line is lower than `top` somewhere between the shares `enter` and `leave`.
+
+    `rise`: its rise over the whole distance, m. It is lowest where it enters if it rises, else where it leaves.
+    """
     return rise * (leave if rise < 0.0 else enter) < top
 
 
 @inner
 def _mark(box: Record, number: int) -> tuple[float, float]:
-    """Return one of the points at which a body is looked at: front left, rear left, rear right, front right, centre."""
+    """Return one of a body's tested points: front left, rear left, rear right, front right, centre."""
     along = 0.0 if number == MARKS - 1 else box["half_length"] if number in (0, 3) else -box["half_length"]
     left = 0.0 if number == MARKS - 1 else box["half_width"] if number < 2 else -box["half_width"]
     cos, sin = box["cos"], box["sin"]
@@ -247,9 +252,9 @@ def _mark(box: Record, number: int) -> tuple[float, float]:
 
 @inner
 def _shows(own: int, high: float, low: float, least: float, boxes: Records, facing: Records, numbers: IntArray) -> bool:
-    """Say whether at least so many marks of a body (the box `own`) are in sight.
+    """Return whether at least `least` marks of a body (the box `own`) are in sight.
 
-    A mark of which one height of two is in sight is half one. `numbers` is room for those of boxes or walls.
+    A mark with one visible height of two counts as half a mark. `numbers`: work space for indices of boxes or walls.
     """
     box = boxes[own]
     screens = _screen(box["x"], box["y"], box["radius"] + _SLACK_M, facing, numbers)
@@ -260,7 +265,7 @@ def _shows(own: int, high: float, low: float, least: float, boxes: Records, faci
         if not _walled(px, py, facing, numbers, screens):
             past_walls |= 1 << k
             clear += 1
-    if clear < least:  # it needs no look at the others
+    if clear < least:  # the other boxes need not be tested
         return False
     count = _cross(box["x"], box["y"], box["radius"], own, boxes, numbers)
     halves = 0
@@ -283,7 +288,7 @@ def _shows(own: int, high: float, low: float, least: float, boxes: Records, faci
 def find(
     x: float, y: float, heading: float, poses: FloatArray, bodies: Records, walls: Records, limits: SightLimits
 ) -> tuple[Records, IntArray]:
-    """Return [K] the footprints of those within reach, and [S] which of them are in sight; arguments as in
+    """Return the footprints of the objects within reach, [K], and the indices of those in sight, [S]; arguments as for
     `in_sight`."""
     boxes = _boxes(x, y, poses, bodies, limits.reach)
     facing = _facing(x, y, walls)
@@ -308,13 +313,13 @@ def find(
 def in_sight(
     x: float, y: float, heading: float, poses: FloatArray, bodies: Records, walls: Records, limits: Records
 ) -> IntArray:
-    """Return which objects are in sight of the ego, [S]; the eye is over its centre.
+    """Return the indices of the objects in sight of the ego, [S]; the eye is above its centre.
 
-    `poses`: [N, >=3] NaN where there is none. `bodies`: [N]. `walls`: [M] the near ones. `limits`: [1].
+    `poses`: [N, >=3] NaN where absent. `bodies`: [N]. `walls`: [M] the near walls. `limits`: [1].
     """
     row = limits[0]
-    one = SightLimits(row["reach"], row["ahead_share"], row["least_marks"])
-    boxes, seen = find(x, y, heading, poses, bodies, walls, one)
+    values = SightLimits(row["reach"], row["ahead_share"], row["least_marks"])
+    boxes, seen = find(x, y, heading, poses, bodies, walls, values)
     for k in range(len(seen)):
         seen[k] = boxes[seen[k]]["who"]
     return seen
@@ -331,9 +336,10 @@ def clear_points(
     walls: Records,
     reach_m: float,
 ) -> BoolArray:
-    """Say which points ([P, 3] x, y and height over the ground) nothing hides from an eye at a height, [P].
+    """Return, for each point ([P, 3] x, y and height above the ground), whether nothing hides it from an eye, [P].
 
-    `poses`, `bodies`, `walls`: as in `in_sight`. `reach_m`: what is farther hides nothing.
+    `eye_m`: height of the eye. `poses`, `bodies`, `walls`: as for `in_sight`. `reach_m`: distance beyond which bodies
+    hide nothing.
     """
     boxes = _boxes(x, y, poses, bodies, reach_m)
     facing = _facing(x, y, walls)

@@ -1,4 +1,4 @@
-"""Kernels that move the footprints of all vehicles that SUMO drives, and limit their speeds in bends."""
+"""Kernels that move the footprints of the vehicles that SUMO drives, and limit their speeds in bends."""
 
 from __future__ import annotations
 
@@ -13,29 +13,30 @@ from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, along, heading_at,
 from foresee_dsl.kernels.records import array_of
 
 SIDEWAYS_MPS = 1.0
-"""How fast a lane change moves sideways. Ours: 3.3 m in 3.3 s, within the 3 s to 5 s that lane changes take."""
+"""Lateral speed of a lane change, m/s. Ours: 3.3 m in 3.3 s, within the 3 s to 5 s that lane changes take."""
 SIDEWAYS_SHARE = 0.25
-"""And at most this share of the speed, about 14 deg: a vehicle that stands does not slide."""
+"""Largest lateral speed as a share of the speed, about 14 deg: a standing vehicle does not slide."""
 JUMP_M = 0.5
-"""A front that is this much further than its speed explains was moved by a lane change."""
+"""Displacement of the front beyond its speed from which SUMO has moved it by a lane change, m."""
 SLOWEST_TURN_MPS = 0.5
-"""Below this speed the steering angle is not read off the turning, which is noise then."""
+"""Least speed in the computation of the steering angle from the yaw rate, m/s: at lower speeds the yaw rate is
+noise."""
 
 
 class SumoVehicle(NamedTuple):
-    """What the kernels know of a vehicle that SUMO drives.
+    """The data of a vehicle that SUMO drives.
 
     Attributes:
-        row: of its state in the table of all actors.
+        row: row of its state in the table of all actors.
         half_length, wheelbase: m. rear_axle: from the front bumper to the rear axle, m. steer_max: rad.
-        line: how far to the left of its lane's middle it keeps, m.
-        front_x, front_y: the middle of its front bumper. sumo_x, sumo_y: where SUMO has that. offset: how far to the
-            left of SUMO's it is drawn, m.
-        lane_begin, lane_end: its lane's vertices; both 0 on none. heading_s, bends_s: how far along its lane it was
-            when the lane's heading and its bends were looked up, m (NaN: not yet).
-        bends_begin, bends_end: the speed points of its lane and of what follows. slowest: the least of these, m/s.
-        cruise: what it drives where nothing hinders it, m/s. limit: what the bends allow, infinite where they do not
-            matter. ordered: the less of the two, as SUMO was told last.
+        line: distance to the left of its lane's middle that it keeps, m.
+        front_x, front_y: middle of its front bumper, m. sumo_x, sumo_y: the same in SUMO. offset: distance of the
+            former to the left of the latter, m.
+        lane_begin, lane_end: range of its lane's vertices; both 0 off the lanes. heading_s, bends_s: length along its
+            lane at the last look-up of the lane's heading and of the bends, m (NaN: not yet).
+        bends_begin, bends_end: range of the speed points of its lane and of the next ones. slowest: their minimum, m/s.
+        cruise: speed where nothing hinders it, m/s. limit: speed that the bends allow, infinite without a bend.
+        ordered: the smaller of the two, as last set in SUMO.
     """
 
     row: int
@@ -66,32 +67,32 @@ VEHICLES = array_of(SumoVehicle)
 
 @compiled(INTS, FLOATS, VEHICLES, STATES, VERTICES, FLOAT)
 def follow(seen: IntArray, numbers: FloatArray, vehicles: Records, states: Records, lanes: Records, dt: float) -> None:
-    """Move footprints to where SUMO has their vehicles after a step.
+    """Move footprints to the positions of their vehicles in SUMO after a step.
 
-    `seen`: [N] the vehicles that SUMO has. `numbers`: [3 N] x, y of the middle of each front bumper, m, one vehicle
-    after the other, and then all speeds, m/s. `vehicles` and `states` are those of all vehicles and actors, and are
-    changed. `lanes`: the vertices of all lanes.
+    `seen`: [N] indices of the vehicles in SUMO. `numbers`: [3 N] x, y of the middle of each vehicle's front bumper, m,
+    then all speeds, m/s. `vehicles`, `states`: of all vehicles and actors; both are changed. `lanes`: the vertices of
+    all lanes.
     """
     for n in range(seen.size):
         vehicle = vehicles[seen[n]]
         state = states[vehicle["row"]]
         x, y, speed = numbers[2 * n], numbers[2 * n + 1], numbers[2 * seen.size + n]
-        was, heading, line = state["speed"], state["heading"], vehicle["line"]
-        state["acceleration"] = (speed - was) / dt  # as SUMO computes it
+        before, heading, line = state["speed"], state["heading"], vehicle["line"]
+        state["acceleration"] = (speed - before) / dt  # as SUMO computes it
         if (
             speed == 0.0
-            and was == 0.0
+            and before == 0.0
             and state["yaw_rate"] == 0.0
             and vehicle["offset"] == 0.0
             and line == 0.0
             and x == vehicle["front_x"]
             and y == vehicle["front_y"]
         ):
-            continue  # it stands, and has turned as far as it turns
+            continue  # it stands, and its turn is complete
         jump = np.hypot(x - vehicle["sumo_x"], y - vehicle["sumo_y"]) > speed * dt + JUMP_M
         sumo_x, sumo_y = x, y
         if jump or vehicle["offset"] != 0.0 or line != 0.0:
-            # The lane's heading, not that of SUMO's vehicle, which turns as its rear follows.
+            # Use the lane's heading, not that of SUMO's vehicle, which turns gradually as its rear follows.
             way, first, end = heading, vehicle["lane_begin"], vehicle["lane_end"]
             if end > first:
                 vehicle["heading_s"] = along(x, y, vehicle["heading_s"], lanes, first, end)
@@ -103,7 +104,7 @@ def follow(seen: IntArray, numbers: FloatArray, vehicles: Records, states: Recor
             vehicle["offset"] += max(-most, min(most, line - vehicle["offset"]))
             x, y = x - vehicle["offset"] * sin, y + vehicle["offset"] * cos
         vehicle["sumo_x"], vehicle["sumo_y"] = sumo_x, sumo_y
-        # The front moves to a point; the rear axle is drawn towards it.
+        # The front moves to its new position and pulls the rear axle towards it.
         reach = vehicle["rear_axle"]
         rear_x = vehicle["front_x"] - reach * np.cos(heading)
         rear_y = vehicle["front_y"] - reach * np.sin(heading)
@@ -129,20 +130,20 @@ def slow_for_bends(
     changed: IntArray,
     dt: float,
 ) -> int:
-    """Compute what each vehicle may drive in the next step: `limit` and `ordered` of its record.
+    """Compute the speed limit of each vehicle for the next step: `limit` and `ordered` of its record.
 
-    `driven`: [N] the vehicles that are asked about. `vehicles`, `states`: of all vehicles and actors; the former are
-    changed. `lanes`: the vertices of all lanes; `bends`: the speed points of all lanes that were asked for. `changed`
-    is filled with the vehicles whose `ordered` is another one now, as many as is returned.
+    `driven`: [N] indices of these vehicles. `vehicles`, `states`: of all vehicles and actors; the former are changed.
+    `lanes`: the vertices of all lanes; `bends`: the speed points. Fills `changed` with the indices of the vehicles
+    whose `ordered` has changed; returns their number.
     """
-    found = 0
+    count = 0
     for n in range(driven.size):
         k = driven[n]
         vehicle = vehicles[k]
         speed, first, end = states[vehicle["row"]]["speed"], vehicle["lane_begin"], vehicle["lane_end"]
         allowed = np.inf
         has_bends = end > first and vehicle["bends_end"] > vehicle["bends_begin"]
-        # It may be told to go faster than it did.
+        # In the next step it may drive faster than now: compare with 1 m/s more than its speed.
         if has_bends and vehicle["slowest"] < max(vehicle["cruise"], speed + 1.0):
             s = along(vehicle["front_x"], vehicle["front_y"], vehicle["bends_s"], lanes, first, end)
             vehicle["bends_s"] = s
@@ -151,6 +152,6 @@ def slow_for_bends(
         now = min(vehicle["cruise"], allowed)
         if now != vehicle["ordered"]:
             vehicle["ordered"] = now
-            changed[found] = k
-            found += 1
-    return found
+            changed[count] = k
+            count += 1
+    return count

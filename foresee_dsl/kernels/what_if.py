@@ -1,11 +1,11 @@
-"""What if one actor behaved otherwise: kinematic roll-outs of a recorded run with one changed actor, compiled.
+"""Kinematic roll-outs of a recorded run in which one actor behaves differently, as kernels.
 
-A roll-out moves the changed actor along its own recorded track, at other times and somewhat beside it, and the ego
-along its recorded path, slower where it reacts or approaches more carefully. Everybody else does what was recorded. It
-says in microseconds which of hundreds of changes are worth a simulation, not how they end.
+A roll-out moves the changed actor along its own recorded track, at other times and with an offset, and the ego along
+its recorded path, slower if it reacts or approaches more carefully. All other actors move as recorded. A roll-out takes
+microseconds and selects, from hundreds of changes, those worth a simulation; it does not replace the simulation.
 
-The ego predicts the changed actor with the velocity that it has, and brakes when the prediction is in its way; how soon
-it does so and how hard is a `Style`.
+The ego predicts the changed actor with its current velocity and brakes if the prediction is in its way; a `Style`
+determines the delay and the braking.
 """
 
 from __future__ import annotations
@@ -20,49 +20,50 @@ from foresee_dsl.kernels.compiling import CUBE, TABLE, compiled, inner
 from foresee_dsl.kernels.records import array_of
 
 STEP_S = 0.1
-"""A step of the roll-out. Ours: in it walkers move by a hand's breadth; half the time of single frames."""
+"""Time step of the roll-out, s. Ours: a pedestrian moves 0.1 m in it; it halves the time of single frames."""
 FRAMES = 2.0
-"""Recorded frames a step."""
+"""Number of recorded frames per step."""
 STANDS_MPS = 0.5
-"""An actor that is slower than this is taken as this fast where braking is worked out. Ours: a walker's slowest
-steps."""
+"""Lowest speed in the computation of braking, m/s. Ours: a pedestrian's slowest steps."""
 HALTS_MPS = 0.1
-"""An actor slower than this waits (SUMO's threshold)."""
+"""Speed below which an actor waits, m/s (SUMO's threshold)."""
 SLACK_M = 0.3
-"""So much wider than its body is the corridor that the ego keeps free. Ours: what is left beside people who stand."""
+"""Width that is added to the ego's body for the corridor that it keeps free, m. Ours: the distance that drivers leave
+to standing people."""
 LOOKS = 6
-"""At so many moments up to a style's horizon the ego compares where both will be. Ours: at 10 m/s and 2.5 s they are
-4 m apart, about a car's length."""
+"""Number of moments within a style's horizon at which the ego compares both predicted positions. Ours: at 10 m/s and
+2.5 s they are 4 m apart, about a car's length."""
 BEFORE_M = 1.0
-"""The ego keeps so much free before and behind it. Ours."""
+"""Free distance that the ego keeps before and behind it, m. Ours."""
 RECOVERS_S = 0.5
-"""How fast a steered vehicle turns to where it aims for. Ours: its wheels turn back in about this time."""
+"""Time constant with which a steered vehicle turns towards its aim, s. Ours: about the time of turning the wheels
+back."""
 AHEAD_S = 1.0
 AHEAD_M = 5.0
-"""It aims for its line so far ahead, in time and at least (`simulate.actors.lane_recovery.RecoverySettings`)."""
+"""Look-ahead of the aim on its line, and its least length (`simulate.actors.lane_recovery.RecoverySettings`)."""
 GAINS_MPS2 = 1.5
-"""How an actor or the ego takes up its recorded pace again. Ours: unhurried."""
+"""Acceleration with which an actor or the ego returns to its recorded speed, m/s^2. Ours: a moderate one."""
 SIDEWAYS_S = 1.5
-"""The ego has moved aside after this time. Ours: 0.8 m at half a metre a second."""
+"""Time in which the ego moves aside, s. Ours: 0.8 m at 0.5 m/s."""
 RELEASES_S = 0.5
-"""So long the ego goes on braking after its way is free. Ours: a moment's doubt."""
+"""Time for which the ego continues braking after its path is free, s. Ours: a short hesitation."""
 MISSES_M = 3.0
-"""A change that misses the ego by more than this is of no use, however it drives. Ours: about a lane's width."""
+"""Smallest gap above which a change is useless with every style of driving, m. Ours: about a lane's width."""
 LANE_SHARE = 0.25
-"""An actor moves sideways at most with this share of its speed (`kernels.sumo_traffic.SIDEWAYS_SHARE`)."""
+"""Largest lateral speed of an actor, as a share of its speed (`kernels.sumo_traffic.SIDEWAYS_SHARE`)."""
 
 
 class WhatIf(NamedTuple):
-    """One actor with one changed behaviour; what does not change has the neutral value.
+    """One actor with one changed behaviour; fields of other changes have their neutral value (in brackets).
 
     Attributes:
-        actor: its column. first, last: the frames of the window.
-        delay: it stands that much longer at the beginning, s (0). ahead: its head start, m (0). pace: ratio of its
-            speed along its track (1).
-        brakes_at, brakes_for: since the window's beginning, s; braking: m/s^2 (0).
-        left: how far beside its track it goes, m (0), from left_at for left_for (s) at left_rate (m/s).
-        turn: what is added to its heading by each metre of way, rad/m (0), from turn_at for turn_for (s).
-        goes_at: from here it drives on with up to `cruise` (m/s), whatever made it stand in the recorded run (inf).
+        actor: column of the actor. first, last: first and last frame of the window.
+        delay: additional time for which it stands at the beginning, s (0). ahead: its head start, m (0). pace: factor
+            on its speed along its track (1).
+        brakes_at, brakes_for: begin, since the window's beginning, and duration of braking, s; braking: m/s^2 (0).
+        left: offset to the left of its track, m (0), from left_at for left_for (s) at left_rate (m/s).
+        turn: change of its heading per metre, rad/m (0), from turn_at for turn_for (s).
+        goes_at: time from which it drives on with up to `cruise` (m/s), even if it stood in the recorded run, s (inf).
         length, width: of its footprint, m.
     """
 
@@ -89,14 +90,13 @@ class WhatIf(NamedTuple):
 
 
 class Style(NamedTuple):
-    """How an ego drives the recorded path.
+    """A style of driving along the recorded path.
 
     Attributes:
-        delay: from the moment that the prediction is in its way to the braking, s. horizon: how far ahead it predicts,
-            s. braking: m/s^2. pace: ratio of the recorded speed, from the window's beginning; it sets out so much
-            earlier that it would be in the same place when it comes nearest to the actor: a careful driver is to have
-            more time, not to be elsewhere by chance. aside: how far it moves
-            to the left (negative: right), m. room: how much more it keeps free on either side, m.
+        delay: time from the prediction in its way to the braking, s. horizon: prediction time, s. braking: m/s^2.
+        pace: factor on the recorded speed, from the window's beginning. A slower ego starts earlier so that it meets
+            the actor at the same place: only its speed differs.
+        aside: its offset to the left (negative: right), m. room: additional free width on both sides, m.
     """
 
     delay: float
@@ -111,9 +111,10 @@ class Ending(NamedTuple):
     """How one roll-out ends.
 
     Attributes:
-        contact: s since the window's beginning, inf for none. gap: the smallest, m. at: when it was smallest, s.
-        ego: the ego's speed then, m/s. brakes: when the ego first braked for the actor, s, inf for never.
-        struck: whether the other was in front of the ego's middle then, or slower than it.
+        contact: time of the contact since the window's beginning, s; inf without one. gap: smallest gap, m. at: time of
+            the smallest gap, s. ego: the ego's speed then, m/s. brakes: time at which the ego first braked for the
+            actor, s; inf: never.
+        struck: whether the other was then in front of the ego's middle, or slower than the ego.
     """
 
     contact: float
@@ -125,8 +126,8 @@ class Ending(NamedTuple):
 
 
 class _Moves(NamedTuple):
-    """Where a changed actor is: its clock (frames of its track), its share of the recorded pace, how far it is to the
-    left of its track (m), how far it is turned from it (rad)."""
+    """The state of a changed actor: its clock (frames of its track), its share of the recorded speed, its offset to the
+    left of its track (m), and its angle to it (rad)."""
 
     clock: float
     share: float
@@ -139,7 +140,7 @@ WHAT_IFS, STYLES, ENDINGS = array_of(WhatIf), array_of(Style), array_of(Ending, 
 
 @inner
 def _pose(track: FloatArray, clock: float) -> tuple[float, float, float]:
-    """Return x, y and heading of a track at a frame that may lie between two; straight on beyond its end."""
+    """Return x, y and heading of a track at a fractional frame; straight on beyond its end."""
     last = track.shape[0] - 1
     if clock >= last:
         x, y, heading, step = track[last]
@@ -159,7 +160,7 @@ def _mps(track: FloatArray, clock: float) -> float:
 
 @inner
 def _advanced(track: FloatArray, clock: float, way: float) -> float:
-    """Return the clock at which a track has come `way` metres further; it does not wait where the track stood."""
+    """Return the clock at which a track is `way` metres further on, skipping the times at which it stood."""
     last = track.shape[0] - 1
     while way > 0.0 and clock < last:
         k = int(clock)
@@ -175,7 +176,8 @@ def _advanced(track: FloatArray, clock: float, way: float) -> float:
 
 @inner
 def _paced(pace: float, track: FloatArray, now: _Moves) -> float:
-    """Return the share of the recorded pace a step later: nobody waits for less long, or gains speed faster."""
+    """Return the share of the recorded speed one step later: an actor does not wait shorter or accelerate faster than
+    recorded."""
     mps, later = _mps(track, now.clock), _mps(track, now.clock + FRAMES)
     if later < HALTS_MPS:
         return 1.0
@@ -185,7 +187,7 @@ def _paced(pace: float, track: FloatArray, now: _Moves) -> float:
 
 @inner
 def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves:
-    """Return where the changed actor is a step later; `since`: from the window's beginning to now, s."""
+    """Return the state of the changed actor one step later; `since`: time since the window's beginning, s."""
     share, before = now.share, max(_mps(track, now.clock), STANDS_MPS)
     braked = what["braking"] > 0.0 and since >= what["brakes_at"]
     if since < what["delay"]:
@@ -219,7 +221,7 @@ def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves
 
 @inner
 def _placed(track: FloatArray, at: _Moves) -> tuple[float, float, float]:
-    """Return x, y and heading of an actor beside its track."""
+    """Return x, y and heading of an actor with an offset to its track."""
     x, y, heading = _pose(track, at.clock)
     return x - at.left * sin(heading), y + at.left * cos(heading), heading + at.turned
 
@@ -228,7 +230,7 @@ def _placed(track: FloatArray, at: _Moves) -> tuple[float, float, float]:
 def _hidden(
     x: float, y: float, to_x: float, to_y: float, actor: int, tracks: FloatArray, frame: int, sizes: FloatArray
 ) -> bool:
-    """Say whether another body, at least as high as an actor, stands between the ego and that actor's middle."""
+    """Return whether another body, at least as high as an actor, is between the ego and that actor's centre."""
     dx, dy = to_x - x, to_y - y
     squared = max(dx * dx + dy * dy, 1e-9)
     for k in range(1, sizes.shape[0]):
@@ -236,11 +238,11 @@ def _hidden(
             continue
         bx, by = tracks[k, frame, 0] - x, tracks[k, frame, 1] - y
         share = min(max((bx * dx + by * dy) / squared, 0.0), 1.0)
-        # Written so that the NaN of somebody absent does not pass.
+        # Written so that an absent actor (NaN) is skipped.
         if not hypot(bx - share * dx, by - share * dy) <= hypot(sizes[k, 0], sizes[k, 1]) / 2:
             continue
         c, s = cos(tracks[k, frame, 2]), sin(tracks[k, frame, 2])
-        # The line of sight as the body sees it: from (ahead, left) by (way, aside), cut off at its length and width.
+        # The line of sight in the body's axes, clipped to the body's length and width.
         low, high = _cut(-bx * c - by * s, dx * c + dy * s, sizes[k, 0] / 2, 0.0, 1.0)
         low, high = _cut(bx * s - by * c, dy * c - dx * s, sizes[k, 1] / 2, low, high)
         if low <= high:
@@ -250,17 +252,17 @@ def _hidden(
 
 @inner
 def _cut(begin: float, way: float, half: float, low: float, high: float) -> tuple[float, float]:
-    """Return the shares of a way, within low..high, at which a coordinate is within a half width of 0."""
+    """Return the range of shares of a line, within low..high, in which a coordinate is within `half` of 0."""
     if abs(way) < 1e-12:
         return (low, high) if abs(begin) <= half else (1.0, 0.0)
-    one, other = (-half - begin) / way, (half - begin) / way
-    return max(low, min(one, other)), min(high, max(one, other))
+    first, second = (-half - begin) / way, (half - begin) / way
+    return max(low, min(first, second)), min(high, max(first, second))
 
 
 @inner
 def _threatens(ego: FloatArray, clock: float, style: Record, size: tuple[float, float], other: Box, vx: float,
                vy: float) -> bool:  # fmt: skip
-    """Say whether the other, at its present velocity, comes into the ego's way within the style's horizon."""
+    """Return whether the other, at its current velocity, comes into the ego's way within the style's horizon."""
     length, width = size[0] + 2 * BEFORE_M, size[1] + SLACK_M + 2 * style["room"]
     reach = (hypot(length, width) + hypot(other.length, other.width)) / 2
     for look in range(1, LOOKS + 1):
@@ -276,14 +278,14 @@ def _threatens(ego: FloatArray, clock: float, style: Record, size: tuple[float, 
 
 @inner
 def _runs_into(box: Box, actor: int, tracks: FloatArray, frame: int, sizes: FloatArray) -> bool:
-    """Say whether the ego touches somebody else who is in front of its middle."""
+    """Return whether the ego touches another actor, not the changed one, in front of its middle."""
     c, s = cos(box.heading), sin(box.heading)
     own = hypot(box.length, box.width) / 2
     for k in range(1, sizes.shape[0]):
         x, y, heading, _ = tracks[k, frame]
         dx, dy = x - box.x, y - box.y
         reach = own + (sizes[k, 0] + sizes[k, 1]) / 2
-        # Written so that the NaN of somebody absent does not pass.
+        # Written so that an absent actor (NaN) is skipped.
         if k == actor or not dx * dx + dy * dy <= reach * reach or dx * c + dy * s < 0.0:
             continue
         if overlap(box, Box(x, y, heading, sizes[k, 0], sizes[k, 1])):
@@ -298,9 +300,9 @@ def _towards(now: float, wanted: float, most: float) -> float:
 
 @inner
 def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, sizes: FloatArray, ending: Record) -> None:
-    """Roll one change out with one style of driving, and write how it ends.
+    """Roll out one change with one style of driving, and fill `ending`.
 
-    `near_s`: when the ego at its recorded pace comes nearest to the actor, since the window's beginning.
+    `near_s`: time since the window's beginning at which the ego, at its recorded speed, is nearest to the actor, s.
     """
     ego, track, actor = tracks[0], tracks[what["actor"]], what["actor"]
     size = (sizes[0, 0], sizes[0, 1])
@@ -310,7 +312,7 @@ def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, size
     threatened, braking_until = inf, -inf
     ending["contact"], ending["gap"], ending["at"], ending["ego"] = inf, inf, 0.0, 0.0
     ending["brakes"], ending["struck"] = inf, False
-    # Its velocity at the first moment: that of the recorded run, bar for one that is to stand.
+    # The actor's velocity at the first moment is the recorded one, or 0 if it stands longer.
     moved = _Moves(at.clock - (0.0 if what["delay"] > 0.0 else at.share * FRAMES), at.share, 0.0, 0.0)
     ox, oy, oh = _placed(track, moved)
     for step in range(int((what["last"] - what["first"]) / FRAMES) + 1):
@@ -318,9 +320,9 @@ def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, size
         frame = min(int(what["first"] + step * FRAMES), tracks.shape[1] - 1)
         x, y, heading = _pose(ego, clock)
         x, y = x - aside * sin(heading), y + aside * cos(heading)
-        was_x, was_y = ox, oy
+        before_x, before_y = ox, oy
         ox, oy, oh = _placed(track, at)
-        vx, vy = (ox - was_x) / STEP_S, (oy - was_y) / STEP_S
+        vx, vy = (ox - before_x) / STEP_S, (oy - before_y) / STEP_S
         speed = _mps(ego, clock) * share
         box = Box(x, y, heading, size[0], size[1])
         other = Box(ox, oy, oh, what["length"], what["width"])
@@ -358,13 +360,14 @@ def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, size
 
 @compiled(WHAT_IFS, STYLES, CUBE, TABLE, ENDINGS)
 def roll_out(whats: Records, styles: Records, tracks: FloatArray, sizes: FloatArray, endings: Records) -> None:
-    """Roll every change out with every style of driving.
+    """Roll out every change with every style of driving.
 
     Args:
-        tracks: [A, T, 4] x, y (m), heading (rad, continuous), way from the frame to the next (m); the ego first. NaN
-            before an actor is there; after it has left, straight on.
+        whats: [C] the changes. styles: [S] the styles.
+        tracks: [A, T, 4] x, y (m), heading (rad, continuous), distance from the frame to the next (m); the ego first.
+            NaN before an actor appears; after it has left, straight on.
         sizes: [A, 3] length, width, height, m.
-        endings: [C, S] is written. A change that misses the first style by far is not rolled out with the others.
+        endings: [C, S] output. A change whose gap to the first style exceeds `MISSES_M` is not rolled out with others.
     """
     for w in range(whats.size):
         for s in range(styles.size):

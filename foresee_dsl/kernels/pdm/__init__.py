@@ -1,1 +1,1 @@
-"""The kernels of the driver `pdm`, which `idm` and `frenetix` share: from tracks to the proposal that is driven."""
+"""The kernels of the driver `pdm`, from tracks to the chosen proposal; `idm` and `frenetix` use them too."""

@@ -1,4 +1,4 @@
-"""One decision of the driver `pdm`, from tracks to the pedals, in one call; and the control that holds a decision."""
+"""Makes one decision of the driver `pdm`, from tracks to the pedals, in one call; and the control between decisions."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from foresee_dsl.kernels.tracks import TRACKS
 
 @compiled(r.EGOS, r.ROUTE, FLOAT)
 def steer(egos: Records, route: Records, offset: float) -> float:
-    """Return the front-wheel angle, rad, with which the error decays critically damped over the distance travelled.
+    """Return the front-wheel angle, rad, with which the lateral error decays critically damped over the distance.
 
     In the route's coordinates, d'' = -2 d' / l - (d - offset) / l^2 with l from `decay_length`; the curvature of the
-    route is fed forward. The rear axle is held to the inside of bends by as much as the middle of the car swings out.
+    route is fed forward. In bends the rear axle is kept inside the line by the distance that the car's centre is
+    outside.
     """
     ego = egos[0]
     speed, s = ego["forward"], ego["s"]
@@ -42,8 +43,8 @@ def steer(egos: Records, route: Records, offset: float) -> float:
 
 @compiled(r.EGOS, FLOAT, FLOAT)
 def pedals(egos: Records, angle: float, acceleration: float) -> tuple[float, float, float]:
-    """Return steering, throttle and brake, as shares of the largest, for a wheel angle and an acceleration; a standing
-    car that is not to accelerate is held by the brake."""
+    """Return steering, throttle and brake, as shares of their maximum, for a wheel angle and an acceleration; the brake
+    holds a standing car that should not accelerate."""
     ego = egos[0]
     steering_share = angle / ego["steer_max"]
     if ego["speed"] < cfg.COAST_MPS and acceleration <= 0.0:
@@ -55,8 +56,8 @@ def pedals(egos: Records, angle: float, acceleration: float) -> tuple[float, flo
 
 @inner
 def _follow(egos: Records, route: Records, offset: float, acceleration: float) -> tuple[float, float, float]:
-    """Return steering, throttle and brake for an offset, m, and an acceleration; save for hard braking, the latter is
-    held near the present one (the drivetrain's lag does the rest)."""
+    """Return steering, throttle and brake for an offset (m) and an acceleration; except for hard braking, the latter is
+    kept near the current one (the drivetrain's lag does the rest)."""
     ego = egos[0]
     if acceleration >= -cfg.BRAKING_MPS2:
         now = ego["acceleration"] if ego["speed"] > cfg.COAST_MPS else 0.0
@@ -68,7 +69,7 @@ def _follow(egos: Records, route: Records, offset: float, acceleration: float) -
 def hold(
     egos: Records, route: Records, coarse: FloatArray, offset: float, acceleration: float
 ) -> tuple[float, float, float]:
-    """Return steering, throttle and brake that hold an earlier decision; the ego's place is filled in."""
+    """Return steering, throttle and brake that continue an earlier decision; fills in the ego's position."""
     place_ego(egos, route, coarse)
     return _follow(egos, route, offset, acceleration)
 
@@ -81,9 +82,9 @@ def _best(egos: Records, actors: Records, predicted: Records, route: Records, wa
     rolled, offset = np.empty((count, FRAMES), ROLLED), np.empty(count)
     allowed = proposals.allowed_speeds(ego, route, wall_s)
     acceleration = proposals.roll(ego, leaders, offsets, allowed, rolled, offset)
-    found = find_conflicts(egos, actors, predicted, rolled, offset, route)
+    conflicts = find_conflicts(egos, actors, predicted, rolled, offset, route)
     score, collides = np.empty(count), np.empty(count, np.int64)
-    rate(ego, route, rolled, found, offset, acceleration, score, collides)
+    rate(ego, route, rolled, conflicts, offset, acceleration, score, collides)
     best = best_proposal(score, collides, rolled)
     return offset[best], acceleration[best]
 
@@ -101,7 +102,7 @@ def decide(
 ) -> tuple[float, float, tuple[float, float, float]]:
     """Choose the best proposal: its offset, m, its acceleration, and steering, throttle and brake for them.
 
-    The ego's place on the route is filled in. `coarse`: see `locate`; `braking`: see `find_wall`.
+    Fills in the ego's position on the route. `coarse`: see `locate`; `braking`: see `find_wall`.
     """
     place_ego(egos, route, coarse)
     actors = np.empty(len(tracks), ACTOR)

@@ -1,4 +1,4 @@
-"""The proposals: which lateral offsets are tried, what is ahead on each, and how each with each speed is rolled out."""
+"""The proposals: the lateral offsets, the leader ahead on each, and the roll-out of each offset with each speed."""
 
 from __future__ import annotations
 
@@ -17,44 +17,44 @@ from foresee_dsl.kernels.pdm.route import GRID_M, grid_point, least_room, profil
 FAR_M = 1e4
 STANDS_MPS = 0.5
 QUEUE_OFFSET_M = 0.6
-"""Ours: a vehicle that stands this far beside the middle of the lane is parked; nearer to it, before a stop line, it
-waits in a queue."""
+"""Distance from the lane's middle from which a standing vehicle is parked, m; nearer to the middle, before a stop line,
+it waits in a queue. Ours."""
 QUEUE_REACH_M = 60.0
-"""Ours: how far before a stop line a queue is taken to reach."""
+"""Assumed length of a queue before a stop line, m. Ours."""
 MOST_PASSED = 2
 _FARTHER_M = cfg.PASSABLE_GAP_M - cfg.MINIMUM_GAP_M
 _MOST_OFFSETS = len(cfg.LATERAL_OFFSETS_M) + 4 * MOST_PASSED
 _SPLIT = 2.0**27 + 1.0
-"""Veltkamp's constant: splits a double into two halves whose products are exact."""
+"""Veltkamp's constant, which splits a double into two halves whose products are exact."""
 
 
 @compiled(r.EGOS, r.ACTORS, r.ROUTE, r.JUNCTIONS)
 def find_passable(egos: Records, actors: Records, route: Records, junctions: Records) -> None:
-    """Fill `passable` of the actors [A]: parked, with room to pass in the ego's own lanes."""
-    # Needed between the actor's side and the edge of the lanes, on the wider side.
+    """Fill `passable` of the actors [A]: whether they are parked with room to pass in lanes of the ego's direction."""
+    # The room needed between the actor's side and the edge of the lanes, on the wider side.
     need = egos[0]["width"] + cfg.PASS_CLEARANCE_M + cfg.LANE_MARGIN_M
     for a in range(len(actors)):
-        one = actors[a]
-        one["passable"] = False
-        if one["pedestrian"] or not one["speed"] < STANDS_MPS:
+        actor = actors[a]
+        actor["passable"] = False
+        if actor["pedestrian"] or not actor["speed"] < STANDS_MPS:
             continue
-        s, d, road = one["s"], one["d"], route[one["point"]]
-        room = max(road["left"] - d, road["right"] + d) - one["half_width"] >= need
+        s, d, road = actor["s"], actor["d"], route[actor["point"]]
+        room = max(road["left"] - d, road["right"] + d) - actor["half_width"] >= need
         queues = False
         for j in range(len(junctions)):
             queues |= abs(d) < QUEUE_OFFSET_M and 0.0 < junctions[j]["stop_s"] - s < QUEUE_REACH_M
-        one["passable"] = room and (one["obstacle"] or not queues)
+        actor["passable"] = room and (actor["obstacle"] or not queues)
 
 
 @inner
 def _blocking(ego: np.void, actors: Records) -> IntArray:
-    """Return the nearest `MOST_PASSED` parked actors that block the lane, the nearest first."""
+    """Return the indices of the nearest `MOST_PASSED` parked actors that block the lane, the nearest first."""
     reach = max(25.0, ego["forward"] * cfg.HORIZON_S * 1.25)
     which, away, count = np.empty(MOST_PASSED, dtype=np.int64), np.full(MOST_PASSED, np.inf), 0
     for a in range(len(actors)):
-        one = actors[a]
-        ahead, air = one["s"] - ego["s"], one["half_width"] + ego["width"] / 2 + cfg.PASS_CLEARANCE_M
-        if not (one["passable"] and -2 * ego["length"] < ahead < reach and abs(one["d"]) < air + 1.0):
+        actor = actors[a]
+        ahead, air = actor["s"] - ego["s"], actor["half_width"] + ego["width"] / 2 + cfg.PASS_CLEARANCE_M
+        if not (actor["passable"] and -2 * ego["length"] < ahead < reach and abs(actor["d"]) < air + 1.0):
             continue
         count = min(count + 1, MOST_PASSED)
         k = count - 1
@@ -68,19 +68,19 @@ def _blocking(ego: np.void, actors: Records) -> IntArray:
 
 
 @inner
-def _add_offset(offset: float, found: FloatArray, count: int) -> int:
-    """Append an offset, rounded to a centimetre, to the first `count` where it is not among them; return how many."""
+def _add_offset(offset: float, offsets: FloatArray, count: int) -> int:
+    """Append an offset, rounded to a centimetre, if it is not among the first `count`; return the new count."""
     rounded = to_cm(offset)
     for k in range(count):
-        if found[k] == rounded:
+        if offsets[k] == rounded:
             return count
-    found[count] = rounded
+    offsets[count] = rounded
     return count + 1
 
 
 @inner
 def to_cm(value: float) -> float:
-    """Round to two decimals as Python's `round` does: the exact value decides, not that of a rounded product."""
+    """Round to two decimals as Python's `round`: the exact value decides, not a rounded product."""
     product = value * 100.0
     high = _SPLIT * value - (_SPLIT * value - value)
     missing = (high * 100.0 - product) + (value - high) * 100.0  # product + missing is exact (Dekker)
@@ -93,56 +93,57 @@ def to_cm(value: float) -> float:
 
 @compiled(r.EGOS, r.ACTORS, r.ROUTE)
 def find_offsets(egos: Records, actors: Records, route: Records) -> FloatArray:
-    """Return the lateral offsets to try, [O]: the middle of the lane, PDM's others, those that pass parked
-    actors."""
+    """Return the lateral offsets to evaluate, [O]: the middle of the lane, PDM's other offsets, and offsets that pass
+    parked actors."""
     ego = egos[0]
     left, right = least_room(route, ego["s"], ego["s"] + max(20.0, 2 * ego["forward"]))
     half = ego["width"] / 2 + cfg.LANE_MARGIN_M
     most_left, most_right = max(left - half, 0.0), max(right - half, 0.0)
-    found, count = np.empty(_MOST_OFFSETS), 0
+    offsets, count = np.empty(_MOST_OFFSETS), 0
     for k in range(len(cfg.LATERAL_OFFSETS_M)):
-        count = _add_offset(min(max(cfg.LATERAL_OFFSETS_M[k], -most_right), most_left), found, count)
+        count = _add_offset(min(max(cfg.LATERAL_OFFSETS_M[k], -most_right), most_left), offsets, count)
     blocking = _blocking(ego, actors)
     for k in range(len(blocking)):
-        one = actors[blocking[k]]
-        beside, road = one["half_width"] + ego["width"] / 2 + cfg.PASS_CLEARANCE_M, route[one["point"]]
-        left, right, d = road["left"] - half, road["right"] - half, one["d"]
-        # The lanes' edges too: from a stand only the larger offset turns the wheels far enough.
+        actor = actors[blocking[k]]
+        beside, road = actor["half_width"] + ego["width"] / 2 + cfg.PASS_CLEARANCE_M, route[actor["point"]]
+        left, right, d = road["left"] - half, road["right"] - half, actor["d"]
+        # Also the edges of the lanes: for a standing ego only the larger offset turns the wheels far enough.
         if -right <= d + beside <= left:
-            count = _add_offset(d + beside, found, count)
+            count = _add_offset(d + beside, offsets, count)
         if -right <= d - beside <= left:
-            count = _add_offset(d - beside, found, count)
+            count = _add_offset(d - beside, offsets, count)
         if d + beside <= left:
-            count = _add_offset(left, found, count)
+            count = _add_offset(left, offsets, count)
         if d - beside >= -right:
-            count = _add_offset(-right, found, count)
-    return found[:count]
+            count = _add_offset(-right, offsets, count)
+    return offsets[:count]
 
 
 @compiled(r.EGOS, r.ACTORS, r.PREDICTION, FLOATS)
 def find_leaders(egos: Records, actors: Records, predicted: Records, offsets: FloatArray) -> Records:
-    """Return the nearest actor ahead at each offset and frame, [O, T]; `FAR_M` away where there is none."""
-    found = np.empty((len(offsets), predicted.shape[1]), LEADER)
+    """Return the nearest actor ahead at each offset and frame, [O, T]; at `FAR_M` without one."""
+    leaders = np.empty((len(offsets), predicted.shape[1]), LEADER)
     front, side = egos[0]["s"] + egos[0]["front"], egos[0]["width"] / 2 + cfg.CORRIDOR_MARGIN_M
     for o in range(len(offsets)):
         for t in range(predicted.shape[1]):
             nearest, least = 0, FAR_M
             for a in range(len(actors)):
-                one = predicted[a, t]
-                rear = one["s"] - one["reach_s"]
-                if rear > front - 1.0 and abs(one["d"] - offsets[o]) < one["reach_d"] + side:
+                other = predicted[a, t]
+                rear = other["s"] - other["reach_s"]
+                if rear > front - 1.0 and abs(other["d"] - offsets[o]) < other["reach_d"] + side:
                     if actors[a]["passable"]:
                         rear -= _FARTHER_M
                     if rear < least:
                         nearest, least = a, rear
-            # Oncoming actors are left to the scores: the IDM knows followers only.
+            # The speed is at least 0: the IDM is a model of followers; the scores treat oncoming actors.
             speed = predicted[nearest, t]["speed_s"] if len(actors) > 0 else 0.0
-            found[o, t]["s"], found[o, t]["speed"] = least, max(speed, 0.0)
-    return found
+            leaders[o, t]["s"], leaders[o, t]["speed"] = least, max(speed, 0.0)
+    return leaders
 
 
 BRAKING = 4
-"""How many proposals, the last ones, brake: comfortably and as hard as it can, where the ego is and in the middle."""
+"""Number of the last proposals, which brake: comfortably and as hard as possible, at the ego's offset and in the
+middle."""
 _HELD = round(cfg.ACCELERATION_STEP_S / cfg.ROLLOUT_STEP_S)
 _PER_NEARING = 1.0 / (2.0 * math.sqrt(cfg.ACCELERATION_MPS2 * cfg.BRAKING_MPS2))
 _SHARES = len(cfg.SPEED_SHARES)
@@ -151,7 +152,7 @@ _SHARES = len(cfg.SPEED_SHARES)
 @compiled(FLOAT, FLOAT, FLOAT)
 def decay_length(speed: float, error: float, sharpest: float) -> float:
     """Return the length over which a lateral error decays (critically damped), m: longer for larger errors, so that the
-    lateral acceleration stays under OFFSET_LATERAL and the curvature under what the wheels can do."""
+    lateral acceleration stays below `OFFSET_LATERAL_MPS2` and the curvature below the limit of the wheels."""
     size = abs(error)
     comfort = speed * max(cfg.TRACK_TIME_S, math.sqrt(size / cfg.OFFSET_LATERAL_MPS2))
     return max(comfort, math.sqrt(size / sharpest), cfg.TRACK_LENGTH_M)
@@ -159,15 +160,15 @@ def decay_length(speed: float, error: float, sharpest: float) -> float:
 
 @inner
 def allowed_speeds(ego: np.void, route: Records, wall_s: float) -> FloatArray:
-    """Return the speeds allowed from the ego's place on, `GRID_M` apart: the route's profile, and a stop before a wall
-    (infinite: there is none) with everyday braking, or as hard as is needed."""
+    """Return the allowed speeds from the ego's position on, `GRID_M` apart: the route's profile, and a stop before a
+    wall (infinite: no wall) with everyday braking, or with the braking that is needed."""
     braking, room, speed = cfg.PROFILE_BRAKING_MPS2, wall_s - ego["front"] - ego["s"], ego["forward"]
     if room < cfg.HOLD_M and speed < cfg.HOLD_MPS:
         room = 0.0
     if room > 0 and room < np.inf:
         braking = min(max(braking, speed * speed / (2 * room)), ego["strongest"])
     from_s = ego["s"]
-    step = (from_s + GRID_M) - from_s  # as numpy's arange has it
+    step = (from_s + GRID_M) - from_s  # the step that numpy's arange uses
     allowed = np.empty(int(np.ceil((from_s + ego["forward"] * cfg.HORIZON_S + 16.0 - from_s) / GRID_M)))
     for i in range(len(allowed)):
         most = profile_at(route, from_s + i * step)
@@ -179,7 +180,7 @@ def allowed_speeds(ego: np.void, route: Records, wall_s: float) -> FloatArray:
 
 @inner
 def _behind(speed: float, gap: float, nearing: float, top: float) -> float:
-    """Return the IDM's acceleration behind a leader, m/s^2."""
+    """Return the acceleration of the IDM behind a leader, m/s^2."""
     per_gap = 1.0 / max(gap, 0.1)
     wish = (max((nearing * _PER_NEARING + cfg.HEADWAY_S) * speed, 0.0) + cfg.MINIMUM_GAP_M) * per_gap
     closing = max(nearing, 0.0)
@@ -193,9 +194,9 @@ def _fill(frames: Records) -> None:
     for k in range(0, len(frames) - _HELD, _HELD):
         before, after = frames[k], frames[k + _HELD]
         for j in range(1, _HELD):
-            w, one = j / _HELD, frames[k + j]
-            one["s"] = (1 - w) * before["s"] + w * after["s"]
-            one["speed"] = (1 - w) * before["speed"] + w * after["speed"]
+            w, frame = j / _HELD, frames[k + j]
+            frame["s"] = (1 - w) * before["s"] + w * after["s"]
+            frame["speed"] = (1 - w) * before["speed"] + w * after["speed"]
 
 
 @inner
@@ -204,9 +205,9 @@ def _longitudinal(
 ) -> FloatArray:
     """Integrate the IDM: fill s and speed of all proposals, [P, T], and return their first accelerations [P].
 
-    All of them in each frame, not one after the other: a processor then works on several at once.
+    The loop over proposals is inside the loop over frames, so that the processor works on several proposals at once.
 
-    `wishes`: [2, P] share of the allowed speed and largest acceleration. `which`: [P] row of `leaders` [O, T].
+    `wishes`: [2, P] share of the allowed speed, and largest acceleration. `which`: [P] row of `leaders` [O, T].
     `allowed`: speeds along the route, `GRID_M` apart.
     """
     last, top, count = len(allowed) - 1, min(cfg.ACCELERATION_MPS2, ego["motor"]), len(which)
@@ -225,7 +226,8 @@ def _longitudinal(
             ratio = speed / (limit * share)
             ratio *= ratio
             ratio *= ratio
-            # Never gentler than the profile asks for, never (for a lower share alone) harder than comfortable.
+            # At least the braking that the profile needs; for a lower share of the speed alone only comfortable
+            # braking.
             a = min(max(top - top * ratio, -cfg.BRAKING_MPS2), (limit - speed) * (1.0 / cfg.PROFILE_PREVIEW_S))
             if led:
                 leader = leaders[which[p], k]
@@ -263,15 +265,15 @@ def place_footprints(ego: np.void, route: Records, out: Records) -> None:
     """Fill the footprints' centres and headings, [P, T]."""
     for p in range(out.shape[0]):
         for t in range(FRAMES):
-            one = out[p, t]
-            s, d, tilt = one["s"], one["d"], one["slope"]
+            frame = out[p, t]
+            s, d, tilt = frame["s"], frame["d"], frame["slope"]
             road = route[grid_point(route, s)]
             base_cos, base_sin = road["cos"], road["sin"]
             along, norm = s - road["s"], 1.0 / math.sqrt(1.0 + tilt * tilt)
             cos, sin = (base_cos - base_sin * tilt) * norm, (base_sin + base_cos * tilt) * norm
-            one["x"] = road["x"] + along * base_cos - d * base_sin + ego["centre"] * cos
-            one["y"] = road["y"] + along * base_sin + d * base_cos + ego["centre"] * sin
-            one["cos"], one["sin"] = cos, sin
+            frame["x"] = road["x"] + along * base_cos - d * base_sin + ego["centre"] * cos
+            frame["y"] = road["y"] + along * base_sin + d * base_cos + ego["centre"] * sin
+            frame["cos"], frame["sin"] = cos, sin
 
 
 @inner
@@ -280,7 +282,7 @@ def roll(
 ) -> FloatArray:
     """Roll out in the route's coordinates: each offset with each share of the speed, then the braking proposals.
 
-    Filled are `out`, [P, T], and the offset that each heads for, [P]; returned their first accelerations, [P].
+    Fills `out`, [P, T], and `heads_for`, [P] the offset of each proposal; returns the first accelerations, [P].
     `leaders`: [O, T]. `allowed`: speeds along the route, `GRID_M` apart.
     """
     count, here, slope = len(heads_for), 0, math.tan(max(-1.0, min(1.0, ego["heading_error"])))
@@ -293,7 +295,7 @@ def roll(
         if braking < 0:
             which[p], wishes[0, p], wishes[1, p] = p // _SHARES, cfg.SPEED_SHARES[p % _SHARES], np.inf
             heads_for[p] = offsets[which[p]]
-        else:  # comfortably and as hard as it can: at its present offset, then in the middle of the lane
+        else:  # comfortably and as hard as possible: at the current offset, then in the middle of the lane
             which[p], heads_for[p] = (here, ego["d"]) if braking < 2 else (0, offsets[0])
             wishes[0, p], wishes[1, p] = 1.0, -cfg.BRAKING_MPS2 if braking % 2 == 0 else -ego["strongest"]
     first = _longitudinal(ego, wishes, which, leaders, allowed, out)
@@ -304,5 +306,5 @@ def roll(
 
 @inner
 def count_proposals(offsets: int) -> int:
-    """Return how many proposals there are for so many offsets."""
+    """Return the number of proposals for a number of offsets."""
     return offsets * _SHARES + BRAKING

@@ -2,7 +2,7 @@
 
 Lengths are in m, angles in rad (counter-clockwise from east), speeds in m/s, accelerations in m/s^2. `s` is the length
 along the route, `d` the offset from it (left positive). [A] counts actors, [F] crossing streams, [P] proposals, [O]
-offsets that are tried, [T] frames of a prediction or roll-out.
+lateral offsets, [T] frames of a prediction or roll-out.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from foresee_dsl.kernels.records import array_of, dtype_of
 
 
 class Ego(NamedTuple):
-    """The vehicle that is driven: what it can do, its state, and where it is on the route. All fields are floats.
+    """The driven vehicle: its limits, its state, and its position on the route. All fields are floats.
 
     Attributes:
-        length, width, wheelbase: of the vehicle. front, centre: from the rear axle forwards to the front bumper and to
-            the middle of the footprint.
-        sharpest: largest curvature, 1/m. steer_max: largest front-wheel angle. grip: acceleration that the tyres hold,
-            as far as the driver uses it. motor, brakes: largest acceleration and braking. strongest: braking with grip.
-        x, y, heading, speed, acceleration: of the footprint's middle, now.
+        length, width, wheelbase: of the vehicle. front, centre: distances from the rear axle forwards to the front
+            bumper and to the middle of the footprint.
+        sharpest: largest curvature, 1/m. steer_max: largest front-wheel angle. grip: acceleration of the tyres that the
+            driver uses. motor, brakes: largest acceleration and braking. strongest: largest braking within the grip.
+        x, y, heading, speed, acceleration: current state of the footprint's middle.
         s, d, heading_error: of the rear axle's middle on the route. forward: the speed, never negative.
         front_s, rear_s: length along the route of the bumpers.
     """
@@ -50,14 +50,14 @@ class Ego(NamedTuple):
 
 
 class Actor(NamedTuple):
-    """Another road user now.
+    """The current state of another road user.
 
     Attributes:
-        x, y, cos, sin: place and heading. speed: along the heading, never negative. half_length, half_width: m.
+        x, y, cos, sin: position and heading. speed: along the heading, never negative. half_length, half_width: m.
         speeds_up: acceleration by which its speed may grow.
-        s, d, point: on the route, and the nearest point of the route's grid.
-        pedestrian, obstacle: its class. own_lane: it is in the ego's lane, in its direction.
-        passable: it stands for good, with room to pass in the ego's own lanes.
+        s, d, point: position on the route, and the nearest point of the route's grid.
+        pedestrian, obstacle: its class. own_lane: whether it is in the ego's lane, in the same direction.
+        passable: whether it is parked, with room to pass in lanes of the ego's direction.
     """
 
     x: float
@@ -78,12 +78,12 @@ class Actor(NamedTuple):
 
 
 class RoutePoint(NamedTuple):
-    """A point of the route's even grid: what is looked up together lies together.
+    """A point of the route's even grid.
 
     Attributes:
-        s: length along the route. x, y, cos, sin, heading: place and tangent (the heading unwrapped).
-        curvature: 1/m. profile: the limit, slowed down for bends so that braking stays comfortable.
-        left, right: free width on either side that belongs to lanes of the ego's direction.
+        s: length along the route. x, y, cos, sin, heading: position and tangent (the heading unwrapped).
+        curvature: 1/m. profile: speed limit, reduced for bends so that braking stays comfortable.
+        left, right: free width on both sides within lanes of the ego's direction.
     """
 
     s: float
@@ -99,8 +99,8 @@ class RoutePoint(NamedTuple):
 
 
 class Junction(NamedTuple):
-    """A junction on the route: s of its stop line, of its exit, and of where it lies behind the ego (the exit, or the
-    end of its last conflict). `crossed`: other vehicles drive across the ego's way."""
+    """A junction on the route: s of its stop line, of its exit, and of its end for the ego (the exit, or the end of its
+    last conflict). `crossed`: whether other vehicles cross the ego's route."""
 
     stop_s: float
     exit_s: float
@@ -109,14 +109,15 @@ class Junction(NamedTuple):
 
 
 class Foe(NamedTuple):
-    """A stream that crosses or joins the ego's way (`drivers.protocol.Foe`), its path on an even grid.
+    """A stream that crosses or joins the ego's route (`drivers.protocol.Foe`), with its path on an even grid.
 
     Attributes:
-        added: what the straight prolongation adds to lengths along its path. length: of the path as given.
-        entry: length along the path where it enters the junction. meets, leaves: where the conflict begins and ends.
+        added: length of the straight prolongation before its path. length: length of the path without it.
+        entry: length along the path at which it enters the junction. meets, leaves: lengths at which the conflict
+            begins and ends.
         own_s, own_until_s: the same conflict along the route.
-        first, end: its points among `PathPoint`s, `end` excluded. junction: the index of its junction.
-        has_priority: the ego must yield to it. walking: it is a crossing for pedestrians.
+        first, end: range of its points in the `PathPoint`s, `end` excluded. junction: index of its junction.
+        has_priority: whether the ego must yield to it. walking: whether it is a pedestrian crossing.
     """
 
     added: float
@@ -143,7 +144,8 @@ class PathPoint(NamedTuple):
 
 
 class Match(NamedTuple):
-    """An actor on the path of a crossing stream: length along it, speed along it, offset; `on`: it follows it."""
+    """An actor relative to a crossing stream's path: length along it, speed along it, offset; `on`: it follows the
+    path."""
 
     s: float
     speed: float
@@ -155,8 +157,9 @@ class Predicted(NamedTuple):
     """A predicted footprint.
 
     Attributes:
-        x, y, cos, sin: centre and heading. half_length: growing where the speed is uncertain. s, d: on the route.
-        reach_s, reach_d: half of its extent along and across the route. speed_s: speed along the route.
+        x, y, cos, sin: centre and heading. half_length: grows where the speed is uncertain. s, d: position on the
+            route.
+        reach_s, reach_d: half its extent along and across the route. speed_s: speed along the route.
     """
 
     x: float
@@ -172,7 +175,7 @@ class Predicted(NamedTuple):
 
 
 class Leader(NamedTuple):
-    """What the ego must stay behind: s of its rear, and how fast that moves along the route."""
+    """The actor that the ego must stay behind: s of its rear, and its speed along the route."""
 
     s: float
     speed: float
@@ -192,7 +195,8 @@ class Rolled(NamedTuple):
 
 
 class Conflict(NamedTuple):
-    """How a proposal meets the others in a frame: a collision to blame for, too little air, collides within TTC_S."""
+    """Conflicts of a proposal with others in a frame: a collision at fault, too little clearance, a TTC below
+    `TTC_S`."""
 
     hit: bool
     close: bool
@@ -204,6 +208,6 @@ PATH_POINT, MATCH, PREDICTED, LEADER = (dtype_of(kind) for kind in (PathPoint, M
 ROLLED, CONFLICT = dtype_of(Rolled), dtype_of(Conflict)
 
 EGOS, ACTORS, ROUTE, JUNCTIONS, FOES = (array_of(kind) for kind in (Ego, Actor, RoutePoint, Junction, Foe))
-"""The kernels' types of [1], [A], [N], [J] and [F] of them."""
+"""The kernels' array types of these records, with the lengths 1, A, N, J and F."""
 PATHS, MATCHES, PREDICTION = array_of(PathPoint), array_of(Match, 2), array_of(Predicted, 2)
 ROLLOUT = array_of(Rolled, 2)

@@ -1,4 +1,4 @@
-"""Signals and right of way: the length along the route that the front bumper may not pass, if any."""
+"""Signals and right of way: finds the length along the route that the front bumper may not pass (the wall)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ STANDS_MPS = 0.5
 
 
 class Arrival(NamedTuple):
-    """When the ego's front bumper would reach each place if nothing held it up: comfortable acceleration up to the
-    speed profile.
+    """Times at which the ego's front bumper would reach each place without hindrance: with comfortable acceleration up
+    to the speed profile.
 
     Attributes:
-        times: s, at places from `first_s` on, `PROFILE_STEP_M` apart. limit_mps: the most that the profile allows.
+        times: s, at places from `first_s` on, `PROFILE_STEP_M` apart. limit_mps: maximum of the profile.
     """
 
     times: FloatArray
@@ -32,23 +32,23 @@ class Arrival(NamedTuple):
 
 @inner
 def _signal_wall(egos: Records, stop_s: float, braking: float) -> float:
-    """Return where the ego stops for a signal, infinite: nowhere."""
+    """Return the length at which the ego stops for a signal; infinite if it does not stop."""
     front_s = egos[0]["front_s"]
     if braking < 0.0 or front_s > stop_s + cfg.STOP_MARGIN_M:
         return np.inf
     if front_s > stop_s - cfg.STOP_MARGIN_M and egos[0]["speed"] < STANDS_MPS:
-        return float(front_s)  # it stands at the line, or just beyond it, and stays
+        return float(front_s)  # it stands at the line or just beyond it, and stays there
     return stop_s - cfg.STOP_MARGIN_M if stops_before(egos, stop_s, braking) else np.inf
 
 
 @inner
 def _queue_end(ego: np.void, actors: Records) -> float:
-    """Return the rear of the nearest slow vehicle ahead in the lane, infinite where there is none."""
+    """Return the length at the rear of the nearest slow vehicle ahead in the lane; infinite without one."""
     nearest = np.inf
     for a in range(len(actors)):
-        one = actors[a]
-        if one["own_lane"] and not one["passable"] and one["speed"] < cfg.QUEUE_MPS:
-            rear = one["s"] - one["half_length"]
+        actor = actors[a]
+        if actor["own_lane"] and not actor["passable"] and actor["speed"] < cfg.QUEUE_MPS:
+            rear = actor["s"] - actor["half_length"]
             if ego["front_s"] - 1.0 < rear < nearest:
                 nearest = rear
     return nearest
@@ -56,7 +56,7 @@ def _queue_end(ego: np.void, actors: Records) -> float:
 
 @inner
 def _queue_wall(egos: Records, junction: np.void, queue_end_s: float) -> float:
-    """Return the stop before the line while a queue beyond the junction leaves the ego no room; infinite: it may go."""
+    """Return the stop before the line if a queue beyond the junction leaves the ego no room; infinite: it may go."""
     ego, stop_s = egos[0], float(junction["stop_s"])
     stop, length = stop_s - cfg.STOP_MARGIN_M, ego["front_s"] - ego["rear_s"]
     full = stop_s < queue_end_s < junction["exit_s"] + length + cfg.MINIMUM_GAP_M
@@ -69,7 +69,7 @@ def _queue_wall(egos: Records, junction: np.void, queue_end_s: float) -> float:
 def _yield_wall(
     junction: int, egos: Records, actors: Records, foes: Records, matches: Records, route: Records
 ) -> float:
-    """Return the first place where the ego must wait at a junction for streams with priority, infinite: none."""
+    """Return the first length at which the ego must wait at a junction for streams with priority; infinite: none."""
     ego = egos[0]
     ahead, until_s, any_actor = _ahead(junction, ego, foes, matches)
     if not any_actor:
@@ -77,7 +77,7 @@ def _yield_wall(
     nearest, length = np.inf, ego["front_s"] - ego["rear_s"]
     arrival = arrivals(ego, route, until_s)
     wait, last = -np.inf, -np.inf
-    for n in range(len(ahead)):  # conflicts without room for the ego between them share the first one's waiting place
+    for n in range(len(ahead)):  # conflicts without room for the ego between them share the waiting place of the first
         f = ahead[n]
         first, until = foes[f]["own_s"], foes[f]["own_until_s"]
         if first - last > length + cfg.YIELD_MARGIN_M:
@@ -86,7 +86,7 @@ def _yield_wall(
         if not _must_wait(ego, actors, foes[f], matches[:, f], arrival, wait):
             continue
         braking = ego["strongest"] if foes[f]["walking"] else cfg.YIELD_BRAKING_MPS2
-        # At `wait` it blocks no other conflict; if it is beyond that, it waits right before this one.
+        # At `wait` it blocks no other conflict; if it is beyond `wait`, it waits right before this conflict.
         for place in (wait, first - cfg.YIELD_MARGIN_M):
             margin_s = place + cfg.STOP_MARGIN_M
             if ego["front_s"] <= margin_s and stops_before(egos, margin_s, braking):
@@ -97,9 +97,9 @@ def _yield_wall(
 
 @inner
 def _ahead(junction: int, ego: np.void, foes: Records, matches: Records) -> tuple[IntArray, float, bool]:
-    """Return a junction's streams with priority whose conflict is ahead, in their order along the route, where the last
-    conflict ends, and whether any actor is on one of their paths."""
-    found, count, until_s, any_actor = np.empty(len(foes), dtype=np.int64), 0, -np.inf, False
+    """Return the indices of a junction's streams with priority and a conflict ahead, in their order along the route;
+    the end of the last conflict; and whether an actor is on one of their paths."""
+    ahead, count, until_s, any_actor = np.empty(len(foes), dtype=np.int64), 0, -np.inf, False
     for f in range(len(foes)):
         if foes[f]["junction"] != junction or not foes[f]["has_priority"]:
             continue
@@ -111,22 +111,22 @@ def _ahead(junction: int, ego: np.void, foes: Records, matches: Records) -> tupl
             any_actor |= matches[a, f]["on"]
         n = count
         while n > 0:
-            before = foes[found[n - 1]]
+            before = foes[ahead[n - 1]]
             start, end = before["own_s"], before["own_until_s"]
             if start < first or (start == first and end <= until):
                 break
-            found[n] = found[n - 1]
+            ahead[n] = ahead[n - 1]
             n -= 1
-        found[n] = f
+        ahead[n] = f
         count += 1
-    return found[:count], until_s, any_actor
+    return ahead[:count], until_s, any_actor
 
 
 @inner
 def _must_wait(ego: np.void, actors: Records, foe: np.void, matches: Records, arrival: Arrival, wait_s: float) -> bool:
-    """Tell whether an actor with priority is, or will be, in the conflict zone when the ego would be.
+    """Return whether an actor with priority is, or will be, in the conflict zone at the same time as the ego.
 
-    `matches`: the actors' [A] with the stream that has priority. `wait_s`: where the ego would wait.
+    `matches`: [A] the actors' matches with the stream that has priority. `wait_s`: length at which the ego would wait.
     """
     enters = arrives(arrival, foe["own_s"])
     leaves = arrives(arrival, foe["own_until_s"] + ego["front_s"] - ego["rear_s"])
@@ -146,9 +146,9 @@ def _must_wait(ego: np.void, actors: Records, foe: np.void, matches: Records, ar
 
 @inner
 def _walker_window(foe: np.void, s: float, speed: float) -> tuple[float, float]:
-    """Return when a pedestrian on a crossing is on (or about to step on) the ego's lane; (inf, -inf): never."""
+    """Return the interval in which a pedestrian is on (or about to step on) the ego's lane, s; (inf, -inf): never."""
     first, last = foe["meets"] - cfg.PEDESTRIAN_AIR_M, foe["leaves"] + cfg.PEDESTRIAN_AIR_M
-    if speed < 0:  # walking against the path's direction: mirror
+    if speed < 0:  # the pedestrian walks against the path's direction: mirror
         s, first, last, speed = -s, -last, -first, -speed
     if s >= last:
         return np.inf, -np.inf
@@ -162,8 +162,10 @@ def _walker_window(foe: np.void, s: float, speed: float) -> tuple[float, float]:
 def _vehicle_window(
     foe: np.void, rear_s: float, front_s: float, speed: float, starting: bool, limit_mps: float
 ) -> tuple[float, float]:
-    """Return when a vehicle is in the conflict zone, (inf, -inf): never. It accelerates to the limit until it arrives,
-    and leaves with its present speed."""
+    """Return the interval in which a vehicle is in the conflict zone, s; (inf, -inf): never.
+
+    It is assumed to accelerate up to the limit until it arrives, and to leave with its current speed.
+    """
     first, last = foe["meets"], foe["leaves"]
     if rear_s >= last:
         return np.inf, -np.inf
@@ -182,11 +184,11 @@ def _vehicle_window(
 
 @inner
 def arrivals(ego: np.void, route: Records, last_s: float) -> Arrival:
-    """Return the times at which the ego could be at places up to `last_s` and its own length beyond it; the profile
-    applies to the middle of the car."""
+    """Return the times at which the ego could reach places up to `last_s` plus its own length; the profile applies to
+    the middle of the car."""
     first_s, length = ego["front_s"], ego["front_s"] - ego["rear_s"]
     end_s = last_s + length + 2 * PROFILE_STEP_M
-    step = (first_s + PROFILE_STEP_M) - first_s  # as numpy's arange has it
+    step = (first_s + PROFILE_STEP_M) - first_s  # the step that numpy's arange uses
     times = np.zeros(max(int(np.ceil((end_s - first_s) / PROFILE_STEP_M)), 2))
     limit, last = 0.0, 0.0
     for i in range(len(times)):
@@ -202,7 +204,7 @@ def arrivals(ego: np.void, route: Records, last_s: float) -> Arrival:
 
 @inner
 def arrives(arrival: Arrival, s: float) -> float:
-    """Return the time until the front is at `s`."""
+    """Return the time until the front bumper reaches `s`, s."""
     times, first_s = arrival.times, arrival.first_s
     step = (first_s + PROFILE_STEP_M) - first_s
     k = min(max(int((s - first_s) / step), 0), len(times) - 2)
@@ -222,9 +224,9 @@ def find_wall(
     braking: FloatArray,
     route: Records,
 ) -> float:
-    """Return the s where the front bumper must stop, infinite: nowhere.
+    """Return the length along the route at which the front bumper must stop; infinite if it need not.
 
-    `braking`: [J] what the signals of all junctions ask for, negative for nothing; `matches`: [A, F].
+    `braking`: [J] braking for the signal of each junction, m/s^2, negative if the ego need not stop; `matches`: [A, F].
     """
     ego = egos[0]
     queue_end_s = _queue_end(ego, actors)
@@ -236,6 +238,6 @@ def find_wall(
         if stop == np.inf:
             stop = _queue_wall(egos, junctions[k], queue_end_s)
         if stop < np.inf:
-            return min(nearest, stop)  # junctions beyond do not matter now
+            return min(nearest, stop)  # junctions beyond it have no effect now
         nearest = min(nearest, _yield_wall(k, egos, actors, foes, matches, route))
     return nearest

@@ -1,4 +1,4 @@
-"""The route's even grid: look-ups on it, and the ego, the others and the crossing streams placed on it."""
+"""The route's even grid: look-ups on it, and projections of the ego, the other actors and the crossing streams."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from foresee_dsl.kernels.pdm.records import FOE
 from foresee_dsl.kernels.tracks import BICYCLE, OBSTACLE, PEDESTRIAN, TRACKS
 
 GRID_M = 0.1
-"""Spacing of the route's grid: fine enough to look speeds up without interpolating (0.04 m/s at 5 m/s)."""
+"""Spacing of the route's grid, m: fine enough to look up speeds without interpolation (0.04 m/s at 5 m/s)."""
 COARSE = 10
-"""Every 10th grid point (1 m) is searched when a point is projected."""
+"""Stride of the grid points that the projection of a point searches: 10 points, 1 m."""
 SEARCH_BEHIND_M = 30.0
 SAMPLED = 16
-"""Every so manieth coarse point says first how near the nearest is at least. Ours: about the root of their number."""
+"""Stride of the coarse points that give a first upper bound of the distance. Ours: about the root of their number."""
 ROUNDING_M = 0.001
-"""Ours: more than rounding makes a skipped point nearer."""
+"""Slack of that bound, m. Ours: more than rounding errors can make a skipped point nearer."""
 
 
 @inner
 def grid_point(route: Records, s: float) -> int:
-    """Return the grid point at a length along a route, held within it."""
+    """Return the grid point at a length along a route, clamped to the route."""
     return min(max(int((s - route[0]["s"]) * (1.0 / GRID_M)), 0), len(route) - 1)
 
 
@@ -35,8 +35,8 @@ def grid_point(route: Records, s: float) -> int:
 def grid_place(route: Records, s: float) -> tuple[int, float]:
     """Return the grid point before a length along a route, and the fraction of the step to the next one.
 
-    Values are interpolated, as the grid starts where the mission does and decisions must not depend on that: else a run
-    that is resumed in the middle would go differently.
+    Values are interpolated because the grid begins at the mission's start, and decisions must not depend on that:
+    otherwise a run resumed in the middle would differ.
     """
     place = min(max((s - route[0]["s"]) * (1.0 / GRID_M), 0.0), len(route) - 1.001)
     k = max(int(place), 0)
@@ -53,7 +53,7 @@ def curvature_at(route: Records, s: float) -> float:
 
 @inner
 def profile_at(route: Records, s: float) -> float:
-    """Return the speed that the route's profile allows at a length, m/s."""
+    """Return the profile's speed limit at a length along the route, m/s."""
     k, share = grid_place(route, s)
     here = route[k]["profile"]
     return float(here + share * (route[k + 1]["profile"] - here))
@@ -61,13 +61,13 @@ def profile_at(route: Records, s: float) -> float:
 
 @inner
 def _point_by_division(route: Records, s: float) -> int:
-    """Return the grid point at a length: now and then another one than `grid_point`, which multiplies."""
+    """Return the grid point at a length, by division; sometimes not that of `grid_point`, which multiplies."""
     return min(max(int((s - route[0]["s"]) / GRID_M), 0), len(route) - 1)
 
 
 @inner
 def least_room(route: Records, from_s: float, to_s: float) -> tuple[float, float]:
-    """Return the least free width on the left and on the right on a stretch, m."""
+    """Return the least free widths on the left and on the right of a stretch of the route, m."""
     least_left, least_right = np.inf, np.inf
     first, last = _point_by_division(route, from_s), _point_by_division(route, to_s)
     for i in range(first, last + 1):
@@ -77,7 +77,7 @@ def least_room(route: Records, from_s: float, to_s: float) -> tuple[float, float
 
 @inner
 def _least(values: FloatArray) -> int:
-    """Return the index of the least value, the first of equal ones (a NaN is never less)."""
+    """Return the index of the least value, the first of equal values (a NaN is never less)."""
     k, least = 0, np.inf
     for i in range(len(values)):
         if values[i] < least:
@@ -87,7 +87,8 @@ def _least(values: FloatArray) -> int:
 
 @inner
 def _cost(x: float, y: float, cos: float, sin: float, coarse: FloatArray, i: int) -> tuple[float, float]:
-    """Return the square of the distance from a place to a coarse point, m^2, and that with the heading's share."""
+    """Return the square of the distance from a place to a coarse point, m^2, without and with a cost for the
+    heading."""
     dx, dy = x - coarse[0, i], y - coarse[1, i]
     square = dx * dx + dy * dy
     return square, square + 12.5 * (1.0 - (cos * coarse[2, i] + sin * coarse[3, i]))
@@ -95,12 +96,13 @@ def _cost(x: float, y: float, cos: float, sin: float, coarse: FloatArray, i: int
 
 @inner
 def _nearest_coarse(x: float, y: float, cos: float, sin: float, coarse: FloatArray) -> int:
-    """Return the coarse point with the least cost, the first of equal ones.
+    """Return the index of the coarse point with the least cost, the first of equal ones.
 
-    Neighbours are at most so far apart, so those that are surely too far are skipped: a sixth of the points is left.
+    The largest distance between neighbours is known, so points that are certainly too far are skipped: a sixth of them
+    is evaluated.
 
-    `coarse`: [5, N / COARSE] x, y, cos and sin of every `COARSE`th point of the route; the largest distance between two
-    neighbours, m, is the first number of the last row.
+    `coarse`: [5, N / COARSE] x, y, cos and sin of every `COARSE`th point of the route; the first number of the last row
+    is the largest distance between two neighbours, m.
     """
     count, spacing, reach = coarse.shape[1], coarse[4, 0], np.inf
     for i in range(0, count, SAMPLED):
@@ -112,20 +114,21 @@ def _nearest_coarse(x: float, y: float, cos: float, sin: float, coarse: FloatArr
         if cost < least:
             k, least = i, cost
         ahead = (math.sqrt(square) - reach) / spacing
-        i += int(min(ahead, float(count))) if ahead > 1.0 else 1  # a NaN is not more
+        i += int(min(ahead, float(count))) if ahead > 1.0 else 1  # 1 for a NaN
     return k
 
 
 @compiled(FLOAT, FLOAT, FLOAT, r.ROUTE, TABLE)
 def locate(x: float, y: float, heading: float, route: Records, coarse: FloatArray) -> tuple[float, float, float]:
-    """Return length along the whole route, offset and heading error of a place (m) and heading (rad).
+    """Return the length along the whole route, the offset (m) and the heading error (rad) of a place and heading.
 
-    A route may cross itself, so the place alone would not do: heading counts as up to 5 m (ours: a lane and a half).
+    A route may cross itself, so that the place is ambiguous: the heading adds a cost of up to 5 m (ours: a lane and a
+    half).
 
     `coarse`: see `_nearest_coarse`.
     """
     k = _nearest_coarse(x, y, math.cos(heading), math.sin(heading), coarse) * COARSE
-    for _ in range(2):  # the tangent at the coarse point, then at the point that it leads to
+    for _ in range(2):  # with the tangent at the coarse point, then with that at the resulting point
         at = route[k]
         along = (x - at["x"]) * at["cos"] + (y - at["y"]) * at["sin"]
         k = min(max(k + int(np.rint(along / GRID_M)), 0), len(route) - 1)
@@ -137,10 +140,10 @@ def locate(x: float, y: float, heading: float, route: Records, coarse: FloatArra
 
 
 class Stretch(NamedTuple):
-    """A piece of the route that actors are projected on: every `stride`th grid point from `first` on.
+    """A part of the route for the projection of actors: every `stride`th grid point from `first` on.
 
     Attributes:
-        x, y: [M] these points. away: [M] work space.
+        x, y: [M] coordinates of these points, m. away: [M] work space for squared distances.
     """
 
     first: int
@@ -164,14 +167,14 @@ def _stretch(route: Records, ego_s: float, ahead_m: float, stride: int) -> Stret
 
 @inner
 def _nearest(x: float, y: float, route: Records, part: Stretch) -> tuple[int, float, float]:
-    """Project a point on a stretch: the grid point, the distance beyond it along the route, the offset."""
+    """Project a point onto a stretch: return the grid point, the distance beyond it along the route, and the offset."""
     for i in range(len(part.x)):
         dx, dy = x - part.x[i], y - part.y[i]
         part.away[i] = dx * dx + dy * dy
     k = part.first + _least(part.away) * part.stride
     at = route[k]
     along = (x - at["x"]) * at["cos"] + (y - at["y"]) * at["sin"]
-    # One more look from the point that the tangent leads to, held within half a stride: bends stay exact.
+    # A second projection at the point that the tangent leads to, within one stride, keeps bends exact.
     step = min(max(np.rint(along / GRID_M), -float(part.stride)), float(part.stride))
     k = min(max(k + int(step), 0), len(route) - 1)
     at = route[k]
@@ -184,9 +187,9 @@ def project_actors(actors: Records, route: Records, ego_s: float, ahead_m: float
     """Fill `s`, `d` and `point` of the actors, from the stretch up to `ahead_m` before the ego."""
     part = _stretch(route, ego_s, ahead_m, COARSE)
     for a in range(len(actors)):
-        one = actors[a]
-        k, along, across = _nearest(one["x"], one["y"], route, part)
-        one["s"], one["d"], one["point"] = route[k]["s"] + along, across, k
+        actor = actors[a]
+        k, along, across = _nearest(actor["x"], actor["y"], route, part)
+        actor["s"], actor["d"], actor["point"] = route[k]["s"] + along, across, k
 
 
 @inner
@@ -196,24 +199,26 @@ def project_predicted(which: BoolArray, predicted: Records, route: Records, ego_
     for a in range(len(which)):
         if which[a]:
             for t in range(predicted.shape[1]):
-                one = predicted[a, t]
-                k, along, across = _nearest(one["x"], one["y"], route, part)
-                one["s"], one["d"] = route[k]["s"] + along, across
+                frame = predicted[a, t]
+                k, along, across = _nearest(frame["x"], frame["y"], route, part)
+                frame["s"], frame["d"] = route[k]["s"] + along, across
 
 
 OWN_LANE_M = 1.2
-"""Ours: an aligned actor this near the centreline is in the ego's lane, whatever crossing stream runs there too."""
+"""Distance from the centreline within which an aligned actor is in the ego's lane, even if a crossing stream's path
+runs there too, m. Ours."""
 BRAKING_ALREADY_MPS2 = -1.0
-"""Ours: an ego that brakes this hard has decided to stop, and keeps to it (no memory of the decision is needed)."""
+"""Acceleration below which the ego has decided to stop and keeps to it, m/s^2; so the decision needs no memory.
+Ours."""
 BRAKING_ALREADY_FACTOR = 1.5
-"""Ours: it then accepts this much more braking before it drives on; covers the lag of the brakes."""
+"""Factor on the braking that it then accepts before it drives on. Ours: covers the lag of the brakes."""
 LEAST_REACH_M = 30.0
 ALIGNED_COSINE = math.cos(cfg.ALIGNED_RAD)
 
 
 @compiled(r.EGOS, r.ROUTE, TABLE)
 def place_ego(egos: Records, route: Records, coarse: FloatArray) -> None:
-    """Fill the ego's [1] place on the route."""
+    """Fill in the ego's [1] position on the route."""
     ego = egos[0]
     back = ego["centre"]
     x, y = ego["x"] - back * math.cos(ego["heading"]), ego["y"] - back * math.sin(ego["heading"])
@@ -225,36 +230,41 @@ def place_ego(egos: Records, route: Records, coarse: FloatArray) -> None:
 
 @inner
 def reach_of(ego: np.void) -> float:
-    """Return how far ahead of the ego predictions are projected on the route, m."""
+    """Return the distance ahead of the ego within which predictions are projected onto the route, m."""
     return max(LEAST_REACH_M, float(ego["forward"] * cfg.HORIZON_S + 25.0))
 
 
 @compiled(r.EGOS, TRACKS, r.ROUTE, r.ACTORS)
 def place_actors(egos: Records, tracks: Records, route: Records, actors: Records) -> None:
-    """Fill the actors [A] from their tracks [A], but for `passable`; the ego has its place already."""
+    """Fill the actors [A] from their tracks [A], except `passable`; the ego's position must be filled in before."""
     for a in range(len(tracks)):
-        track, one = tracks[a], actors[a]
+        track, actor = tracks[a], actors[a]
         kind, heading = track["kind"], track["heading"]
-        one["x"], one["y"], one["cos"], one["sin"] = track["x"], track["y"], math.cos(heading), math.sin(heading)
-        one["speed"] = track["speed"]
-        one["half_length"], one["half_width"] = track["length"] * 0.5, track["width"] * 0.5
-        one["pedestrian"], one["obstacle"], one["speeds_up"] = kind == PEDESTRIAN, kind == OBSTACLE, 0.0
+        actor["x"], actor["y"], actor["cos"], actor["sin"] = (
+            track["x"],
+            track["y"],
+            math.cos(heading),
+            math.sin(heading),
+        )
+        actor["speed"] = track["speed"]
+        actor["half_length"], actor["half_width"] = track["length"] * 0.5, track["width"] * 0.5
+        actor["pedestrian"], actor["obstacle"], actor["speeds_up"] = kind == PEDESTRIAN, kind == OBSTACLE, 0.0
         if kind == PEDESTRIAN:
-            one["speeds_up"] = cfg.PEDESTRIAN_SPEEDS_UP_MPS2
+            actor["speeds_up"] = cfg.PEDESTRIAN_SPEEDS_UP_MPS2
         if kind == BICYCLE:
-            one["speeds_up"] = cfg.BICYCLE_SPEEDS_UP_MPS2
+            actor["speeds_up"] = cfg.BICYCLE_SPEEDS_UP_MPS2
     project_actors(actors, route, egos[0]["s"], max(reach_of(egos[0]), cfg.JUNCTION_REACH_M))
     for a in range(len(actors)):
-        one = actors[a]
-        road = route[one["point"]]
-        cosine = one["cos"] * road["cos"] + one["sin"] * road["sin"]
-        one["own_lane"] = abs(one["d"]) < OWN_LANE_M and cosine > ALIGNED_COSINE and not one["pedestrian"]
-        one["passable"] = False
+        actor = actors[a]
+        road = route[actor["point"]]
+        cosine = actor["cos"] * road["cos"] + actor["sin"] * road["sin"]
+        actor["own_lane"] = abs(actor["d"]) < OWN_LANE_M and cosine > ALIGNED_COSINE and not actor["pedestrian"]
+        actor["passable"] = False
 
 
 @compiled(r.EGOS, FLOAT, FLOAT)
 def stops_before(egos: Records, wall_s: float, braking: float) -> bool:
-    """Tell whether the ego can stop before a place with this braking (more, where it brakes already)."""
+    """Return whether the ego can stop before a place with this braking (with more if it already brakes)."""
     ego = egos[0]
     if ego["acceleration"] < BRAKING_ALREADY_MPS2:
         braking *= BRAKING_ALREADY_FACTOR
@@ -264,23 +274,23 @@ def stops_before(egos: Records, wall_s: float, braking: float) -> bool:
 
 @inner
 def near_junctions(ego: np.void, junctions: Records) -> IntArray:
-    """Return the indices of the junctions that the ego is in or comes to."""
-    found, count = np.empty(len(junctions), dtype=np.int64), 0
+    """Return the indices of the junctions that the ego is in or approaches."""
+    indices, count = np.empty(len(junctions), dtype=np.int64), 0
     for k in range(len(junctions)):
         if ego["rear_s"] < junctions[k]["end_s"] and junctions[k]["stop_s"] < ego["front_s"] + cfg.JUNCTION_REACH_M:
-            found[count] = k
+            indices[count] = k
             count += 1
-    return found[:count]
+    return indices[:count]
 
 
 @compiled(r.EGOS, r.FOES, r.JUNCTIONS)
 def near_foes(egos: Records, foes: Records, junctions: Records) -> Records:
-    """Return the crossing streams of the junctions that the ego is in or comes to."""
-    found, count = np.empty(len(foes), FOE), 0
+    """Return the crossing streams of the junctions that the ego is in or approaches."""
+    streams, count = np.empty(len(foes), FOE), 0
     near = near_junctions(egos[0], junctions)
     for f in range(len(foes)):
         for n in range(len(near)):
             if foes[f]["junction"] == near[n]:
-                found[count] = foes[f]
+                streams[count] = foes[f]
                 count += 1
-    return found[:count]
+    return streams[:count]

@@ -1,4 +1,4 @@
-"""Scores: no collision at fault, within the lanes; then progress, time to collision, comfort, clearance, centring."""
+"""Scores proposals: no collision at fault, within the lanes; then progress, TTC, comfort, clearance, centring."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from foresee_dsl.kernels.pdm.records import CONFLICT
 from foresee_dsl.kernels.pdm.route import grid_point
 
 STEERS_SIDEWAYS_M = 0.7
-"""Ours: a proposal that moves sideways by more than this is at fault in a collision with an actor from behind."""
+"""Lateral movement above which a proposal is at fault in a collision with an actor from behind, m. Ours."""
 LEAVES_M = 0.05
-"""Ours: rounding and smoothing of the lanes' edges."""
+"""Distance by which a proposal may leave the lanes, m. Ours: rounding and smoothing of the lanes' edges."""
 STANDS_MPS = 0.1
 NEAR_M = 6.0
-"""Ours: actors whose predicted footprints stay farther than this from the route, sideways, are left out."""
+"""Lateral distance from the route above which predicted footprints are ignored, m. Ours."""
 
 ROUNDING_M = 1e-6
-"""Ours: far more than rounding errors."""
+"""Slack for rounding errors, m. Ours: far larger than they are."""
 
 
 @inner
 def _near(ego: np.void, predicted: Records, rolled: Records) -> tuple[BoolArray, bool]:
-    """Tell which actors come near the stretch that any proposal covers, [A], and whether any does."""
-    found, anyone, ends_s = np.zeros(len(predicted), np.bool_), False, rolled[0, 0]["s"]
+    """Return which actors come near the stretch that the proposals cover, [A], and whether any does."""
+    near, anyone, ends_s = np.zeros(len(predicted), np.bool_), False, rolled[0, 0]["s"]
     for p in range(rolled.shape[0]):
         for t in range(rolled.shape[1]):
             ends_s = max(ends_s, rolled[p, t]["s"])
     start, end = rolled[0, 0]["s"] - ego["length"], ends_s + 2 * ego["length"]
     for a in range(len(predicted)):
         for t in range(predicted.shape[1]):
-            one = predicted[a, t]
-            beside = abs(one["d"]) - one["reach_d"] < NEAR_M
-            if beside and one["s"] + one["reach_s"] > start and one["s"] - one["reach_s"] < end:
-                found[a], anyone = True, True
+            actor = predicted[a, t]
+            beside = abs(actor["d"]) - actor["reach_d"] < NEAR_M
+            if beside and actor["s"] + actor["reach_s"] > start and actor["s"] - actor["reach_s"] < end:
+                near[a], anyone = True, True
                 break
-    return found, anyone
+    return near, anyone
 
 
 @inner
 def _compare(
-    ego: np.void, actor: np.void, predicted: Records, rolled: Records, moves_sideways: bool, found: Records
+    ego: np.void, actor: np.void, predicted: Records, rolled: Records, moves_sideways: bool, out: Records
 ) -> None:
-    """Mark the conflicts of a proposal with one actor, all of them [T]."""
+    """Mark the conflicts of a proposal with an actor in `out`; `predicted`, `rolled` and `out`: [T]."""
     half_l, half_w, margin = ego["length"] / 2, ego["width"] / 2, cfg.COLLISION_MARGIN_M
     width, pace = actor["half_width"], actor["speed"]
     side = cfg.PEDESTRIAN_CLEARANCE_M if actor["pedestrian"] else cfg.CLEARANCE_M
@@ -58,7 +58,7 @@ def _compare(
         dx, dy, ego_cos, ego_sin, v = other["x"] - own["x"], other["y"] - own["y"], own["cos"], own["sin"], own["speed"]
         along, across = dx * ego_cos + dy * ego_sin, dy * ego_cos - dx * ego_sin
         length = other["half_length"]
-        # All tests below fail outside of this box.
+        # Outside of this box all tests below fail.
         most = length + width + ROUNDING_M
         if abs(along) > half_l + most + max(margin, v * cfg.TTC_S):
             continue
@@ -74,35 +74,35 @@ def _compare(
             abs(across * turn_cos - along * turn_sin) - (width + half_l * size_sin + half_w * size_cos),
         )
         moves = v > STANDS_MPS
-        # The ego is not at fault when it stands, nor when hit from behind unless it moves sideways.
+        # The ego is not at fault when it stands, nor when it is hit from behind without moving sideways.
         if moves and (moves_sideways or not (behind_at_first and along < -half_l)):
-            found[t]["hit"] |= max(room_along, room_across, there) < margin
-            found[t]["close"] |= room_along < margin and room_across < side and there < side
+            out[t]["hit"] |= max(room_along, room_across, there) < margin
+            out[t]["close"] |= room_along < margin and room_across < side and there < side
         if moves and along > 0:
             ahead = min(max(v - pace * turn_cos, 0.0), v) * cfg.TTC_S
             inwards = max(-np.sign(across) * pace * turn_sin, 0.0) * cfg.TTC_S
-            found[t]["ttc"] |= room_along < ahead and room_across < inwards
+            out[t]["ttc"] |= room_along < ahead and room_across < inwards
 
 
 @inner
 def _compare_all(
     ego: np.void, actors: Records, near: BoolArray, predicted: Records, rolled: Records, offsets: FloatArray
 ) -> Records:
-    """Return the conflicts of each proposal in each frame with those actors that are near, [P, T]."""
-    found = np.zeros(rolled.shape, CONFLICT)
+    """Return the conflicts of each proposal in each frame with the near actors, [P, T]."""
+    out = np.zeros(rolled.shape, CONFLICT)
     for a in range(len(near)):
         if near[a]:
             for p in range(len(offsets)):
                 sideways = abs(offsets[p] - ego["d"]) > STEERS_SIDEWAYS_M
-                _compare(ego, actors[a], predicted[a], rolled[p], sideways, found[p])
-    return found
+                _compare(ego, actors[a], predicted[a], rolled[p], sideways, out[p])
+    return out
 
 
 @inner
 def find_conflicts(
     egos: Records, actors: Records, predicted: Records, rolled: Records, offsets: FloatArray, route: Records
 ) -> Records:
-    """Return the conflicts, [P, T], of proposals whose footprints are not placed yet; arguments as `conflicts`."""
+    """Place the proposals' footprints if needed, and return their conflicts, [P, T]; arguments as for `conflicts`."""
     near, anyone = _near(egos[0], predicted, rolled)
     if anyone:
         place_footprints(egos[0], route, rolled)
@@ -111,14 +111,13 @@ def find_conflicts(
 
 @compiled(r.EGOS, r.ACTORS, r.PREDICTION, r.ROLLOUT, FLOATS)
 def conflicts(egos: Records, actors: Records, predicted: Records, rolled: Records, offsets: FloatArray) -> Records:
-    """Compare footprints: return the conflicts of each proposal, which heads for an offset [P], in each frame, [P,
-    T]."""
+    """Return the conflicts of each proposal in each frame, [P, T]; `offsets`: [P] the proposals' offsets, m."""
     return _compare_all(egos[0], actors, _near(egos[0], predicted, rolled)[0], predicted, rolled, offsets)
 
 
 @inner
 def _keeps_lanes(rolled: Records, route: Records, half: float) -> bool:
-    """Tell whether a proposal [T] leaves the lanes no farther than the ego does now."""
+    """Return whether a proposal [T] leaves the lanes no farther than the ego does now."""
     at_first, most = 0.0, -np.inf
     for t in range(len(rolled)):
         d, road = rolled[t]["d"], route[grid_point(route, rolled[t]["s"])]
@@ -140,10 +139,10 @@ def rate(
     points: FloatArray,
     collides: IntArray,
 ) -> None:
-    """Score the proposals, whose first accelerations are given.
+    """Score the proposals; `acceleration`: [P] their first accelerations.
 
-    Filled are `points`, [P] the score, -1 where the proposal collides or leaves the lanes, and `collides`, [P] the
-    frame of the first collision, T for none.
+    Fills `points`, [P] the score, -1 if the proposal collides or leaves the lanes, and `collides`, [P] the frame of the
+    first collision, T without one.
     """
     frames, best, half = rolled.shape[1], 0.0, ego["width"] / 2
     for p in range(len(points)):
@@ -153,7 +152,7 @@ def rate(
                 collides[p] = t
         brakes = p >= len(points) - BRAKING
         allowed = collides[p] == frames and (brakes or _keeps_lanes(rolled[p], route, half))
-        points[p] = 0.0 if allowed else -1.0  # 0: to be scored below, once `best` is known
+        points[p] = 0.0 if allowed else -1.0  # 0: scored below, when `best` has been computed
         if allowed:
             best = max(best, rolled[p, frames - 1]["s"] - rolled[p, 0]["s"])
     for p in range(len(points)):
@@ -179,8 +178,10 @@ def rate(
 
 @inner
 def best_proposal(points: FloatArray, collides: IntArray, rolled: Records) -> int:
-    """Return the best proposal; where all collide or leave the lanes, that with the latest collision, then the slowest.
-    `points` and `collides`: [P] as `rate` fills them. `rolled`: [P, T]."""
+    """Return the best proposal; if all collide or leave the lanes, the one with the latest collision, then the slowest.
+
+    `points` and `collides`: [P] as filled by `rate`. `rolled`: [P, T].
+    """
     best, latest, frames = 0, 0, rolled.shape[1]
     for p in range(len(points)):
         if points[p] > points[best]:
@@ -193,7 +194,7 @@ def best_proposal(points: FloatArray, collides: IntArray, rolled: Records) -> in
     for p in range(1, len(points)):
         impact = rolled[p, min(collides[p], frames - 1)]["speed"]
         least = rolled[best, min(collides[best], frames - 1)]["speed"]
-        # Within 2 s the speed at the impact counts most, for later collisions the time until then.
+        # For collisions within 2 s the impact speed decides first, for later ones the time of the collision.
         if emergency:
             better = impact < least or (impact == least and collides[p] > collides[best])
         else:

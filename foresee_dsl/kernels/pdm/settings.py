@@ -2,7 +2,7 @@
 
 PDM: Dauner et al. 2023, "Parting with Misconceptions about Learning-based Vehicle Motion Planning" (PDM-Closed: section
 3 and its published configuration). IDM: Treiber, Hennecke, Helbing 2000, "Congested traffic states in empirical
-observations and microscopic simulations". nuPlan: the comfort bounds of the benchmark that PDM scores with.
+observations and microscopic simulations". nuPlan: comfort bounds of the benchmark with which PDM is scored.
 """
 
 from __future__ import annotations
@@ -11,97 +11,106 @@ GRAVITY_MPS2 = 9.81
 
 # --- proposals and roll-out -------------------------------------------------------------------------------------
 SPEED_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)
-"""Target speeds as shares of the limit (PDM, section 3: 20 % to 100 %); highest first, so that ties go to it."""
+"""Target speeds as shares of the limit (PDM, section 3: 20 % to 100 %); the highest first, so that it wins ties."""
 LATERAL_OFFSETS_M = (0.0, 1.0, -1.0)
-"""PDM, section 3; bounded here by the free width."""
+"""Lateral offsets from the lane's middle, m: PDM, section 3; here limited to the free width."""
 HORIZON_S = 4.0
 ROLLOUT_STEP_S = 0.1
 """PDM, section 3: 4 s at 10 Hz."""
 ACCELERATION_STEP_S = 0.2
-"""Ours: the IDM's acceleration is held for two frames of the roll-out, which halves the cost of its dearest part."""
+"""Time for which the IDM's acceleration stays constant in the roll-out, s. Ours: two frames, which halves the cost of
+the most expensive part."""
 
 MINIMUM_GAP_M = 2.0
-"""IDM, table I (PDM uses 1 m, which leaves a car 1 m behind a lorry at every light)."""
+"""Standstill gap, m: IDM, table I (with PDM's 1 m a car stops 1 m behind a lorry at every light)."""
 HEADWAY_S = 1.5
 ACCELERATION_MPS2 = 1.5
 BRAKING_MPS2 = 3.0
-"""PDM's configuration of the IDM; IDM table I has T 1.6 s, a 0.73, b 1.67 for motorways."""
+"""PDM's configuration of the IDM; table I of the IDM has T 1.6 s, a 0.73, b 1.67 for motorways."""
 KINEMATIC_FACTOR = 1.0
-"""Ours: the IDM's braking is cut to BRAKING or this times closing speed^2 / gap, twice what is needed at constant
-speed: the plain IDM brakes with 8 m/s^2 for a slower car that cuts in 10 m ahead where 1.7 m/s^2 would do."""
+"""The IDM's braking is limited to the larger of `BRAKING_MPS2` and this factor times closing speed^2 / gap. Ours: twice
+the braking needed at constant speed; the plain IDM brakes with 8 m/s^2 for a slower car that cuts in 10 m ahead, where
+1.7 m/s^2 would be enough."""
 PASSABLE_GAP_M = 6.0
-"""Ours: how far behind a parked actor the ego waits when there is room to pass but not yet a gap; in the tests it can
-steer out from 4 m behind a car, which leaves a margin of 2 m."""
+"""Distance behind a parked actor at which the ego waits for a gap to pass it, m. Ours: in the tests it can steer out
+from 4 m behind a car, which leaves a margin of 2 m."""
 PASS_CLEARANCE_M = 0.6
-"""Ours: air beside a parked actor when it is passed; cyclists and opened doors (0.9 m) would need more."""
+"""Lateral clearance to a parked actor that the ego passes, m. Ours; cyclists and opened doors (0.9 m) would need
+more."""
 CORRIDOR_MARGIN_M = 0.15
-"""Ours: air on either side of the ego within which an actor counts as being in its corridor."""
+"""Lateral clearance on both sides of the ego within which an actor is in its corridor, m. Ours."""
 LANE_MARGIN_M = 0.1
-"""Ours: what an offset leaves between the car and the edge of its lanes."""
+"""Distance between the car and the edge of its lanes at the largest offset, m. Ours."""
 
 # --- speed along the route --------------------------------------------------------------------------------------
 LATERAL_COMFORT_MPS2 = 2.5
-"""Ours: speed in curves; under the 3 m/s^2 that UN R79 allows a lane-keeping system."""
+"""Lateral acceleration in curves, m/s^2. Ours: below the 3 m/s^2 that UN R79 allows a lane-keeping system."""
 PROFILE_BRAKING_MPS2 = 2.0
-"""Ours: braking for curves, lower limits and stop lines; everyday braking, under the IDM's b."""
+"""Braking for curves, lower limits and stop lines, m/s^2. Ours: everyday braking, below the IDM's b."""
 PROFILE_PREVIEW_S = 0.3
-"""Ours: the profile is met this much ahead; six simulation steps, without ringing at 20 Hz."""
+"""Preview time of the profile, s. Ours: six simulation steps, without oscillation at 20 Hz."""
 COAST_MPS = 0.1
-"""Ours: under this a car stands."""
+"""Speed below which a car stands, m/s. Ours."""
 HOLD_M = 1.0
 HOLD_MPS = 0.3
-"""Ours: an ego this slow this near to a stop line stays there, and does not creep the rest of the distance."""
+"""Distance to a stop line and speed below which the ego stays there and does not creep to the line. Ours."""
 
 # --- prediction -------------------------------------------------------------------------------------------------
 ALIGNED_RAD = 0.52
-"""Ours: 30 degrees; an actor near the route that heads along or against it within this is predicted along the road."""
+"""Angle to the route, in either direction, within which an actor near it is predicted along the road, rad. Ours: 30
+degrees."""
 ALIGNED_REACH_M = 6.0
-"""Ours: how far from the centreline the road still bends like the route: one lane of 3.5 m on and a half."""
+"""Distance from the centreline within which the road bends like the route, m. Ours: one and a half lanes of 3.5 m."""
 DRIFT_DEADBAND_RAD = 0.035
-"""Ours: 2 degrees; smaller heading errors come from the polylines of the lanes, not from a change of lane."""
+"""Heading error below which an actor is not changing lane, rad. Ours: 2 degrees; smaller errors come from the polylines
+of the lanes."""
 FOE_REACH_M = 1.5
 FOE_HEADING_RAD = 0.785
-"""Ours: an actor within 1.5 m and 45 degrees of a foe's path is on it (half a lane is 1.6 m)."""
+"""Distance and angle to a foe's path within which an actor is on it. Ours: 1.5 m (half a lane is 1.6 m) and 45
+degrees."""
 FOE_EXTENSION_M = 60.0
-"""Ours: a foe's approach is prolonged straight by this much; at 50 km/h a gap of 5 s is 70 m, the path shows 60 m."""
+"""Length of the straight prolongation before a foe's path, m. Ours: at 50 km/h a gap of 5 s is 70 m, and the path has
+60 m."""
 FOE_STOPS_MPS2 = 3.5
-"""Ours: an actor that must give way to the ego is expected to stop while less braking than this is enough. It is above
-the 3 m/s^2 of the amber decision, so that lawful late braking raises no alarm; one that will not stop is recognised
-about 2 s before the line."""
+"""Braking up to which an actor that must give way to the ego is expected to stop, m/s^2. Ours: above the 3 m/s^2 of the
+amber decision, so that lawful late braking raises no alarm; an actor that will not stop is recognised about 2 s before
+the line."""
 FOE_ACCELERATION_MPS2 = 1.5
-"""PDM's acceleration, taken for a priority vehicle that is slower than the limit."""
+"""Assumed acceleration of a priority vehicle that is slower than the limit, m/s^2: PDM's acceleration."""
 
 PEDESTRIAN_SPEEDS_UP_MPS2 = 0.3
 BICYCLE_SPEEDS_UP_MPS2 = 1.0
-"""Ours: a pedestrian or cyclist may speed up by this, so that the far end of the predicted footprint runs ahead of
-constant velocity; a cyclist who sets off gains about that."""
+"""Possible acceleration of a pedestrian or cyclist, m/s^2, by which the front of the predicted footprint runs ahead of
+constant velocity. Ours: about the acceleration of a cyclist who sets off."""
 
 # --- signals and right of way ------------------------------------------------------------------------------------
 STOP_MARGIN_M = 0.5
-"""Ours: the front bumper stops this far before a stop line or conflict zone."""
+"""Distance of the front bumper before a stop line or conflict zone when the ego stops, m. Ours."""
 AMBER_BRAKING_MPS2 = 3.0
-"""ITE's signal timing practice uses 10 ft/s^2 (3.05 m/s^2) as the braking a driver accepts at the onset of amber."""
+"""Braking up to which the ego stops at the onset of amber, m/s^2: ITE's signal timing practice assumes 10 ft/s^2
+(3.05 m/s^2)."""
 UNSEEN_BRAKING_MPS2 = 2.0
-"""Ours: braking for a signal that is not seen, as long as no more than this (everyday braking) is needed; nearer to the
-line the ego drives on by the colour that it saw last."""
+"""Braking up to which the ego stops for a signal that it does not see, m/s^2. Ours: everyday braking; nearer to the
+line the ego acts on the colour that it saw last."""
 YIELD_BEFORE_S = 1.5
-"""Ours: least time from the ego's leaving a conflict zone to the arrival of an actor with priority."""
+"""Least time between the ego leaving a conflict zone and the arrival of an actor with priority, s. Ours."""
 YIELD_AFTER_S = 0.3
-"""Ours: least time from that actor's leaving to the ego's arrival."""
+"""Least time between that actor leaving and the ego's arrival, s. Ours."""
 PEDESTRIAN_AIR_M = 0.8
-"""Ours: about to step on the lane: within a stride of it."""
+"""Distance to the lane within which a pedestrian is about to step on it, m. Ours: one stride."""
 YIELD_MARGIN_M = 1.0
-"""Ours: the front bumper waits this far before a conflict zone (the front corners swing out in a turn)."""
+"""Distance of the waiting front bumper before a conflict zone, m. Ours: the front corners swing out in a turn."""
 YIELD_BRAKING_MPS2 = 4.0
-"""Ours: an ego that would need more braking than this does not give way any more; for pedestrians the limit is what it
-can do."""
+"""Braking up to which the ego gives way to vehicles, m/s^2; to pedestrians it gives way with its strongest braking.
+Ours."""
 AT_WAIT_M = 1.5
-"""Ours: nearer to the waiting place than this, standing vehicles are assumed to let the ego go (or to have red);
-farther from it they may be about to start with the same green."""
+"""Distance to the waiting place within which standing vehicles are assumed to let the ego go (or to have red), m; if
+the ego is farther away, they may be about to start with the same green. Ours."""
 QUEUE_MPS = 1.5
-"""Ours: a vehicle ahead slower than this may be the end of a queue that reaches back into the junction."""
+"""Speed below which a vehicle ahead may be the end of a queue that reaches back into the junction, m/s. Ours."""
 JUNCTION_REACH_M = 80.0
-"""Ours: junctions nearer than this are considered: the stopping distance from 50 km/h at 1.5 m/s^2, and 15 m."""
+"""Distance within which junctions are considered, m. Ours: the stopping distance from 50 km/h at 1.5 m/s^2, plus 15
+m."""
 
 # --- scoring -----------------------------------------------------------------------------------------------------
 PROGRESS_WEIGHT = 5.0
@@ -116,30 +125,30 @@ TTC_S = 0.95
 """nuPlan: least time to collision."""
 CLEARANCE_M = 0.4
 PEDESTRIAN_CLEARANCE_M = 0.8
-"""Ours: lateral air under which a proposal loses its clearance points."""
+"""Lateral clearance below which a proposal loses clearance points, m. Ours."""
 COLLISION_MARGIN_M = 0.15
-"""Ours: footprints grow by this; tracking errors measured in the tests are below 0.15 m on straights."""
+"""Margin added to footprints, m. Ours: tracking errors measured in the tests are below 0.15 m on straights."""
 COMFORT_BRAKING_MPS2 = 4.05
 COMFORT_LATERAL_MPS2 = 4.89
 """nuPlan's comfort bounds."""
 EMERGENCY_S = 2.0
-"""PDM: emergency braking when the best proposal collides within 2 s."""
+"""Time to the collision of the best proposal below which PDM brakes in emergency, s."""
 
 # --- tracking ----------------------------------------------------------------------------------------------------
 TRACK_TIME_S = 0.75
-"""Ours: time constant of the lateral error; one metre then asks 1.8 m/s^2 at any speed."""
+"""Time constant of the lateral error, s. Ours: an error of one metre then causes 1.8 m/s^2 at any speed."""
 TRACK_LENGTH_M = 2.0
-"""Ours: shortest length constant; below it the steering rate limits."""
+"""Shortest length constant of the lateral error, m. Ours: below it the steering rate is the limit."""
 OFFSET_LATERAL_MPS2 = 2.0
-"""Ours: lateral acceleration of a change of offset; under LATERAL_COMFORT."""
+"""Lateral acceleration of a change of offset, m/s^2. Ours: below `LATERAL_COMFORT_MPS2`."""
 CURVATURE_PREVIEW_S = 0.15
-"""Ours: the wheels are turned for the curvature this much ahead; makes up for the steering rate (best of 0,
-0.15 and 0.3 s on turns of 6, 10 and 30 m)."""
+"""Time ahead of which the curvature determines the wheel angle, s: compensates the steering rate. Ours: the best of 0,
+0.15 and 0.3 s on turns of 6, 10 and 30 m."""
 SMOOTHING_MPS2 = 0.8
-"""Ours: the acceleration asked for differs by no more than this from the present one; with a lag of 0.2 s in the
-drivetrain (0.1 s in the brakes) the jerk stays under 4 (8) m/s^3, nuPlan's bound. Not held when braking harder than
-BRAKING."""
+"""Largest difference of the requested acceleration from the current one, m/s^2. Ours: with a lag of 0.2 s in the
+drivetrain (0.1 s in the brakes) the jerk stays below 4 (8) m/s^3, nuPlan's bound. It does not apply to braking harder
+than `BRAKING_MPS2`."""
 HOLD_BRAKE = 0.3
-"""Ours: brake of a standing car."""
+"""Brake pedal of a standing car, as a share. Ours."""
 FRICTION_SHARE = 0.9
-"""Ours: what the driver uses of the friction it knows of."""
+"""Share of the tyres' friction that the driver uses. Ours."""
