@@ -199,7 +199,7 @@ class Reverse:
 class StopSpot(NamedTuple):
     """Where an actor stops: the length along its line, m; NaN if it does not pass there.
 
-    For a bus stop also the stop, and the distance before its end at which an actor of this length still stands in it, m.
+    For a bus stop also the stop, and the distance before its end within which an actor still stands in it, m.
     """
 
     s: float
