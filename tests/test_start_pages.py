@@ -1,0 +1,91 @@
+"""The pages for beginners are followed as they are written, in one project: commands, files, outputs, Python."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
+FILE = re.compile(r"Save this as `([^`]+)`:\s*$")
+
+
+@pytest.fixture(scope="module")
+def project(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project of the first page after all its commands, which every later page begins with."""
+    folder = tmp_path_factory.mktemp("start")
+    follow(root, "start/first-finding", folder)
+    return folder / "crossroads"
+
+
+def follow(root: Path, page: str, folder: Path) -> None:
+    """Do what a page says; a block without a language right after commands is part of what they print."""
+    text = (root / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    author = {f"GIT_{who}_{what}": "a@b.c" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    printed = ""
+    for block in BLOCK.finditer(text):
+        language, content = block.groups()
+        if name := FILE.search(text[: block.start()]):
+            (folder / name[1]).write_text(content, encoding="utf-8")
+        elif language == "sh":
+            printed = ""
+            for command in content.splitlines():
+                if command.startswith("cd "):
+                    folder /= command[3:]
+                    continue
+                done = subprocess.run(
+                    command, shell=True, cwd=folder, env={**os.environ, **author, "PATH": path, "COLUMNS": "200"},
+                    capture_output=True, text=True, check=False,
+                )  # fmt: skip
+                assert done.returncode == 0, f"{page}: {command}\n{done.stdout}\n{done.stderr}"
+                printed += done.stdout
+        elif not language and printed and "error FS" not in content and "foresee " not in content:
+            shown = content.strip("\n")
+            listed = all((folder / line.split()[0]).exists() for line in shown.splitlines()[1:])
+            assert shown in printed or listed, f"{page} shows\n{content}\nbut the commands print\n{printed}"
+
+
+def test_the_first_finding(project: Path) -> None:
+    assert (project / "out/report.html").is_file()
+    assert (project / "regressions/main_street_steps_out_p1_m1.foresee").is_file()
+
+
+def test_the_first_scenario_and_its_mistake(root: Path, project: Path) -> None:
+    follow(root, "start/first-scenario", project)
+    file = project / "scenarios/cyclist.foresee"
+    scenario = file.read_text(encoding="utf-8")
+    file.write_text(scenario.replace("start speed 36 km/h", "start speed 36 kmh"), encoding="utf-8")
+    command = [sys.executable, "-m", "foresee_dsl", "check", "scenarios/cyclist.foresee"]
+    done = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+    file.write_text(scenario, encoding="utf-8")
+    text = (root / "docs/start/first-scenario.md").read_text(encoding="utf-8")
+    (mistake,) = (content for _, content in BLOCK.findall(text) if "error FS" in content)
+    assert done.returncode == 1
+    assert done.stderr.strip() == mistake.strip()
+
+
+def test_the_own_driver(root: Path, project: Path) -> None:
+    example = root / "docs/examples/external_driver.py"
+    shutil.copy(example, project / "my_driver.py")
+    follow(root, "start/own-driver", project)
+    text = (root / "docs/start/own-driver.md").read_text(encoding="utf-8")
+    (protocol,) = (content for language, content in BLOCK.findall(text) if language == "python")
+    assert protocol in example.read_text(encoding="utf-8")
+
+
+def test_python(root: Path, project: Path) -> None:
+    pages = [(root / page).read_text(encoding="utf-8") for page in ("README.md", "docs/guide/python.md")]
+    program = "\n".join(content for page in pages for language, content in BLOCK.findall(page) if language == "python")
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("scenarios/main_street.foresee::car_just_after pass arrived")
+    assert "pass arrived at 17.70 s 17.7" in lines
+    assert sum(line.startswith("steps_out_p1_m") for line in lines) == 4
