@@ -62,7 +62,7 @@ def test_a_junction_without_a_place_is_refused_before_sumo_reads_it(net: str, tm
     misplaced = re.sub(r'(<junction id="w"[^>]*) x="[^"]*"', r'\1 x="-inf"', net)
     assert misplaced != net
     (tmp_path / "x.net.xml").write_text(misplaced)
-    with pytest.raises(CompileError, match="junction w has no place or outline that can be meant"):
+    with pytest.raises(CompileError, match="junction w has no usable place or outline"):
         foreign_net(tmp_path / "x.net.xml")
 
 

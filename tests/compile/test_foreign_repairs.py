@@ -85,9 +85,9 @@ def test_signals_that_react_to_traffic_get_fixed_times(built: Path, tmp_path: Pa
 @pytest.mark.parametrize(
     ("was", "now", "words"),
     [
-        ('fromLane="0"', 'fromLane="9"', "no sound SUMO network: there is no '"),
-        ('speed="', 'speed="x', "no sound SUMO network: could not convert"),
-        ('length="', 'length="nan" was="', "has no shape, length, speed or width that can be meant"),
+        ('fromLane="0"', 'fromLane="9"', "not a sound SUMO network: there is no '"),
+        ('speed="', 'speed="x', "not a sound SUMO network: could not convert"),
+        ('length="', 'length="nan" was="', "has no usable shape, length, speed or width"),
         ('width="', 'width="-', "of lane .* is negative"),
         ('_0" index="0"', '_0" index="7"', "are not numbered from 0 on"),
         ('request index="0"', 'request index="1"', "two requests of a junction have one index"),

@@ -55,7 +55,7 @@ def test_a_map_becomes_a_network_and_a_scenario_that_runs(tmp_path: Path) -> Non
         (
             "wide.xodr",
             lambda text: re.sub(r'<width sOffset="0" a="[^"]*"', '<width sOffset="0" a="1e300"', text),
-            r"^wide\.xodr is no sound OpenDRIVE map: lane .* has no shape, length, speed or width that can be meant",
+            r"^wide\.xodr is not a sound OpenDRIVE map: lane .* has no usable shape, length, speed or width",
         ),
     ],
 )

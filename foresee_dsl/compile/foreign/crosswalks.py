@@ -1,4 +1,4 @@
-"""Puts pedestrian crossings where an OpenDRIVE map has its crosswalk objects, which netconvert 1.28 does not read."""
+"""Places pedestrian crossings at the crosswalk objects of an OpenDRIVE map, which netconvert 1.28 does not read."""
 
 from __future__ import annotations
 
@@ -14,22 +14,21 @@ from foresee_dsl.compile.roads.topology import Crossing, Topology
 from foresee_dsl.errors import CompileError
 
 NEAR_M = 8.0
-"""A crosswalk belongs to the arm whose guessed crossing is no farther from it than this (the farthest of Town10HD's 16
-is 4.9 m away; measured)."""
+"""A crosswalk belongs to a junction's arm if netconvert's guessed crossing there is within this distance, m (the
+farthest of Town10HD's 16 is 4.9 m away; measured)."""
 _BESIDE_M = 2.0
-"""Crossings of one arm, each over one direction of it, differ in their distance from the crosswalk by this, m
-(ours)."""
+"""Crossings over the two directions of an arm differ by at most this in their distance from the crosswalk, m (ours)."""
 _SAME_DIRECTION_RAD = math.radians(30)
 """Largest angle between a crosswalk and its crossing (ours)."""
 _LEAST_WIDTH_M, _MOST_WIDTH_M = 1.0, 8.0
-"""Widths outside this range are cut to it, m (ours)."""
+"""Range to which widths of crosswalks are limited, m (ours)."""
 _LENGTH_M, _WIDTH_M = 14.0, 2.5
 """Size of a crosswalk without an outline, m (ours: those of CARLA's towns, over four lanes)."""
 
 
 @dataclass(frozen=True)
 class Crosswalk:
-    """A crosswalk of a map: its middle and the direction in which people cross it; its length and width, m."""
+    """A crosswalk of a map: its middle and the walking direction, its length and width, m."""
 
     pose: Pose
     length_m: float
@@ -39,28 +38,28 @@ class Crosswalk:
 def crosswalks_of(root: Element) -> tuple[Crosswalk, ...]:
     """Return the crosswalk objects of an OpenDRIVE map.
 
-    Those that lie beyond their road, or whose attributes are no numbers, are left out.
+    Crosswalks beyond their road, or with attributes that are not numbers, are left out.
     """
     roads = RoadMap(root)
-    found = []
+    crosswalks = []
     for road in root.iterfind("road"):
         for thing in road.iterfind("objects/object"):
             if thing.get("type") == "crosswalk":
                 try:
-                    found.append(_crosswalk(roads, road, thing))
+                    crosswalks.append(_crosswalk(roads, road, thing))
                 except CompileError:
                     continue
-    return tuple(found)
+    return tuple(crosswalks)
 
 
 def write_crossings(net: Topology, crosswalks: Sequence[Crosswalk], out: Path) -> int:
-    """Write what netconvert needs to put crossings where crosswalks are, at junctions that have any.
+    """Write netconvert's input for crossings at the crosswalks of junctions.
 
-    At such a junction there are those only; at the others netconvert's guesses stay. `net` has the crossings that
-    netconvert guessed, which say the edges that a crossing leads over.
+    These crossings replace netconvert's guesses at junctions with crosswalks; other junctions keep them. `net` holds
+    the guessed crossings, from which the edges of a crossing are taken.
 
     Returns:
-        How many crosswalks lie at a junction's arm; nothing is written for none.
+        Number of crosswalks at a junction's arm; without any, no file is written.
     """
     placed: dict[str, Crosswalk] = {}
     used = 0
@@ -103,7 +102,7 @@ def _crosswalk(roads: RoadMap, road: Element, thing: Element) -> Crosswalk:
 
 
 def _away(crosswalk: Crosswalk, crossing: Crossing) -> float:
-    """How far along its road a crosswalk is from a crossing, m; infinite for one of another arm."""
+    """Return the distance of a crosswalk from a crossing along its road, m; infinite for a crossing of another arm."""
     (x0, y0), (x1, y1) = crossing.lane.shape[0], crossing.lane.shape[-1]
     heading = crosswalk.pose.heading_rad
     turned = abs(wrap(math.atan2(y1 - y0, x1 - x0) - heading))
@@ -115,7 +114,7 @@ def _away(crosswalk: Crosswalk, crossing: Crossing) -> float:
 
 
 def _moved(crossing: Crossing, crosswalk: Crosswalk) -> dict[str, str]:
-    """Attributes of a `<crossing>` that is moved along its road to where the crosswalk is."""
+    """Return the attributes of a `<crossing>` that is moved along its road to the crosswalk."""
     (x0, y0), (x1, y1) = crossing.lane.shape[0], crossing.lane.shape[-1]
     across = math.atan2(y1 - y0, x1 - x0)
     dx, dy = crosswalk.pose.x - (x0 + x1) / 2, crosswalk.pose.y - (y0 + y1) / 2

@@ -10,18 +10,18 @@ from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap, cubic_at, nu
 from foresee_dsl.errors import CompileError
 
 _LENGTH_M = 0.1
-"""How long a connecting road is, m (ours; the roads themselves touch, so that it lies on top of the next road)."""
+"""Length of a connecting road, m (ours; the roads themselves touch, so it lies on top of the next road)."""
 
 
 def join_directly(root: Element) -> int:
-    """Give each connection of a direct junction a road of its own, and return how many junctions there were."""
+    """Give each connection of a direct junction its own road, and return the number of such junctions."""
     roads = {road.get("id", ""): road for road in root.iterfind("road")}
     where = RoadMap(root)
-    made = 0
+    count = 0
     direct = [junction for junction in root.iterfind("junction") if junction.get("type") == "direct"]
     for junction in direct:
         for connection in junction.findall("connection"):
-            name = f"direct_{junction.get('id')}_{made}"
+            name = f"direct_{junction.get('id')}_{count}"
             incoming, linked = (roads.get(connection.get(key) or "") for key in ("incomingRoad", "linkedRoad"))
             if incoming is None or linked is None:
                 junction.remove(connection)
@@ -31,13 +31,13 @@ def join_directly(root: Element) -> int:
             root.insert(list(root).index(junction), road)
             connection.attrib.pop("linkedRoad")
             _lead(junction, connection, name)
-            made += 1
+            count += 1
         del junction.attrib["type"]
     return len(direct)
 
 
 def _connecting(where: RoadMap, junction: Element, connection: Element, incoming: Element, linked: Element) -> Element:
-    """Make the road from the end of one road to the other, with the lanes of the first as they are at its end."""
+    """Return the road from the end of one road to the other, with the lanes that the first road has at its end."""
     at_end = _touches(incoming, "successor", junction)
     s = number(incoming, "length") if at_end else 0.0
     pose = where.at(incoming.get("id", ""), s, 0.0)
@@ -62,9 +62,9 @@ def _connecting(where: RoadMap, junction: Element, connection: Element, incoming
     for number_, lane in _lanes_at(incoming, at_end):
         side = "center" if number_ == 0 else "left" if turn * number_ > 0 else "right"
         sides[side].append((turn * number_, lane))
-    for side, found in sides.items():
+    for side, members in sides.items():
         group = SubElement(section, side)
-        for number_, lane in sorted(found, key=lambda item: -item[0]):
+        for number_, lane in sorted(members, key=lambda item: -item[0]):
             copy = SubElement(group, "lane", {"id": str(number_), "type": lane.get("type", "none"), "level": "false"})
             links = SubElement(copy, "link")
             if number_ and number_ in onward:
@@ -79,7 +79,7 @@ def _connecting(where: RoadMap, junction: Element, connection: Element, incoming
 
 
 def _lead(junction: Element, connection: Element, road: str) -> None:
-    """Lead a connection onto its road: from its beginning, or for lanes that come back from its end."""
+    """Connect a connection to the begin of its road, and remove lanes that lead in the opposite direction."""
     connection.set("connectingRoad", road)
     connection.set("contactPoint", "start")
     back = [pair for pair in connection.findall("laneLink") if number(pair, "to") > 0]

@@ -1,4 +1,4 @@
-"""Finds where the lanes of a net cannot be driven: kinks, lines that cross themselves, gaps, lanes too narrow."""
+"""Finds places of a net where vehicles cannot drive: kinks, lines that cross themselves, gaps, narrow lanes."""
 
 from __future__ import annotations
 
@@ -26,22 +26,23 @@ if TYPE_CHECKING:
 
 KINK_RAD = math.radians(60)
 KINK_WITHIN_M = 2.0
-"""A line that turns by more than 60 degrees within 2 m cannot be followed: that is a radius of 1.9 m, and a car's
-smallest is about 5 m."""
+"""A car cannot follow a line that turns by more than 60 degrees within 2 m: its radius is 1.9 m, and a car's smallest
+radius is about 5 m."""
 LONGEST_GAP_M = 1.0
-"""The largest gap between two lanes that follow each other, m (ours; of the 2,346 connections of CARLA's towns the
-largest gap is 0.2 m)."""
+"""Largest gap between two consecutive lanes, m (ours; the largest of the 2,346 connections of CARLA's towns is 0.2
+m)."""
 SHORTEST_LOOP_M = 35.0
-"""A line that crosses itself within this length, m, is a fault and no loop road: the smallest circle that a car can
+"""A line that crosses itself within this length, m, is a fault and not a loop road: the smallest circle that a car can
 drive is 35 m long."""
 NARROWEST_M = 1.5
-"""A lane for cars has at least this width, m (ours: the smallest cars are 1.5 m wide)."""
+"""Smallest width of a lane for cars, m (ours: the smallest cars are 1.5 m wide)."""
 FARTHEST_OUTSIDE_M = 3.5
-"""A connection may leave its junction's area and the lanes that meet there by this much, m: a lane's width (ours)."""
+"""A connection may be up to this far outside its junction's area and the lanes that meet there, m: a lane's width
+(ours)."""
 _TOLERANCE_M = 0.05
-"""A zigzag smaller than this comes from rounding, m."""
+"""A zigzag smaller than this is a rounding error, m."""
 _BESIDE_M = 3.0
-"""The length of the lanes before and behind a connection that is checked together with it, m: more than
+"""Length of the lanes before and behind a connection that are checked together with it, m: more than
 `KINK_WITHIN_M`."""
 
 Kind = Literal["kink", "loop", "gap", "narrow", "outside"]
@@ -49,12 +50,12 @@ Kind = Literal["kink", "loop", "gap", "narrow", "outside"]
 
 @dataclass(frozen=True)
 class Fault:
-    """A place that no car can drive over.
+    """A place over which no car can drive.
 
     Attributes:
-        kind: what is wrong. x, y: where, m. text: in words, with figures.
-        lane: the lane that it is on, or the one from which the connection leads. to: the lane to which that leads, or
-            "" for a lane's own fault.
+        kind: the kind of fault. x, y: its place, m. text: the fault in words, with figures.
+        lane: the lane of the fault, or the lane from which the connection leads.
+        to: the lane to which the connection leads; "" for a lane's own fault.
     """
 
     kind: Kind
@@ -66,19 +67,19 @@ class Fault:
 
     @property
     def where(self) -> str:
-        """The lane or connection, and the place, in words."""
+        """The lane or connection, the fault and the place, in words."""
         what = f"the connection from {self.lane} to {self.to}" if self.to else f"lane {self.lane}"
         return f"{what} {self.text} at ({self.x:.1f} m, {self.y:.1f} m)"
 
 
 def faults_of(net: Topology) -> tuple[Fault, ...]:
-    """Return what is wrong with the lanes for cars, then with the connections between them, in the net's order."""
+    """Return the faults of the lanes for cars, then of the connections between them, in the net's order."""
     return Checked.of(net).faults
 
 
 @dataclass(frozen=True)
 class Checked:
-    """A net whose lines were checked, and what is wrong with each of its lanes and connections, in its order."""
+    """A checked net, with the fault (or None) of each of its lanes and connections, in its order."""
 
     net: Topology
     lanes: tuple[Fault | None, ...]
@@ -86,7 +87,7 @@ class Checked:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """What is wrong with the lanes for cars, then with the connections between them, in the net's order."""
+        """The faults of the lanes for cars, then of the connections between them, in the net's order."""
         return tuple(fault for fault in (*self.lanes, *self.ways) if fault is not None)
 
     @classmethod
@@ -96,7 +97,8 @@ class Checked:
         return cls(net, tuple(map(_of_lane, _lanes(net))), tuple(_of_way(net, way, areas) for way in _ways(net)))
 
     def again(self, net: Topology) -> Checked:
-        """Check the same net with other lines of some lanes; only these are checked, and what is at their junctions."""
+        """Check the same net with changed lines; only changed lanes and the connections at their junctions are
+        checked."""
         moved = {name for name, lane in net.lanes.items() if lane is not self.net.lanes[name]}
         edges = (edge for edge in net.edges.values() if any(lane.id in moved for lane in edge.lanes))
         ends = {junction for edge in edges for junction in (edge.start, edge.end)}
@@ -119,7 +121,7 @@ def _lanes(net: Topology) -> Iterator[Lane]:
 
 
 def _ways(net: Topology) -> Iterator[Movement]:
-    """The connections that are checked: a vehicle turns round in several moves."""
+    """Return the connections to check: all for cars except U-turns, which a vehicle drives in several moves."""
     return (way for way in net.movements if "car" in way.kinds and way.turn != "back")
 
 
@@ -133,19 +135,19 @@ def _of_way(net: Topology, way: Movement, areas: Areas) -> Fault | None:
 
 
 def fault_of_connection(net: Topology, movement: Movement) -> Fault | None:
-    """Return what is wrong with the line from one lane through a junction to another."""
+    """Return the fault of the line from one lane through a junction to another, if any."""
     before, *via, after = (net.lanes[name].shape for name in (movement.from_lane, *movement.via, movement.to_lane))
     parts = [ending(before), *via, beginning(after)]
     gaps = pairwise(parts) if movement.via else ()
-    for one, other in gaps:
-        away = distance(one[-1], other[0])
+    for first, second in gaps:
+        away = distance(first[-1], second[0])
         if away > LONGEST_GAP_M:
-            return Fault("gap", *one[-1], f"has a gap of {away:.1f} m", *movement.ends)
+            return Fault("gap", *first[-1], f"has a gap of {away:.1f} m", *movement.ends)
     return fault_of_line(joined(parts), *movement.ends)
 
 
 def fault_of_line(points: Sequence[XY], lane: str, to: str = "", kink_rad: float = KINK_RAD) -> Fault | None:
-    """Return a line's kink, a turn by more than `kink_rad`, or the loop in which it crosses itself."""
+    """Return a line's kink (a turn by more than `kink_rad`) or the loop in which it crosses itself, if any."""
     line = simplified(points)
     for k, (angle, over_m) in enumerate(turns(line)):
         if abs(angle) > kink_rad:
@@ -159,10 +161,10 @@ def fault_of_line(points: Sequence[XY], lane: str, to: str = "", kink_rad: float
 
 
 def turns(line: Sequence[XY]) -> list[tuple[float, float]]:
-    """Return for each inner corner the largest turn (rad) that begins there within 2 m, and over which length (m)."""
+    """Return for each inner corner the largest turn that begins there within 2 m, rad, and its length, m."""
     marks = lengths(line)
     ways = [direction(a, b) for a, b in pairwise(line)]
-    found = []
+    worst_turns = []
     for k in range(len(ways) - 1):
         worst, over_m, turned = 0.0, 0.0, 0.0
         for j in range(k + 1, len(ways)):
@@ -171,13 +173,12 @@ def turns(line: Sequence[XY]) -> list[tuple[float, float]]:
             turned += wrap(ways[j] - ways[j - 1])
             if abs(turned) > abs(worst):
                 worst, over_m = turned, marks[j] - marks[k + 1]
-        found.append((worst, over_m))
-    return found
+        worst_turns.append((worst, over_m))
+    return worst_turns
 
 
 def joined(parts: Sequence[Sequence[XY]]) -> Points:
-    """Return lanes that follow each other as one line, as a route's line is: what lies behind the last point is left
-    out."""
+    """Return consecutive lanes as one line, as in a route's line: points behind the last point are left out."""
     line = list(parts[0])
     for part in parts[1:]:
         x, y = line[-1]
@@ -195,18 +196,18 @@ def _onward(part: Sequence[XY], x: float, y: float, ahead: XY) -> Sequence[XY]:
 
 
 def simplified(points: Sequence[XY]) -> Points:
-    """Return a line without roundings and spikes."""
+    """Return a line without rounding errors and spikes."""
     import shapely
 
     line = distinct(points)
     if len(line) < 3:
         return line
-    found = shapely.get_coordinates(shapely.simplify(shapely.LineString(line), _TOLERANCE_M))
-    return tuple((float(x), float(y)) for x, y in found)
+    corners = shapely.get_coordinates(shapely.simplify(shapely.LineString(line), _TOLERANCE_M))
+    return tuple((float(x), float(y)) for x, y in corners)
 
 
 def _crossing(line: Sequence[XY]) -> tuple[XY, float] | None:
-    """Where a line crosses itself in a loop that is too short for a car, and the loop's length, m."""
+    """Return the point at which a line crosses itself in a loop too short for a car, and the loop's length, m."""
     import shapely
 
     if len(line) < 4 or shapely.is_simple(shapely.LineString(line)):
@@ -231,19 +232,19 @@ def _narrow(lane: Lane) -> Fault | None:
 
 
 class Areas:
-    """Where the traffic of each junction may be: its outline without dents, and the lanes that meet there."""
+    """The areas for the traffic of each junction: the convex hull of its outline, and the lanes that meet there."""
 
     def __init__(self, net: Topology) -> None:
         self._net = net
-        self._known: dict[str, BaseGeometry] = {}
+        self._areas: dict[str, BaseGeometry] = {}
 
     def beyond(self, junction: str, points: Sequence[XY]) -> list[float]:
-        """Return how far outside a junction's area each of some points is, m."""
+        """Return the distance of each point from a junction's area, m; 0 inside."""
         import shapely
 
-        if junction not in self._known:
-            self._known[junction] = self._area(junction)
-        return [float(away) for away in shapely.distance(self._known[junction], shapely.points(points))]
+        if junction not in self._areas:
+            self._areas[junction] = self._area(junction)
+        return [float(away) for away in shapely.distance(self._areas[junction], shapely.points(points))]
 
     def _area(self, junction: str) -> BaseGeometry:
         import shapely
@@ -261,7 +262,7 @@ def _outside(net: Topology, movement: Movement, areas: Areas) -> Fault | None:
     chord = net.lanes[movement.from_lane].shape[-1], net.lanes[movement.to_lane].shape[0]
     points = [point for name in movement.via for point in net.lanes[name].shape]
     points = [point for point in points if distance_to(*point, chord) > FARTHEST_OUTSIDE_M]
-    if not points:  # the chord lies in the area, which costs much to compute
+    if not points:  # points near the chord are inside the area, whose computation is slow
         return None
     away_m, (x, y) = max(zip(areas.beyond(movement.junction, points), points, strict=True))
     if away_m <= FARTHEST_OUTSIDE_M:
@@ -276,12 +277,12 @@ def ending(shape: Points) -> Points:
 
 def beginning(shape: Points) -> Points:
     """Return the first 3 m of a lane."""
-    found, so_far = [shape[0]], 0.0
+    points, so_far = [shape[0]], 0.0
     for a, b in pairwise(shape):
         step = distance(a, b)
         if so_far + step >= _BESIDE_M:
             share = (_BESIDE_M - so_far) / step
-            return (*found, (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
-        found.append(b)
+            return (*points, (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
+        points.append(b)
         so_far += step
-    return tuple(found)
+    return tuple(points)

@@ -1,4 +1,4 @@
-"""The lines of a net while they are being repaired: corners rounded, connections led smoothly from lane to lane."""
+"""Repairs the lines of a net: rounds corners of lanes, and leads connections smoothly from lane to lane."""
 
 from __future__ import annotations
 
@@ -23,32 +23,31 @@ from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, 
 from foresee_dsl.compile.roads.topology import Movement, Topology
 
 _REACHES_M = (1.5, 2.0, 3.0, 4.0, 6.0, 9.0)
-"""Distances from a corner at which its rounding may begin, m; the first one that leaves no kink is taken (ours)."""
+"""Distances from a corner at which its rounding may begin, m; the first that leaves no kink is used (ours)."""
 _SHORTER_M = (0.0, 0.75, 1.5, 3.0, 5.0)
-"""Lengths by which lanes may be shortened to make room for a connection, m; the first one that is enough is taken
-(ours; netconvert 1.28
-turns round a corner of two streets within 1.6 m, for which 0.75 m more are enough)."""
+"""Lengths by which lanes may be shortened to make room for a connection, m; the first that suffices is used (ours;
+netconvert 1.28 turns around a corner of two streets within 1.6 m, for which another 0.75 m suffice)."""
 _LEAST_LANE_M = 2.0
-"""The least length of a lane that is shortened, m (ours)."""
+"""Smallest length of a shortened lane, m (ours)."""
 _PULLS = (0.35, 0.5, 0.25, 0.65)
-"""Where the inner points of a Bezier curve lie, as a share of the distance of its ends; 0.35 is nearest to an arc over
-a quarter of a circle (0.39), and flatter for smaller turns (ours)."""
+"""Distances of the control points of a Bezier curve from its ends, as shares of the distance of the ends; 0.35 is
+nearest to an arc over a quarter of a circle (0.39), and flatter for smaller turns (ours)."""
 _SMOOTH_RAD = math.radians(54)
-"""A repaired line turns by less than this within 2 m: less than a kink, by as much as rounding to 1 cm may add
-(ours)."""
+"""A repaired line turns by less than this within 2 m, rad: less than a kink, by the amount that rounding to 1 cm may
+add (ours)."""
 _CURVE_POINTS = 12
 _MOST_CORNERS = 50
-"""The most corners that are rounded in one lane (ours: a hairpin road in the Alps has some 30)."""
+"""Maximum number of corners that are rounded in a lane (ours: a hairpin road in the Alps has some 30)."""
 
 
 class Lines:
-    """The centre lines of a net's lanes, which may be changed, and written into its tree."""
+    """The centrelines of a net's lanes, which can be changed and written into its tree."""
 
     def __init__(self, net: Topology) -> None:
         self._net = net
         self._shapes = {name: lane.shape for name, lane in net.lanes.items()}
         self._changed: dict[str, float] = {}
-        """Lanes with another shape, and by how much they are shorter, m."""
+        """The changed lanes, with the lengths by which they are shorter, m."""
         self._areas = Areas(net)
         self._from: dict[str, list[Movement]] = {}
         self._into: dict[str, list[Movement]] = {}
@@ -57,7 +56,8 @@ class Lines:
             self._into.setdefault(movement.to_edge, []).append(movement)
 
     def round_corners(self, lane: str) -> bool:
-        """Round the kinks of a lane, within its band; False, with nothing changed, where that cannot be."""
+        """Round the kinks of a lane within its band and return True; if that is impossible, change nothing and return
+        False."""
         line = rounded(self._shapes[lane], self._net.lanes[lane].width_m / 2)
         if line is None:
             return False
@@ -66,7 +66,7 @@ class Lines:
         return True
 
     def lead(self, movement: Movement) -> bool:
-        """Give a connection a smooth line; False, with nothing changed, where there is none."""
+        """Give a connection a smooth line and return True; if there is none, change nothing and return False."""
         if not movement.via:
             return False
         before, after = (self._shapes[name] for name in movement.ends)
@@ -82,7 +82,8 @@ class Lines:
         return False
 
     def _led(self, movement: Movement, before: Points, after: Points) -> Points | None:
-        """A smooth line from the end of a lane to the beginning of another, within the junction's area."""
+        """Return a smooth line from the end of a lane to the begin of another within the junction's area; None without
+        one."""
         if distance(before[-1], after[0]) < LONGEST_GAP_M / 10:
             return None
         here, there = direction(*ending(before)[-2:]), direction(*beginning(after)[:2])
@@ -102,7 +103,7 @@ class Lines:
         return [lane.id for lane in self._net.edges[edge].lanes if lane.kinds & {"car", "bicycle"}]
 
     def _shorten(self, movement: Movement, by_m: float) -> None:
-        """Shorten all lanes before and behind a junction; its other connections become longer, and lead as before."""
+        """Shorten all lanes before and behind a junction; its other connections are extended to meet them."""
         for name in self._driven(movement.from_edge):
             old = self._shapes[name]
             self._put(name, _without_end(old, by_m), by_m)
@@ -119,7 +120,7 @@ class Lines:
                     self._put(other.via[-1], joined([self._shapes[other.via[-1]], cut]), -by_m)
 
     def _share(self, movement: Movement, line: Points) -> None:
-        """Share a connection's line among its lanes, in proportion to their lengths."""
+        """Divide a connection's line among its lanes, in proportion to their lengths."""
         marks = lengths(line)
         own = [max(lengths(self._shapes[name])[-1], 0.1) for name in movement.via]
         cuts = [marks[-1] * sum(own[:k]) / sum(own) for k in range(len(own) + 1)]
@@ -132,9 +133,9 @@ class Lines:
         self._changed[lane] = self._changed.get(lane, 0.0) + shorter_m
 
     def write(self, elements: Mapping[str, Element]) -> tuple[str, ...]:
-        """Write the lines that were changed into the net's lanes (by name), with heights from those of the old ones.
+        """Write the changed lines into the net's lanes, with the heights of the old lines; return these lanes' names.
 
-        Returned are the names of the lanes that were changed.
+        `elements`: the lanes of the tree by name.
         """
         for name, shorter_m in self._changed.items():
             lane = elements[name]
@@ -145,7 +146,7 @@ class Lines:
 
 
 def _with_heights(line: Points, old: str) -> str:
-    """The text of a shape."""
+    """Return the text of a shape, with heights if the old shape has them."""
     points = [tuple(map(float, point.split(","))) for point in old.split()]
     texts = [f"{x:.2f},{y:.2f}" for x, y in line]
     if all(len(point) < 3 for point in points):
@@ -167,22 +168,22 @@ def _without_beginning(line: Points, by_m: float) -> Points:
 
 
 def rounded(shape: Points, aside_m: float) -> Points | None:
-    """Return a line with its kinks rounded, nowhere farther than a distance from where it was; None where that cannot
-    be."""
+    """Return a line with its kinks rounded that stays within `aside_m` of the old line; None if that is impossible."""
     line = simplified(shape)
     for _ in range(_MOST_CORNERS):
         k = next((k for k, (angle, _) in enumerate(turns(line)) if abs(angle) > KINK_RAD), None)
         if k is None:
             return line if fault_of_line(line, "") is None else None
-        found = next((one for one in _roundings(line, k + 1) if _is_near(one, shape, aside_m)), None)
-        if found is None:
+        roundings = (candidate for candidate in _roundings(line, k + 1) if _is_near(candidate, shape, aside_m))
+        rounding = next(roundings, None)
+        if rounding is None:
             return None
-        line = simplified(found)
+        line = simplified(rounding)
     return None
 
 
 def _roundings(line: Points, corner: int) -> Iterator[Points]:
-    """Lines with a smooth curve in the place of a corner and what is near it, without a kink at that place."""
+    """Yield lines in which a smooth curve replaces a corner and its surroundings, with fewer sharp corners."""
     marks = lengths(line)
     over_m = turns(line)[corner - 1][1]
     for reach in _REACHES_M:
@@ -198,7 +199,7 @@ def _roundings(line: Points, corner: int) -> Iterator[Points]:
 
 
 def _sharp(line: Points) -> int:
-    """How many corners of a line are sharp when it is written, to 1 cm."""
+    """Return the number of sharp corners of a line when it is rounded to 1 cm."""
     written = simplified([(round(x, 2), round(y, 2)) for x, y in line])
     return sum(abs(angle) > _SMOOTH_RAD for angle, _ in turns(written))
 
@@ -208,22 +209,22 @@ def _is_near(line: Points, old: Points, aside_m: float) -> bool:
 
 
 def bezier(start: XY, here: float | None, end: XY, there: float | None, pull: float) -> Points:
-    """Return a cubic Bezier curve between two points, which leaves and arrives in two directions (None: straight)."""
+    """Return a cubic Bezier curve between two points with directions at its ends, rad (None: straight)."""
     reach = pull * distance(start, end)
     here, there = (direction(start, end) if way is None else way for way in (here, there))
-    one = start[0] + reach * math.cos(here), start[1] + reach * math.sin(here)
-    two = end[0] - reach * math.cos(there), end[1] - reach * math.sin(there)
+    control_1 = start[0] + reach * math.cos(here), start[1] + reach * math.sin(here)
+    control_2 = end[0] - reach * math.cos(there), end[1] - reach * math.sin(there)
     points = []
     for k in range(_CURVE_POINTS + 1):
         t = k / _CURVE_POINTS
         a, b, c, d = (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
-        points.append((a * start[0] + b * one[0] + c * two[0] + d * end[0],
-                       a * start[1] + b * one[1] + c * two[1] + d * end[1]))  # fmt: skip
+        points.append((a * start[0] + b * control_1[0] + c * control_2[0] + d * end[0],
+                       a * start[1] + b * control_1[1] + c * control_2[1] + d * end[1]))  # fmt: skip
     return tuple(points)
 
 
 def _cut(points: Sequence[XY], marks: Sequence[float], from_m: float, to_m: float) -> Points:
-    """The stretch of a line between two lengths along it; a point where they are one."""
+    """Return the stretch of a line between two positions along it; a single point if they are equal."""
     xs, ys = zip(*points, strict=True)
     first, last = ((interpolate(at, marks, xs), interpolate(at, marks, ys)) for at in (from_m, to_m))
     if to_m - from_m < 1e-6:

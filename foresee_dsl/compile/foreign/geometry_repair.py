@@ -1,4 +1,4 @@
-"""Repairs what is wrong with the lines of a net where that is safe, and closes what stays wrong."""
+"""Repairs faults of a net's lines if that is safe, and closes the lanes and connections with other faults."""
 
 from __future__ import annotations
 
@@ -12,31 +12,30 @@ from foresee_dsl.compile.nets.net_reader import FAULT, points_of, topology_of
 from foresee_dsl.compile.roads.topology import Topology
 
 REPAIRED = "foresee.repaired"
-"""The key of the `<param>` of a lane that was changed, or whose connection was; its value says what was wrong."""
+"""Key of the `<param>` of a changed lane, or of one with a changed connection; its value states the repaired fault."""
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """What was repaired in a net's lines, and what stays wrong and is closed to all traffic: a phrase for each place,
+    """The repaired faults of a net's lines, and the remaining ones, which are closed to all traffic: a phrase for each,
     such as `lane 4_0 turns by 163 degrees within 0.9 m at (3.0 m, 4.5 m)`."""
 
     repaired: tuple[str, ...] = ()
     broken: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether anything was wrong."""
+        """Whether there were faults."""
         return bool(self.repaired or self.broken)
 
 
 def repair_geometry(root: Element, net: Topology | None = None) -> Geometry:
-    """Round corners of lanes, lead connections smoothly, and close what stays broken; the tree changes only there.
+    """Round corners of lanes, lead connections smoothly, and close faulty places that remain; only these places change.
 
-    A lane stays within its old band. A connection stays within its junction's area, and leads from lane to lane as
-    before; where there is no room for it, the junction grows into the lanes by up to some metres. Lanes and
-    connections that stay broken get a parameter that says why; the lanes are closed, and no route leads over the
-    connections.
+    A lane stays within its old band. A connection stays within its junction's area, and connects the same lanes; if
+    there is no room for it, the junction extends into the lanes by up to some metres. Lanes and connections that
+    remain faulty get a parameter with the reason; the lanes are closed, and routes do not use the connections.
 
-    `net`: the tree's topology, where the caller has it.
+    `net`: the tree's topology, if the caller has it.
     """
     net = topology_of(root) if net is None else net
     checked = Checked.of(net)
@@ -60,7 +59,7 @@ def repair_geometry(root: Element, net: Topology | None = None) -> Geometry:
 
 
 def _with_lines(net: Topology, elements: Mapping[str, Element], changed: Iterable[str]) -> Topology:
-    """Return a net with the lines of some lanes as its tree has them now."""
+    """Return a net with the current lines of changed lanes from its tree."""
     new = {
         name: replace(
             net.lanes[name],
@@ -78,12 +77,12 @@ def _with_lines(net: Topology, elements: Mapping[str, Element], changed: Iterabl
 
 
 def geometry_of(root: Element) -> Geometry:
-    """Return what `repair_geometry` has written into a net's tree."""
-    found: dict[str, list[str]] = {REPAIRED: [], FAULT: []}
+    """Return the faults that `repair_geometry` has written into a net's tree."""
+    values: dict[str, list[str]] = {REPAIRED: [], FAULT: []}
     for param in root.iter("param"):
-        if param.get("key") in found:
-            found[param.get("key", "")].append(param.get("value", ""))
-    return Geometry(tuple(dict.fromkeys(found[REPAIRED])), tuple(found[FAULT]))
+        if param.get("key") in values:
+            values[param.get("key", "")].append(param.get("value", ""))
+    return Geometry(tuple(dict.fromkeys(values[REPAIRED])), tuple(values[FAULT]))
 
 
 def _close(root: Element, lanes: dict[str, Element], broken: Sequence[Fault]) -> None:

@@ -1,4 +1,4 @@
-"""Repairs nets whose lanes overlap: where a lane begins before the one that leads to it ends, vehicles turn back."""
+"""Repairs nets with overlapping lanes: where a lane begins before the previous lane ends, vehicles would reverse."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from foresee_dsl.compile.nets.net_reader import points_of, topology_of
 from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, interpolate, lengths, wrap
 
 _LEAST_M = 0.1
-"""Overlaps shorter than this, m, are rounding (ours; netconvert rounds to 1 cm)."""
+"""Overlaps shorter than this are rounding errors, m (ours; netconvert rounds to 1 cm)."""
 _BACK_RAD = math.radians(100)
-"""A larger turn from one lane to the next is a turn back (ours: a corner of a town has 90 degrees)."""
+"""A turn from one lane to the next by more than this is a reversal, rad (ours: a corner of a town has 90 degrees)."""
 _STUB_M = 0.2
-"""Length to which a lane is cut that lies wholly within the overlap, m (ours: SUMO's shortest lanes in CARLA's towns
-have 0.13 m)."""
+"""Length to which a lane wholly within the overlap is cut, m (ours: SUMO's shortest lanes in CARLA's towns have
+0.13 m)."""
 
 
 def repair_overlaps(root: Element) -> int:
-    """Cut lanes that begin before the lane that leads to them ends, so that no vehicle turns back between the two.
+    """Cut lanes that begin before the previous lane ends, so that no vehicle reverses between the two; return the
+    number of repaired pairs of lanes.
 
-    Third-party editions of CARLA's Town03 have such a place: two stubs of 0.2 m inside one roundabout, joined in the
-    wrong order, with 7.6 m backwards between them; netconvert 1.28 takes them over. The later lane is cut, and the
-    internal lanes after it where it is too short. Returned is how many pairs of lanes were repaired.
+    Third-party editions of CARLA's Town03 have such a place: two stubs of 0.2 m inside a roundabout, joined in the
+    wrong order, with 7.6 m backwards between them; netconvert 1.28 keeps them. The later lane is cut, and the internal
+    lanes after it if it is too short.
     """
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
     ways = {movement.ends: movement.via for movement in topology_of(root).movements}
@@ -55,9 +56,9 @@ def _turns_back(begin: Sequence[XY], joint: Sequence[XY], end: Sequence[XY]) -> 
 
 
 def _cut(names: Sequence[str], lanes: dict[str, Element], from_m: float) -> bool:
-    """Let a chain of lanes begin later by a length; lanes that lie within that length become stubs.
+    """Remove a length from the begin of a chain of lanes, where lanes within that length become stubs, and return True.
 
-    False, with nothing changed, where the chain is too short.
+    If the chain is too short, change nothing and return False.
     """
     shapes = [_shape(lanes[name]) for name in names]
     chain = [shapes[0][0], *(point for shape in shapes for point in shape[1:])]
@@ -73,7 +74,7 @@ def _cut(names: Sequence[str], lanes: dict[str, Element], from_m: float) -> bool
 
 
 def _between(points: Sequence[XY], from_m: float, to_m: float) -> Points:
-    """The stretch of a line between two lengths along it."""
+    """Return the stretch of a line between two positions along it."""
     marks, (xs, ys) = lengths(points), zip(*points, strict=True)
     first, last = ((interpolate(at, marks, xs), interpolate(at, marks, ys)) for at in (from_m, to_m))
     inner = (point for point, at in zip(points, marks, strict=True) if from_m + 1e-6 < at < to_m - 1e-6)

@@ -1,4 +1,5 @@
-"""Mirrors maps and nets with traffic on the left: to netconvert they are maps with traffic on the right."""
+"""Mirrors maps and nets with traffic on the left, so that netconvert can treat them as maps with traffic on the
+right."""
 
 from __future__ import annotations
 
@@ -26,9 +27,9 @@ _SIDEWAYS = {  # attributes that change their sign, by element
 
 
 def mirror_map(root: Element) -> None:
-    """Mirror an OpenDRIVE map at the x-axis: what was on the left is on the right, with traffic on the other side.
+    """Mirror an OpenDRIVE map at the x-axis, so that traffic on the left is on the right.
 
-    netconvert 1.28 does not read the attribute `rule`; it takes every map as one with traffic on the right.
+    netconvert 1.28 does not read the attribute `rule`; it treats all maps as maps with traffic on the right.
     """
     for element in root.iter():
         for name in _SIDEWAYS.get(element.tag, ()):
@@ -48,9 +49,9 @@ def mirror_map(root: Element) -> None:
 
 
 def mirror_net(root: Element) -> None:
-    """Mirror a SUMO net at the x-axis, and mark it as one with traffic on the left.
+    """Mirror a SUMO net at the x-axis, and mark it as a net with traffic on the left.
 
-    In such a net lane 0 is the leftmost, and what are left turns in the mirror are right turns.
+    In such a net lane 0 is the leftmost; left turns become right turns.
     """
     root.set("lefthand", "true")
     for element in root.iter():
@@ -88,7 +89,7 @@ def _negative(element: Element, name: str) -> str:
 
 
 def _other_stage(name: str) -> str:
-    """The name of a stage, whose traffic comes from the other side: `s_go` is `n_go`, `ns_go` stays."""
+    """Return the mirrored name of a stage: `s_go` becomes `n_go`, `ns_go` stays."""
     words = name.split("_")
     points = [word.translate(_NORTH_SOUTH) for word in words[:-1]]
     return "_".join("ns" if point == "sn" else point for point in points) + "_go"

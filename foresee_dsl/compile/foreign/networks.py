@@ -32,51 +32,57 @@ from foresee_dsl.files import read_outside
 from foresee_dsl.language.units import UNITS
 
 _EDITION = "14"
-"""Part of the cache key: raise it when an OpenDRIVE map becomes another net than before."""
+"""Part of the cache key; increase it when the conversion of OpenDRIVE maps changes."""
 
 _NET_EDITION = "10"
-"""The same for a SUMO net."""
+"""The same for SUMO nets."""
 
 _LARGEST_M = 1e8
-"""Ours: more than UTM's northings (1e7 m), and far below where millimetres are lost."""
+"""Largest coordinate of a network, m. Ours: more than UTM's northings (1e7 m), and small enough to resolve
+millimetres."""
 
 _LONGEST_M = 1e5
-"""Ours: the longest lanes of motorways have some 20 km; a node in another country makes millions of points."""
+"""Largest length of a lane, m. Ours: the longest lanes of motorways have some 20 km; a misplaced node in another
+country would make millions of points."""
 
 SUFFIXES = (".net.xml", ".xodr")
-"""The file names that are accepted."""
+"""Suffixes of the accepted files."""
 
 _SPEED_UNITS = {word: UNITS[word] for word in ("m/s", "km/h", "mph")}
-"""OpenDRIVE's e_unitSpeed; metres a second where none is given."""
+"""OpenDRIVE's e_unitSpeed; the default is m/s."""
 _DRIVEN = ("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop")
-"""OpenDRIVE's types of lanes that get their road's limit; SUMO's typemap has 80 km/h for entries and exits."""
+"""OpenDRIVE's types of lanes that get the limit of their road; SUMO's typemap has 80 km/h for entries and exits."""
 _TYPEMAPS = ("opendriveNetconvert.typ.xml", "opendriveNetconvertPedestrians.typ.xml")
 _OPTIONS = (  # of netconvert 1.28
     *("--crossings.guess", "true"),
     *("--offset.disable-normalization", "true"),  # coordinates stay those of the map
-    *("--no-turnarounds.except-deadend", "true"),  # traffic turns round only where it could go nowhere else
+    *("--no-turnarounds.except-deadend", "true"),  # vehicles make a U-turn only at dead ends
     *("--no-warnings", "true"),
 )
 _INNER_SHAPES = ("--opendrive.internal-shapes", "true")
-"""Lanes inside junctions as in the map, not as netconvert would bend them; it dies of it for some maps (1.28)."""
+"""Lanes inside junctions as in the map, not as netconvert would bend them; netconvert 1.28 crashes with it for some
+maps."""
 NOTES = "notes.txt"
-"""Beside a net in the cache: what is to be said of how it was made."""
+"""File beside a net in the cache that holds notes on its conversion."""
 
 
 Tell = Callable[[str], None]
-"""What is called at the beginning of each step that takes long for a large map, with what the step does."""
+"""Function that is called with a description at the begin of each step that is slow for large maps."""
 
 
 def in_silence(_: str) -> None:
-    """Tell nothing of a step."""
+    """Ignore a step."""
 
 
 def foreign_net(path: Path, tell: Tell = in_silence) -> Path:
-    """Return a net, in the cache, for a `.net.xml` (without the comments in front) or an `.xodr` map.
+    """Return the net in the cache for a `.net.xml` file or an `.xodr` map.
 
-    Ids and coordinates are those of the net; an OpenDRIVE map keeps its coordinates. A net is taken as it is, but for
-    signals that react to traffic (the copy's have the same stages with fixed times) and lines that no car can follow
-    (see `repair_geometry`).
+    Ids and coordinates are those of the file. A net is copied without the comments at its begin and otherwise
+    unchanged, except for signals that react to traffic (the copy has the same stages with fixed times) and lines that
+    no car can follow (see `repair_geometry`).
+
+    Raises:
+        CompileError: the file cannot be read, converted or simulated.
     """
     try:
         data = read_outside(path)
@@ -90,7 +96,7 @@ def foreign_net(path: Path, tell: Tell = in_silence) -> Path:
 
 
 def limit_of(road: Element, at_m: float) -> float | None:
-    """Return the speed limit (m/s) that an OpenDRIVE road's `<type>` gives at a length along it, or None."""
+    """Return the speed limit of an OpenDRIVE road's `<type>` at a position along it, m/s, or None."""
     limit = None
     for kind in sorted(road.iterfind("type"), key=lambda e: float(e.get("s", "0"))):
         if float(kind.get("s", "0")) <= at_m:
@@ -108,7 +114,7 @@ def _speed(speed: Element) -> float | None:
 
 
 def _give_lanes_their_limits(root: Element) -> None:
-    """Write the roads' speed limits into their lanes: netconvert 1.28 reads a lane's limit, but not its road's."""
+    """Write the roads' speed limits into their lanes, because netconvert 1.28 reads only the limits of lanes."""
     for road in root.iterfind("road"):
         for section in road.iterfind("lanes/laneSection"):
             limit = limit_of(road, float(section.get("s", "0")))
@@ -133,11 +139,11 @@ def _copy_net(path: Path, data: bytes, out: Path, tell: Tell) -> None:
         signals_of(root, parts, None)
         tell("loading the network in SUMO")
         _check_loads(path, out)
-    except TypeError as err:  # rows of one number cannot be put in order
-        raise CompileError(f"{path} is no sound SUMO network: two requests of a junction have one index") from err
+    except TypeError as err:  # rows with the same index cannot be sorted
+        raise CompileError(f"{path} is not a sound SUMO network: two requests of a junction have one index") from err
     except (KeyError, ValueError, IndexError) as err:
         detail = f"there is no {err}" if isinstance(err, KeyError) else str(err)
-        raise CompileError(f"{path} is no sound SUMO network: {detail}") from err
+        raise CompileError(f"{path} is not a sound SUMO network: {detail}") from err
 
 
 def _check_loads(path: Path, net: Path) -> None:
@@ -148,28 +154,32 @@ def _check_loads(path: Path, net: Path) -> None:
 
 
 def _check_sound(parts: Topology) -> None:
-    """Raise a `ValueError` for what no network has: edges without lanes, lanes or junctions without a place."""
+    """Check that all edges have lanes, and all lanes and junctions valid positions and sizes.
+
+    Raises:
+        ValueError: they do not.
+    """
     for edge in parts.edges.values():
         if not edge.lanes or [lane.index for lane in edge.lanes] != list(range(len(edge.lanes))):
             raise ValueError(f"the lanes of edge {edge.id} are not numbered from 0 on")
     for lane in parts.lanes.values():
         figures = (lane.length_m, lane.speed_mps, lane.width_m, *(value for point in lane.shape for value in point))
         if len(lane.shape) < 2 or not all(abs(figure) < _LARGEST_M for figure in figures):  # NaN neither
-            raise ValueError(f"lane {lane.id} has no shape, length, speed or width that can be meant")
+            raise ValueError(f"lane {lane.id} has no usable shape, length, speed or width")
         if lengths(lane.shape)[-1] > _LONGEST_M:
             raise ValueError(f"lane {lane.id} is longer than {_LONGEST_M / 1000:.0f} km: a point of it is misplaced")
         if min(lane.length_m, lane.speed_mps, lane.width_m) < 0:
             raise ValueError(f"the length, speed or width of lane {lane.id} is negative")
     for junction in parts.junctions.values():
         figures = (junction.x, junction.y, *(value for point in junction.polygon for value in point))
-        if not all(abs(figure) < _LARGEST_M for figure in figures):  # SUMO 1.28 dies of x="-inf"
-            raise ValueError(f"junction {junction.id} has no place or outline that can be meant")
+        if not all(abs(figure) < _LARGEST_M for figure in figures):  # SUMO 1.28 crashes with x="-inf"
+            raise ValueError(f"junction {junction.id} has no usable place or outline")
 
 
 def convert_map(path: Path, out: Path, *, keep: Sequence[str] = (), tell: Tell = in_silence) -> None:
-    """Write the net of an OpenDRIVE map, and beside it what is to be said of how it was made.
+    """Write the net of an OpenDRIVE map, and beside it a file with notes on its conversion.
 
-    `keep`: netconvert's option for a part of the map, with its value.
+    `keep`: netconvert's option for a part of the map, with its value. `tell`: is called at each step.
     """
     tell("converting the map with netconvert")
     root = read_opendrive(path)
@@ -180,7 +190,7 @@ def convert_map(path: Path, out: Path, *, keep: Sequence[str] = (), tell: Tell =
             mirror_map(root)
         _give_lanes_their_limits(root)
     except ValueError as err:
-        raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
+        raise CompileError(f"{path} is not a sound OpenDRIVE map: {err}") from err
     with tempfile.TemporaryDirectory(prefix="foresee-map-") as name:
         folder = Path(name)
         notes += _build(root, folder, keep)
@@ -188,12 +198,12 @@ def convert_map(path: Path, out: Path, *, keep: Sequence[str] = (), tell: Tell =
     try:
         _check_sound(topology_of(net))
     except ValueError as err:
-        raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
+        raise CompileError(f"{path} is not a sound OpenDRIVE map: {err}") from err
     tell("checking the lanes and connections")
     close_parking(net)
     repair_overlaps(net)
     repair_geometry(net)
-    give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
+    give_programs(net)  # an OpenDRIVE map holds the places of signals, not their programs
     if left_hand:
         mirror_net(net)
     write_net(net, out)
@@ -204,7 +214,7 @@ def convert_map(path: Path, out: Path, *, keep: Sequence[str] = (), tell: Tell =
 
 
 def _build(root: Element, folder: Path, keep: Sequence[str]) -> list[str]:
-    """Have netconvert make `map.net.xml` in a folder, and return what to say of it."""
+    """Build `map.net.xml` in a folder with netconvert, and return notes on the conversion."""
     maps = sumo_home() / "data" / "typemap"
     (folder / "map.xodr").write_bytes(tostring(root, encoding="utf-8", xml_declaration=True))
     types = ",".join(str(maps / file) for file in _TYPEMAPS)
@@ -222,7 +232,7 @@ def _build(root: Element, folder: Path, keep: Sequence[str]) -> list[str]:
 
 
 def notes_of(net_file: Path) -> tuple[str, ...]:
-    """Return what was said when a net was made, a sentence each."""
+    """Return the notes on a net's conversion."""
     try:
         return tuple((net_file.parent / NOTES).read_text(encoding="utf-8").splitlines())
     except OSError:
@@ -230,10 +240,10 @@ def notes_of(net_file: Path) -> tuple[str, ...]:
 
 
 def close_parking(root: Element) -> int:
-    """Close the parking lanes of a net that came from an OpenDRIVE map, and return how many there are.
+    """Close the parking lanes of a net from an OpenDRIVE map, and return their number.
 
-    netconvert 1.28 lets vehicles drive on them at 5 km/h. It keeps the lanes' types in their edge's `type`, from the
-    right, as in `sidewalk|parking|driving`; sidewalks that it adds itself come before those.
+    netconvert 1.28 lets vehicles drive on them at 5 km/h. It stores the lanes' types in their edge's `type`, from the
+    right, as in `sidewalk|parking|driving`; sidewalks that netconvert adds are on the right of these lanes.
     """
     closed = 0
     for edge in root.iterfind("edge"):
@@ -249,5 +259,5 @@ def close_parking(root: Element) -> int:
 
 
 def write_net(root: Element, out: Path) -> None:
-    """Write a net from its tree; the same tree gives the same bytes."""
+    """Write a net from its tree; equal trees give equal bytes."""
     out.write_bytes(tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")

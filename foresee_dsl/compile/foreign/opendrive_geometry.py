@@ -1,4 +1,4 @@
-"""Where a place on an OpenDRIVE road is: reference lines, lane sections and lane widths."""
+"""Computes positions on OpenDRIVE roads from reference lines, lane sections and lane widths."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _SPIRAL_STEP_M = 0.25
 1/m)."""
 
 _LARGEST = 1e12
-"""Largest number that is taken from a map (ours: far beyond any coordinate, and its cube is still finite)."""
+"""Largest accepted number in a map (ours: far beyond any coordinate, and its cube is still finite)."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A point, m, a heading, rad, counter-clockwise from east (NaN: not known), and a height, m, where one is known."""
+    """A point, m, a heading, rad, counter-clockwise from east (NaN: unknown), and a height, m (None: unknown)."""
 
     x: float
     y: float
@@ -30,12 +30,12 @@ class Pose:
     z: float | None = None
 
     def beside(self, left_m: float) -> Pose:
-        """Return the pose so far to the left."""
+        """Return the pose `left_m` to the left."""
         sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
         return Pose(self.x - left_m * sine, self.y + left_m * cosine, self.heading_rad)
 
     def ahead(self, by_m: float) -> Pose:
-        """Return the pose so far ahead."""
+        """Return the pose `by_m` ahead."""
         sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
         return Pose(self.x + by_m * cosine, self.y + by_m * sine, self.heading_rad)
 
@@ -44,16 +44,16 @@ class RoadMap:
     """The roads of an OpenDRIVE map, by id."""
 
     def __init__(self, root: Element) -> None:
-        """Take the map's root; a road is read each time it is asked for."""
+        """Take the root of the map; a road is parsed on each access."""
         self._roads = {road.get("id", ""): road for road in root.iterfind("road")}
 
     @classmethod
     def read(cls, path: Path) -> RoadMap:
-        """Read a map."""
+        """Return the roads of a map file."""
         return cls(parse_xml(path, "OpenDRIVE", "an OpenDRIVE map"))
 
     def at(self, road: str, s: float, t: float) -> Pose:
-        """Return the pose on a road at a length along it, `t` to the left of its reference line."""
+        """Return the pose on a road at position `s` along it, `t` to the left of its reference line, m."""
         element = self._road(road)
         geometries = element.findall("planView/geometry")
         length = number(element, "length", math.inf)
@@ -122,7 +122,7 @@ def _along(geometry: Element, ds: float) -> Pose:
 
 
 def _spiral(curvature: float, change: float, ds: float) -> tuple[float, float, float]:
-    """Return the point and the turn a length along a clothoid."""
+    """Return the point and the turn at a position along a clothoid."""
 
     def turned(s: float) -> float:
         return curvature * s + change * s * s / 2
@@ -134,7 +134,7 @@ def _spiral(curvature: float, change: float, ds: float) -> tuple[float, float, f
 
 
 def _explicit(cubic: Sequence[float], ds: float) -> tuple[float, float, float]:
-    """Return the point a length along v = cubic(u): u is found by Newton's method."""
+    """Return the point at a position along v = cubic(u); Newton's method computes u."""
     u = ds
     for _ in range(20):
         length = _integral(lambda u: math.hypot(1, _slope(cubic, u)), u, 20)
@@ -162,13 +162,13 @@ def _slope(cubic: Sequence[float], p: float) -> float:
 
 def cubic_at(elements: Iterable[Element], start: str, s: float) -> float:
     """Return a + b ds + c ds^2 + d ds^3 of the last element that begins (attribute `start`) by `s`; 0 for none."""
-    found = 0.0
+    value = 0.0
     for element in elements:
         begins = number(element, start, 0.0)
         cubic = [number(element, name, 0.0) for name in "abcd"]
         if begins <= s + 1e-9:
-            found = _poly(cubic, s - begins)
-    return found
+            value = _poly(cubic, s - begins)
+    return value
 
 
 def number(
@@ -182,8 +182,8 @@ def number(
     """Return an attribute as a number.
 
     Raises:
-        ForeseeError: (of the kind `error`, about an attribute `of` something) it is missing (and there is no default),
-            no number, or larger than anything that is meant.
+        error: the attribute is missing without a default, is not a number, or is absurdly large; `of` names its file in
+            the message.
     """
     text = element.get(name)
     if text is None and default is not None:
@@ -193,6 +193,6 @@ def number(
     except ValueError:
         value = math.nan
     if not abs(value) <= _LARGEST:  # NaN neither
-        fault = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
+        fault = "is missing" if text is None else f"is '{text[:50]}', which is not a usable number"
         raise error(f"{of} attribute {name} of <{element.tag}> {fault}")
     return value

@@ -1,4 +1,4 @@
-"""Reads OpenDRIVE maps, and writes what netconvert cannot read in another way that means the same."""
+"""Reads OpenDRIVE maps, and rewrites parts that netconvert cannot read in an equivalent form."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.errors import CompileError
 
 _STRAIGHT = 1e-12
-"""A curvature below this, 1/m, is none (ours): netconvert 1.28 divides by it."""
+"""A curvature below this is treated as zero, 1/m (ours), because netconvert 1.28 divides by it."""
 _SHORTEST_M = 1e-6
-"""Pieces of a reference line that are shorter have no direction (ours)."""
+"""Shorter pieces of a reference line have no direction, m (ours)."""
 
 
 def read_opendrive(path: Path) -> Element:
-    """Return the root of an OpenDRIVE map with roads."""
+    """Return the root of an OpenDRIVE map, which must have roads."""
     root = parse_xml(path, "OpenDRIVE", "an OpenDRIVE map")
     if root.find("road") is None:
         raise CompileError(f"{path} is an OpenDRIVE map without roads")
@@ -26,10 +26,10 @@ def read_opendrive(path: Path) -> Element:
 
 
 def drives_on_the_left(root: Element) -> bool:
-    """Say whether a map's traffic keeps to the left: the `rule` of the roads where it drives.
+    """Return whether a map's traffic keeps to the left, by the `rule` of its roads with driving lanes.
 
     Raises:
-        CompileError: these have both rules.
+        CompileError: these roads have both rules.
     """
     rules = Counter(road.get("rule") or "RHT" for road in root.iterfind("road") if _is_driven(road))
     if rules["LHT"] and rules["RHT"]:
@@ -45,13 +45,13 @@ def _is_driven(road: Element) -> bool:
 
 
 def make_readable(root: Element) -> Counter[str]:
-    """Write what netconvert 1.28 cannot read in another way, and return what was changed, with counts.
+    """Rewrite parts that netconvert 1.28 cannot read, and return descriptions of the changes with counts.
 
-    - An arc without curvature is a line, a spiral whose curvature does not change an arc (netconvert divides by both
-      and gets no number); a piece without length is left out.
-    - Signals with an empty type, as RoadRunner writes them, are signs (netconvert refuses the map).
-    - Roads that meet in a direct junction get connecting roads (netconvert knows none of these junctions).
-    - Connections of roads that the map does not have are left out (netconvert refuses the map).
+    - An arc without curvature becomes a line, a spiral with constant curvature an arc (netconvert would divide by
+        zero); a piece without length is removed.
+    - Signals with an empty type, as RoadRunner writes them, become signs (netconvert would reject the map).
+    - Roads that meet in a direct junction get connecting roads (netconvert does not support direct junctions).
+    - Connections of roads that the map does not have are removed (netconvert would reject the map).
     """
     changed: Counter[str] = Counter()
     for view in root.iterfind("road/planView"):
@@ -90,11 +90,11 @@ def _straighten(piece: Element) -> None:
 
 def _leave_out_unknown(root: Element) -> int:
     roads = {road.get("id") for road in root.iterfind("road")}
-    found = 0
+    count = 0
     for junction in root.iterfind("junction"):
         for connection in junction.findall("connection"):
             named = {connection.get("incomingRoad"), connection.get("connectingRoad")}
             if not named <= roads and connection.get("connectingRoad") is not None:
                 junction.remove(connection)
-                found += 1
-    return found
+                count += 1
+    return count

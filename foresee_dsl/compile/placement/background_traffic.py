@@ -1,4 +1,4 @@
-"""Background traffic: vehicles on random routes, pedestrians on random walks and parked vehicles, from a seed."""
+"""Background traffic from a seed: vehicles on random routes, pedestrians on random walks, parked vehicles."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ from foresee_dsl.language.model import Traffic
 GAP_M = 12.0
 """Free road in front of and behind every vehicle at the start, m (ours: a car at 25 km/h can stop within it)."""
 _ROUNDING_M = 0.01
-"""A lane farther than this from where actors are wanted has no place for one, m (ours: far more than what rounding
-adds to a place on it)."""
+"""A lane farther than this from the area of the traffic has no place in it, m (ours: far more than rounding errors)."""
 STEP_M = 3.0
 """Spacing of the candidate places of vehicles on lanes, m (ours)."""
 MAX_EDGES = 12
@@ -34,24 +33,24 @@ MAX_EDGES = 12
 TURN_WEIGHTS = {"straight": 3.0, "left": 1.0, "right": 1.0, "back": 0.0}
 """Weights of the turns at a junction: three in five go straight on at a crossroads (ours)."""
 REACTION_S = 1.0
-"""Reaction time of SUMO's Krauss model (its default tau): the start speed is one that SUMO calls safe."""
+"""Reaction time of SUMO's Krauss model, s (its default tau); with it, SUMO considers the start speeds safe."""
 PACE = (0.8, 1.05)
 """Range of cruise speeds as a share of the limit: most drive a little slower, few a little faster (ours)."""
 DEAD_END_M = 50.0
-"""No vehicle starts nearer than this to the end of a road that leads nowhere, m: it would be gone at once (ours)."""
+"""No vehicle starts nearer than this to a dead end, m, because it would leave at once (ours)."""
 PEDESTRIAN_GAP_M = 1.0
-"""Least distance between the footprint of a new vehicle or pedestrian and every other, m (ours)."""
+"""Smallest distance between the footprints of a new vehicle or pedestrian and any other actor, m (ours)."""
 PARKED_STEP_M = 0.5
-"""Spacing of the candidate places on parking strips, m (ours: drivers leave gaps of any size)."""
+"""Spacing of the candidate places on parking strips, m (ours: real gaps have any size)."""
 PARKED_GAP_M = 0.8
-"""Free strip between two parked vehicles, m. Ours: about the least that lets one pull out."""
+"""Smallest gap between two parked vehicles, m. Ours: about the least with which a vehicle can pull out."""
 CORNER_M = 8.0
 """No vehicle is parked nearer to a junction, m: Germany's StVO, section 12 (3), for roads with a cycle track; 5 m for
 others."""
 SLACK_M = 0.15
 """Largest distance of a parked vehicle from the middle of its strip, to either side, m (ours)."""
 WALKS_TRIED = 20
-"""Candidate places that are tried for a pedestrian (ours: each costs a random walk)."""
+"""Maximum number of candidate places for a pedestrian (ours: each costs a random walk)."""
 
 
 def background(
@@ -62,15 +61,15 @@ def background(
     placed: Sequence[PlacedActor],
     end_s: float,
 ) -> tuple[list[PlacedActor], str]:
-    """Draw background actors `NAME_01`, `NAME_02`, ...: the same for the same arguments.
+    """Draw background actors `NAME_01`, `NAME_02`, ...; equal arguments give equal actors.
 
     Args:
-        traffic: the statement. specs: by model name.
-        placed: the actors so far; the first is the ego, whose line `within` is measured from.
+        traffic: the statement. network: the roads. specs: models by name.
+        placed: the actors so far; the first is the ego, from whose line `within` is measured.
         end_s: routes are long enough for this time, or have `MAX_EDGES` edges.
 
     Returns:
-        The actors, and a note for the author where fewer found room than asked ("" otherwise).
+        The actors, and a note for the author if there is no room for all of them ("" otherwise).
     """
     ego = placed[0]
     if ego.line is None:
@@ -78,22 +77,21 @@ def background(
     rng = np.random.Generator(np.random.PCG64(int(si(traffic.seed))))
     wanted = int(si(traffic.count))
     mix = [specs[str(name)] for name in traffic.models if str(name) in specs]
-    drawn = [mix[int(rng.integers(len(mix)))] for _ in range(wanted)] if mix else []
+    models = [mix[int(rng.integers(len(mix)))] for _ in range(wanted)] if mix else []
     around = _Around(network, ego.line, si(traffic.within), placed, end_s, rng)
-    found: list[PlacedActor] = []
-    for spec in drawn:
-        if (one := around.add(f"{traffic.name}_{len(found) + 1:02d}", spec)) is not None:
-            found.append(one)
-    missing = wanted - len(found)
+    actors: list[PlacedActor] = []
+    for spec in models:
+        if (new := around.add(f"{traffic.name}_{len(actors) + 1:02d}", spec)) is not None:
+            actors.append(new)
+    missing = wanted - len(actors)
     note = f"{traffic.name}: {missing} of {wanted} actors found no room and were left out" if missing else ""
-    return [around.with_safe_speed(actor) if actor.control == "sumo" else actor for actor in found], note
+    return [around.with_safe_speed(actor) if actor.control == "sumo" else actor for actor in actors], note
 
 
 class _Around:
-    """Draws actors near the ego's line; knows the footprints that are taken.
+    """Draws actors near the ego's line, and keeps their footprints apart.
 
-    Vehicles, pedestrians and parked vehicles keep their distance from the placed actors and from those of their own
-    sort.
+    Vehicles, pedestrians and parked vehicles keep a distance from the placed actors and from new ones of the same kind.
     """
 
     def __init__(
@@ -112,13 +110,13 @@ class _Around:
         self._taken = {control: list(taken) for control in ("sumo", "path", "static")}
         self._lane_places: dict[LaneKind, list[tuple[Lane, float]]] = {}
         self._slots: dict[str, list[tuple[float, PlacedActor]]] = {}
-        """The vehicles on each lane, with the length along it at which their front is, m."""
+        """The vehicles on each lane, with the positions of their fronts along it, m."""
         for actor in placed:
             if actor.lane and actor.control in ("ego", "sumo"):
                 self._occupy(actor)
 
     def add(self, name: str, spec: ModelSpec) -> PlacedActor | None:
-        """Place one actor, or return None where there is no room for it."""
+        """Place an actor and return it, or return None if there is no room for it."""
         draw = {"obstacle": self._parked, "pedestrian": self._pedestrians}.get(spec.kind, self._vehicles)
         gap_m = PARKED_GAP_M if spec.kind == "obstacle" else PEDESTRIAN_GAP_M
         for actor in draw(name, spec):
@@ -129,7 +127,7 @@ class _Around:
         return None
 
     def _vehicles(self, name: str, spec: ModelSpec) -> Iterator[PlacedActor]:
-        """Yield a vehicle at one place on a lane after the other."""
+        """Yield the vehicle at each candidate place on a lane, in random order."""
         kind = lane_kind(spec)
         places = self._places(kind)
         pace = float(self._rng.uniform(*PACE))
@@ -146,7 +144,7 @@ class _Around:
             yield replace(actor, lane=lane.id, route=route, line=line)
 
     def _pedestrians(self, name: str, spec: ModelSpec) -> Iterator[PlacedActor]:
-        """Yield a pedestrian at one place on a sidewalk after the other, each with a walk."""
+        """Yield the pedestrian at candidate places on sidewalks, in random order, each with a random walk."""
         for k in self._rng.permutation(len(self._sidewalk_places))[:WALKS_TRIED]:
             cruise = cruise_speed(spec, spec.max_speed_mps) * float(self._rng.uniform(*PACE))
             walk = walkways(self._network).walk(self._sidewalk_places[int(k)], cruise * self._end_s, self._rng)
@@ -157,7 +155,7 @@ class _Around:
             yield replace(actor, path=walk.points, walk_stops=walk.stops)
 
     def _parked(self, name: str, spec: ModelSpec) -> Iterator[PlacedActor]:
-        """Yield a parked vehicle, which is an obstacle, at one place on a strip after the other."""
+        """Yield the parked vehicle, which is an obstacle, at each candidate place on a strip, in random order."""
         for k in self._rng.permutation(len(self._parking_places)):
             lane, at = self._parking_places[int(k)]
             reach = spec.length_m / 2
@@ -166,7 +164,7 @@ class _Around:
                 yield PlacedActor(name, spec, "static", *pose, speed_mps=0.0)
 
     def with_safe_speed(self, actor: PlacedActor) -> PlacedActor:
-        """Limit the start speed to what lets a vehicle stop behind the one in front, or at the lane's end."""
+        """Return a vehicle with a start speed at which it can stop behind the one in front, or at the lane's end."""
         line, braking = self._network.lanes[actor.lane].line, actor.model.braking_mps2
         front = line.project(actor.x, actor.y)[0]
         ahead = [front_m - other.model.length_m for front_m, other in self._slots[actor.lane]]
@@ -176,7 +174,7 @@ class _Around:
         return replace(actor, speed_mps=min(actor.speed_mps, math.sqrt(lost * lost + 2 * braking * gap_m) - lost))
 
     def _has_room(self, actor: PlacedActor, gap_m: float) -> bool:
-        """Reserve an actor's footprint if it keeps a distance from all others; say whether it does."""
+        """Reserve an actor's footprint if its distance to all others is at least `gap_m`; return whether it is."""
         taken, box = self._taken[actor.control], shapely.Polygon(footprint(actor))
         free = all(box.distance(other) >= gap_m for other in taken)
         if free:
@@ -192,26 +190,26 @@ class _Around:
         if rear < 0.5:
             return False
         for other_front, other in self._slots.get(lane.id, ()):
-            # a vehicle that comes from behind has to be able to stop, as a queue may form here
+            # a vehicle behind must be able to stop, because a queue may form here
             reach = other.speed_mps * REACTION_S + other.speed_mps**2 / (2 * other.model.braking_mps2)
             if rear < other_front + max(GAP_M, reach) and front > other_front - other.model.length_m - GAP_M:
                 return False
         return True
 
     def _places(self, kind: LaneKind) -> list[tuple[Lane, float]]:
-        """Return candidates for vehicles: lanes, and the length along them where the front is."""
+        """Return the candidate places of vehicles: lanes and positions of the front along them, m."""
         if kind not in self._lane_places:
-            found: list[tuple[Lane, float]] = []
+            places: list[tuple[Lane, float]] = []
             for edge in self._network.edges.values():
                 lanes = edge.for_kind(kind)
                 dead_end = all(m.turn == "back" for m in onward(self._network, edge.id, kind))
                 for lane in lanes[:1] if kind == "bicycle" else lanes:  # bicycles keep to the right
-                    found += self._places_on(lane, dead_end, kind)
-            self._lane_places[kind] = found
+                    places += self._places_on(lane, dead_end, kind)
+            self._lane_places[kind] = places
         return self._lane_places[kind]
 
     def _places_on(self, lane: Lane, dead_end: bool, kind: LaneKind) -> list[tuple[Lane, float]]:
-        if not shapely.dwithin(self._near, lane.centreline, _ROUNDING_M):  # most of a large map
+        if not shapely.dwithin(self._near, lane.centreline, _ROUNDING_M):  # skips most of a large map
             return []
         last = lane.line.length_m - (DEAD_END_M if dead_end else 3.0)
         leads_on = dead_end or any(m.from_lane == lane.id for m in self._network.movements_from(lane.edge, kind))
@@ -231,24 +229,24 @@ class _Around:
 
     @cached_property
     def _parking_places(self) -> list[tuple[Lane, float]]:
-        """Parking strips, and the length along them where a vehicle's middle is."""
-        found = [
+        """Candidate places of parked vehicles: strips and positions of the vehicle's middle along them, m."""
+        places = [
             (lane, at)
             for lane in self._network.lanes.values()
             if lane.parking
             for at in np.arange(CORNER_M, lane.line.length_m - CORNER_M, PARKED_STEP_M).tolist()
         ]
-        return [(lane, at) for lane, at in found if shapely.contains_xy(self._near, *lane.line.at(at)[:2])]
+        return [(lane, at) for lane, at in places if shapely.contains_xy(self._near, *lane.line.at(at)[:2])]
 
 
 def random_route(
     network: RoadNetwork, rng: np.random.Generator, lane: Lane, missing_m: float, kind: LaneKind, *, most_edges: float
 ) -> tuple[str, ...]:
-    """Draw a route from a lane that goes on for a length after its first edge, or to where it leads no further."""
+    """Draw a route that begins on a lane and continues for `missing_m` after its first edge, or to a dead end."""
     edges = [lane.edge]
     while missing_m > 0 and len(edges) < most_edges:
         ways = onward(network, edges[-1], kind)
-        if len(edges) == 1:  # the first turn is one that its lane allows
+        if len(edges) == 1:  # the first turn must be one that the lane allows
             allowed = {m.to_edge for m in network.movements_from(lane.edge, kind) if m.from_lane == lane.id}
             ways = tuple(m for m in ways if m.to_edge in allowed)
         weights = np.array([TURN_WEIGHTS[m.turn] for m in ways])

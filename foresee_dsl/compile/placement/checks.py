@@ -1,4 +1,4 @@
-"""Checks a scenario on its network: unknown names, actors off the road, too fast, or on top of each other."""
+"""Checks a scenario on its network: unknown names, actors off the road, excessive speeds, overlapping actors."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from foresee_dsl.language.project.document import Problem, TestCase
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 
 NEAR_ROAD_M = 30.0
-"""Farthest distance, m, of pedestrians, obstacles and path-followers from a lane (ours: farther away is an error)."""
+"""Maximum distance of pedestrians, obstacles and actors on paths from a lane, m (ours: farther away is an error)."""
 GOAL_OFF_M = 5.0
-"""A goal farther from the ego's centreline than this, m, is on another road (ours: more than a lane's width)."""
+"""A goal farther than this from the ego's centreline, m, is on another road (ours: more than a lane's width)."""
 _MOST_NAMED = 20
-"""Problems of one kind that are named (ours: a screen; 500 actors in one place are 124,750 pairs)."""
+"""Maximum number of reported problems of a kind (ours: a screen; 500 actors in one place make 124,750 pairs)."""
 _MOST_COUNTED = 10_000
-"""Further pairs of actors on top of each other that are looked for (ours: 0.2 s)."""
+"""Maximum number of further overlapping pairs that are counted (ours: it takes 0.2 s)."""
 _TOUCH_M2 = 1e-4
-"""Footprints may touch: an overlap smaller than a square centimetre is rounding (ours)."""
+"""Overlaps of footprints up to this area are rounding errors, m^2 (ours: 1 cm^2)."""
 
 _OTHER_COLOURS = {"yellow": "amber", "orange": "amber"}
-"""What people call the light between green and red."""
+"""Other names of the colour amber."""
 
 
 def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) -> Iterator[Problem]:
@@ -72,7 +72,7 @@ def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) 
 
 
 def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Iterator[Problem]:
-    """Yield a problem if an actor is to be faster than its model can be; `slack`: factor for rounded speeds."""
+    """Yield a problem if an actor's speed exceeds its model's maximum; `slack`: tolerance factor for rounded speeds."""
     if placed.control == "static":
         return
     speeds = [("speed", placed.cruise_mps)] if any(isinstance(i, m.CruiseSpeed) for i in actor.body) else []
@@ -95,10 +95,10 @@ def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Itera
 def of_overlaps(
     placed: Sequence[PlacedActor], actors: Mapping[str, m.Ego | m.Actor], *, clip: bool
 ) -> Iterator[Problem]:
-    """Yield a problem for each two actors that overlap.
+    """Yield a problem for each pair of actors that overlap.
 
-    In a clip only overlaps with the ego count: pedestrians on paths do not evade each other, and a moment of a run
-    where two of them touch is reproduced as it was.
+    In a clip only overlaps with the ego count: pedestrians on paths do not evade each other, and a clip reproduces the
+    moment of a run in which two of them overlap.
     """
     pairs = 0
     boxes = [footprint(actor) for actor in placed]
@@ -119,7 +119,7 @@ def of_overlaps(
 
 
 def few(problems: Iterable[Problem]) -> tuple[Problem, ...]:
-    """Return the first problems of each kind; how many more there are of a kind is one in place of the rest."""
+    """Return the first problems of each kind; a single problem with a count replaces the others of a kind."""
     named: list[Problem] = []
     rest: dict[str, list[Problem]] = {}
     counts = Counter[str]()
@@ -139,13 +139,14 @@ def few(problems: Iterable[Problem]) -> tuple[Problem, ...]:
     return tuple(named)
 
 
-def _farther(actor: m.Ego | m.Actor | None, one: PlacedActor, other: PlacedActor) -> HelpText:
-    """Return a start so much farther along that there is room; nothing where an actor's start is no length."""
+def _farther(actor: m.Ego | m.Actor | None, first: PlacedActor, other: PlacedActor) -> HelpText:
+    """Return a start farther along at which there is room; "" if the actor's start is not a position along an edge or
+    route."""
     start = next((item for item in actor.body if isinstance(item, m.StartAt)), None) if actor is not None else None
     place = start.place if start is not None else None
     if not isinstance(place, m.AlongEdge | m.AlongRoute) or not isinstance(place.at, m.Quantity):
         return ""
-    room = math.ceil(one.model.length_m + other.model.length_m)
+    room = math.ceil(first.model.length_m + other.model.length_m)
     at = m.Quantity.of(place.at.si + room, "length", 2)
     return ": " + write(f"start at {written(place.model_copy(update={'at': at}))}")
 
@@ -162,11 +163,11 @@ def footprint(actor: PlacedActor) -> Points:
     )
 
 
-def common_area(one: Points, other: Points) -> float:
-    """Return the area (m^2) that two convex outlines, both counter-clockwise, have in common (Sutherland-Hodgman)."""
-    left: list[XY] = list(one)
-    for k, (x0, y0) in enumerate(other):
-        x1, y1 = other[(k + 1) % len(other)]
+def common_area(first: Points, second: Points) -> float:
+    """Return the common area of two convex outlines, both counter-clockwise, m^2 (Sutherland-Hodgman)."""
+    left: list[XY] = list(first)
+    for k, (x0, y0) in enumerate(second):
+        x1, y1 = second[(k + 1) % len(second)]
         sides = [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) for x, y in left]
         clipped: list[XY] = []
         for i, ((x, y), side) in enumerate(zip(left, sides, strict=True)):
@@ -189,9 +190,9 @@ def _nearest_road(x: float, y: float, network: RoadNetwork) -> HelpText:
 
 
 class NameChecks:
-    """Goes through the statements of a concrete scenario that name something of the network.
+    """Checks the statements of a concrete scenario that name parts of the network.
 
-    `signals`: by junction; `spot`: finds a place, or raises `RouteError`.
+    `signals`: by junction. `spot`: returns the position of a place, or raises `RouteError`.
     """
 
     def __init__(
@@ -204,10 +205,10 @@ class NameChecks:
             for k in range(1, int(si_of(traffic.count)) + 1)
         }
         self.places: dict[m.Place | m.AtStop, XY] = {}
-        """Where the places of conditions and actions are, m; filled by `problems`."""
+        """Coordinates of the places in conditions and actions, m; filled by `problems`."""
 
     def problems(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
-        """Yield what does not fit, given the actors that could be placed."""
+        """Yield the problems, given the actors that could be placed."""
         scenario, by_name = self._case.scenario, {actor.id: actor for actor in placed}
         for actor in scenario.actors:
             for item in actor.body:
@@ -221,7 +222,7 @@ class NameChecks:
         for when in scenario.all(m.When):
             for action in all_actions(when.actions):
                 yield from self._action(when.kind, action, by_name)
-        if not self._case.snapshot:  # a clip's routes do not show junctions that were passed before it begins
+        if not self._case.snapshot:  # a clip's routes lack the junctions that were passed before it begins
             yield from self._meetings(by_name)
 
     def _conditions(self) -> Iterator[tuple[str, m.Condition]]:
@@ -249,7 +250,7 @@ class NameChecks:
             yield from self._shows(kind, part, placed)
 
     def _lane(self, kind: str, part: m.InLane) -> Iterator[Problem]:
-        """An edge that is named is there and has so many lanes; without a name some edge has them."""
+        """Yield a problem if the named edge (without a name: every edge) does not exist or has too few lanes."""
         number = round(si_of(part.number))
         if part.road is None:
             most = max((len(edge.drivable) for edge in self._network.edges.values()), default=0)
@@ -272,14 +273,14 @@ class NameChecks:
         if isinstance(part.of, m.Named):
             name = word_of(part.of.name)
             if name not in self._actors and not self._network.is_junction(name):
-                known = (*self._actors, *self._network.junctions, *self._network.rings)
+                names = (*self._actors, *self._network.junctions, *self._network.rings)
                 message = f"there is no actor and no junction called {name}"
-                yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, known), name)
-        elif not isinstance(part.of, m.Point | m.OfActor):  # these are where their actor is when it is asked
+                yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, names), name)
+        elif not isinstance(part.of, m.Point | m.OfActor):  # these depend on their actor's position during the run
             try:
                 spot = self._spot(part.of)
             except UnsettledError:
-                return  # the actor that it is counted from has the mistake
+                return  # the error is reported at the actor to which the place refers
             except RouteError as err:
                 yield Problem("", kind, codes.PLACE, err.message, err.help, part=part.of)
             else:
@@ -299,7 +300,7 @@ class NameChecks:
                 else did_you_mean(_OTHER_COLOURS.get(state, state), m.SIGNAL_COLOURS)
             )
             yield Problem("", kind, codes.UNKNOWN, message, help, state)
-        elif not self._case.snapshot:  # in a clip it may have passed the junction
+        elif not self._case.snapshot:  # in a clip the actor may have passed the junction
             actor = placed.get(part.actor)
             if actor is not None and (over := _misses(actor, junction)):
                 message = f"the route of {part.actor} does not go over {junction}"
@@ -323,11 +324,11 @@ class NameChecks:
 
     def _turn(self, kind: str, action: m.TurnsTo) -> Iterator[Problem]:
         junction, stage = word_of(action.junction), word_of(action.stage)
-        found = self._stage(kind, junction, stage)
-        bad = [replace(p, field=(action.kind, "junction")) if p.about == junction else p for p in found]
+        problems = self._stage(kind, junction, stage)
+        bad = [replace(p, field=(action.kind, "junction")) if p.about == junction else p for p in problems]
         name, _, light = stage.rpartition("_")
         if bad and junction in self._signals and light in ("amber", "red"):
-            # `ew_amber` is no stage of its own: it belongs to `ew_go`
+            # `ew_amber` is not a stage: it belongs to `ew_go`
             near = next((s for s in self._signals[junction].stages if s.rpartition("_")[0] == name), None)
             if near is not None:
                 bad = [
@@ -353,7 +354,7 @@ class NameChecks:
             yield Problem("", kind, codes.PLACE, message, "lanes count from 1, the rightmost for cars", name)
 
     def _stop(self, kind: str, action: m.StopsAt, actor: PlacedActor | None) -> Iterator[Problem]:
-        """Look for the place where an actor is to stop, and whether it comes there."""
+        """Yield a problem if the place at which an actor should stop does not exist or is not on its way."""
         where = action.where
         if not isinstance(where, m.AtStop):
             yield from self._on_the_way(kind, where, actor, action.actor)
@@ -384,13 +385,14 @@ class NameChecks:
     def _on_the_way(
         self, kind: str, place: m.Place, actor: PlacedActor | None, about: str, *, stop: m.BusStop | None = None
     ) -> Iterator[Problem]:
-        """Look for a place that an actor is told to come to, and note where it is."""
+        """Yield a problem if a place that an actor should reach does not exist or is not on its way; store the
+        place."""
         if isinstance(place, m.OfActor):
-            return  # where its actor is when the trigger fires
+            return  # its position depends on the run
         try:
             spot = self._spot(place)
         except UnsettledError:
-            return  # the actor that it is counted from has the mistake
+            return  # the error is reported at the actor to which the place refers
         except RouteError as err:
             yield Problem("", kind, codes.PLACE, err.message, err.help, about)
             return
@@ -398,7 +400,7 @@ class NameChecks:
             self.places[m.AtStop(stop=stop.name)] = spot.x, spot.y
         elif not isinstance(place, m.Point):
             self.places[place] = spot.x, spot.y
-        if actor is None or self._case.snapshot:  # a clip's routes do not show what was passed before it begins
+        if actor is None or self._case.snapshot:  # a clip's routes lack the places that were passed before it begins
             return
         line = actor.line if actor.line is not None else line_of(actor.path) if len(actor.path) else None
         spots = [(spot.x, spot.y)]
@@ -418,7 +420,7 @@ class NameChecks:
             )
 
     def _path(self, kind: str, action: m.FollowsPath, actor: PlacedActor | None) -> Iterator[Problem]:
-        """Look for the points of a path, and for the way from its end on."""
+        """Yield problems of the points of a path, and of the way that follows it."""
         end: XY | None = None
         for place in action.points:
             yield from self._on_the_way(kind, place, None, action.actor)
@@ -457,7 +459,7 @@ class NameChecks:
             yield Problem(actor, at, codes.UNKNOWN, message, did_you_mean(junction, self._network.junctions), junction)
 
     def _meetings(self, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
-        """Yield the actors that are to meet at a junction that is not on both routes."""
+        """Yield a problem for each meeting at a junction that is not on both actors' routes."""
         for actor in self._case.scenario.actors:
             for item in actor.body:
                 if isinstance(item, m.MeetsState):
@@ -472,11 +474,11 @@ def _meeting(
     owner: str, at: str, name: str, item: m.Meets | m.MeetsState, placed: Mapping[str, PlacedActor]
 ) -> Iterator[Problem]:
     junction = word_of(item.junction)
-    for one in (name, item.other):
-        actor = placed.get(one)
+    for member in (name, item.other):
+        actor = placed.get(member)
         if actor is not None and (over := _misses(actor, junction)):
-            message = f"{name} cannot meet {item.other} at {junction}: {one} does not go over it"
-            yield Problem(owner, at, codes.NO_MEETING, message, f"{one} goes over " + over, junction)
+            message = f"{name} cannot meet {item.other} at {junction}: {member} does not go over it"
+            yield Problem(owner, at, codes.NO_MEETING, message, f"{member} goes over " + over, junction)
 
 
 def _beside(stop: m.BusStop) -> str:
@@ -485,7 +487,7 @@ def _beside(stop: m.BusStop) -> str:
 
 
 def _misses(actor: PlacedActor, junction: str) -> HelpText:
-    """Return the junctions that an actor's route goes over when this one is none of them; else, or off roads, ""."""
+    """Return the junctions on an actor's route if a junction is not among them; "" if it is, or without a route."""
     if actor.line is None or actor.line.passage(junction) is not None:
         return ""
     return one_of(p.junction for p in actor.line.passages) or "no junction"

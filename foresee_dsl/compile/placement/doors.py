@@ -1,4 +1,4 @@
-"""Doors that triggers open: which actors have some, and each as a body that is there while it is open."""
+"""Doors that triggers open: which actors have doors, and the body of each door, which is present while it is open."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from foresee_dsl.language.project.document import Problem
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
 
 DOOR_LENGTH_M = 1.1
-"""Length of a door. Ours: front doors of cars with four doors are 1.0 m to 1.2 m long, of coupes up to 1.4 m."""
+"""Length of a door, m. Ours: front doors of cars with four doors are 1.0 m to 1.2 m long, of coupes up to 1.4 m."""
 DOOR_WIDTH_M = 0.15
-"""Its thickness with the lining and the mirror's foot. Ours."""
+"""Thickness of a door with its lining and the foot of the mirror, m. Ours."""
 DOOR_OPEN_DEG = 65.0
-"""How far it opens. Ours: cars' doors stop at 60 to 70 degrees; its edge is then 1.0 m out from the side."""
+"""Angle of an open door, deg. Ours: cars' doors stop at 60 to 70 degrees; the door then extends 1.0 m sideways."""
 HINGE_BEHIND_M = 1.5
-"""Its hinge lies so far behind the front, in a vehicle under 4.5 m a third of its length. Ours: behind the front
-wheel."""
+"""Distance of the hinge from the front, m; in a vehicle shorter than 4.5 m, a third of its length. Ours: behind the
+front wheel."""
 _SHORT_M = 4.5
 _MODEL = "obstacle.door"
 _WITH_DOORS = ("car.", "van.", "truck.", "obstacle.parked_")
-"""What the names of models with doors begin with. A bus's doors fold or slide."""
+"""Prefixes of the names of models with doors. A bus's doors fold or slide."""
 
 
 def has_doors(model: str) -> bool:
-    """Whether the vehicles of a model have doors that stand out when they are open."""
+    """Return whether the vehicles of a model have doors that extend sideways when they are open."""
     return model.startswith(_WITH_DOORS)
 
 
@@ -39,7 +39,7 @@ def door_actions(scenario: m.Scenario) -> Iterator[m.Door]:
 
 
 def door_problems(scenario: m.Scenario, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
-    """Yield the doors of actors that have none."""
+    """Yield a problem for each actor without doors whose door a trigger opens or closes."""
     models = {actor.id: actor.model.name for actor in placed}
     for name in dict.fromkeys(action.actor for action in door_actions(scenario)):
         model = models.get(name)
@@ -50,37 +50,40 @@ def door_problems(scenario: m.Scenario, placed: Iterable[PlacedActor]) -> Iterat
 
 
 def doors_of(scenario: m.Scenario, placed: Iterable[PlacedActor]) -> list[PlacedActor]:
-    """Return a body for each door that may be opened; where it is does not matter before it is open."""
+    """Return a body for each door that may be opened; its position is irrelevant until it is open."""
     by_name: Mapping[str, PlacedActor] = {actor.id: actor for actor in placed}
     first = {id(action) for when in scenario.all(m.When) if _at_once(when) for action in when.actions}
-    found: dict[str, PlacedActor] = {}
+    doors: dict[str, PlacedActor] = {}
     for action in door_actions(scenario):
         owner = by_name.get(action.actor)
         if owner is not None:
             side = door_side(action)
             name = m.door_name(owner.id, side)
             opens = action.what == "opens" and id(action) in first
-            known = found.get(name)
-            of = DoorOf(owner.id, side, opens or (known is not None and known.door is not None and known.door.is_open))
-            found[name] = replace(_BODY, id=name, x=owner.x, y=owner.y, door=of)
-    return list(found.values())
+            former = doors.get(name)
+            was_open = former is not None and former.door is not None and former.door.is_open
+            of = DoorOf(owner.id, side, opens or was_open)
+            doors[name] = replace(_BODY, id=name, x=owner.x, y=owner.y, door=of)
+    return list(doors.values())
 
 
 def _at_once(when: m.When) -> bool:
-    """Whether a trigger fires at the first frame by its time: then SUMO's vehicles know of the door from the start."""
-    asked = when.condition
-    if not isinstance(asked, m.Comparison) or not isinstance(asked.left, m.Measure) or asked.left.what != "time":
+    """Return whether a trigger fires at time 0; SUMO's vehicles then react to the door from the first frame on."""
+    condition = when.condition
+    if not isinstance(condition, m.Comparison) or not isinstance(condition.left, m.Measure):
         return False
-    return asked.op == ">=" and si_of(asked.right) <= 0.0 and when.repeat != "next"
+    if condition.left.what != "time":
+        return False
+    return condition.op == ">=" and si_of(condition.right) <= 0.0 and when.repeat != "next"
 
 
 def door_side(action: m.Door) -> str:
-    """Return which side's door an action is about."""
+    """Return the side of the door that an action moves."""
     return "left" if action.side is None else word_of(action.side)
 
 
 def hinge_m(length_m: float) -> float:
-    """Return how far a door's hinge lies ahead of the middle of a vehicle, m."""
+    """Return the distance of a door's hinge ahead of the middle of a vehicle, m."""
     return length_m / 2 - (length_m / 3 if length_m < _SHORT_M else HINGE_BEHIND_M)
 
 

@@ -1,4 +1,4 @@
-"""Paths off the lanes: what the statement `line` makes of one, and the lanes that a vehicle takes from its end on."""
+"""Paths off the lanes: their shift by the statement `line`, and the lanes that a vehicle follows after their end."""
 
 from __future__ import annotations
 
@@ -15,35 +15,38 @@ from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.language import model as m
 
 BESIDE_M = 2.5
-"""A path that ends further than this from the middle of every lane of the edges joins none. Ours: the half of a
+"""A path that ends farther than this from the middle of all lanes of its edges does not join them, m. Ours: half of a
 wide lane and a margin."""
 LINE_OVER_M = 5.0
 """Length of path, m, over which an actor moves to its `line`. Ours: with 0.6 m sideways that is 7 deg, like a
 pedestrian who crosses obliquely; it takes a pedestrian 4 s and a bicycle about 1 s."""
 _SHARPEST = 0.5
-"""Cosine of half the turn at a corner; in sharper corners the offset line is cut at two widths, as it would run far
-out (ours)."""
+"""Cosine of half the turn at a corner; in sharper corners the offset line is cut at two widths, because it would extend
+far outwards (ours)."""
 
 
 def joined_way(
     network: RoadNetwork, edges: Sequence[str | m.Ref], end: XY, kind: LaneKind
 ) -> tuple[tuple[str, ...], RouteLine]:
-    """Return the edges that a vehicle drives over from a place on, the first being the one where that is, and their
-    line, which begins on the lane nearest to it; a `RouteError` where it is on no lane of any, or there is no such way.
+    """Return the edges that a vehicle follows after the end of a path, from the edge on which the path ends on, and
+    their line, which begins on the lane nearest to that end.
+
+    Raises:
+        RouteError: the path does not end on a lane of these edges, or the edges are not connected.
     """
     way = network.route_edges(m.EdgeRoute(edges=tuple(edges), shortest=True), kind)
     for k, edge in enumerate(way):
         for lane in network.edges[edge].for_kind(kind):
             s, beside_m = lane.line.project(*end)
             if abs(beside_m) <= BESIDE_M and -BESIDE_M <= s <= lane.line.length_m:
-                nearest = min(network.edges[edge].for_kind(kind), key=lambda one: abs(one.line.project(*end)[1]))
+                nearest = min(network.edges[edge].for_kind(kind), key=lambda lane_: abs(lane_.line.project(*end)[1]))
                 return way[k:], network.line(way[k:], start_lane=nearest.id, after_m=max(s, 0.0), kind=kind)
     raise RouteError(f"the path ends on no lane of {way[0]}", f"end it on the middle of a lane of {way[0]}")
 
 
 def shifted(path: Points, along_m: float, left_m: float) -> Points:
-    """Return what the statement `line` makes of a path: it leaves the old one at a length `along_m`, and `LINE_OVER_M`
-    later (or at the end, where less is left) it is `left_m` to the left of it (negative: to the right)."""
+    """Return a path shifted by the statement `line`: it leaves the old path at `along_m`, and from `LINE_OVER_M` later
+    (or from the end, if that is nearer) it is `left_m` to its left (negative: to its right)."""
     marks = lines.lengths(path)
     begins = min(max(along_m, 0.0), marks[-1])
     over = max(min(LINE_OVER_M, marks[-1] - begins), 1e-6)
@@ -57,14 +60,14 @@ def shifted(path: Points, along_m: float, left_m: float) -> Points:
 
 
 def _beside(path: Points, marks: tuple[float, ...], mark: float, left_m: float) -> XY:
-    """Return the point beside a length of a path; at a corner, where the offset lines of both sides meet."""
+    """Return the point beside a position along a path; at a corner, where the offset lines of both sides meet."""
     x = interpolate(mark, marks, [p[0] for p in path])
     y = interpolate(mark, marks, [p[1] for p in path])
     sides = [(a, b) for (a, b), (s, t) in zip(pairwise(path), pairwise(marks), strict=True) if s <= mark <= t and s < t]
     normals = [(-(b[1] - a[1]) / distance(a, b), (b[0] - a[0]) / distance(a, b)) for a, b in sides]
     nx, ny = (sum(n[k] for n in normals) / len(normals) for k in (0, 1))
     size = math.hypot(nx, ny)  # the cosine of half the turn
-    if size < 1e-9:  # it turns round
+    if size < 1e-9:  # the path reverses
         return x + left_m * normals[0][0], y + left_m * normals[0][1]
     reach = left_m / (size * max(size, _SHARPEST))
     return x + reach * nx, y + reach * ny

@@ -1,7 +1,7 @@
-"""Placements that were made before: all children of a clip have the clip's actors, but for the one or two they change.
+"""Caches placements: the children of a clip have the same actors as the clip, except for the one or two they change.
 
-An actor with an exact state, on a route or on a path of plain points, is placed by its own statement, its model and the
-network alone; whatever else a test case has is the same to it.
+The placement of an actor with an exact state, on a route or on a path of plain points, depends only on its own
+statement, its model and the network.
 """
 
 from __future__ import annotations
@@ -15,47 +15,49 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.language import model as m
 
 _MOST = 128
-"""Placements that are kept, 110 kB each, most of it the line of a route. Ours: those of the four clips for which a
-worker counts as warm, with 32 actors each."""
+"""Maximum number of cached placements, 110 kB each, most of it the line of a route. Ours: those of the four clips for
+which a worker counts as warm, with 32 actors each."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Placement:
     actor: m.Ego | m.Actor
     spec: ModelSpec
-    told: tuple[bool, bool]
+    triggered: tuple[bool, bool]
     placed: PlacedActor
     start: OnRoute | None
 
 
 class PlacedBefore:
-    """The placements on the network that was asked for last, by the actors' statements.
+    """The placements on the most recent network, by the actors' statements.
 
-    A child has its clip's statements as the very same objects, so they are found by identity; each is held as long as
-    its placement is, so that no other can get its place in memory.
+    A child shares the statement objects of its clip, so placements are found by the object's id. A statement is kept as
+    long as its placement, so that Python does not reuse its id.
     """
 
     def __init__(self) -> None:
         self._network: RoadNetwork | None = None
-        self._known: dict[int, _Placement] = {}
+        self._placements: dict[int, _Placement] = {}
 
     def get(
-        self, actor: m.Ego | m.Actor, spec: ModelSpec, network: RoadNetwork, told: tuple[bool, bool]
+        self, actor: m.Ego | m.Actor, spec: ModelSpec, network: RoadNetwork, triggered: tuple[bool, bool]
     ) -> tuple[PlacedActor, OnRoute | None] | None:
-        """Return an actor's placement and where it starts on its route, if it has one; None where it is not known.
+        """Return an actor's placement and its start on its route, if it has one; None if it is not cached.
 
-        `told`: whether a trigger starts it, and whether one tells it to follow a path.
+        `triggered`: whether a trigger starts it, and whether a trigger makes it follow a path.
         """
-        found = self._known.get(id(actor)) if network is self._network else None
-        if found is None or found.actor is not actor or found.told != told or found.spec != spec:
+        placement = self._placements.get(id(actor)) if network is self._network else None
+        if placement is None or placement.actor is not actor:
             return None
-        return found.placed, found.start
+        if placement.triggered != triggered or placement.spec != spec:
+            return None
+        return placement.placed, placement.start
 
     def put(
-        self, actor: m.Ego | m.Actor, network: RoadNetwork, told: tuple[bool, bool], placed: PlacedActor,
+        self, actor: m.Ego | m.Actor, network: RoadNetwork, triggered: tuple[bool, bool], placed: PlacedActor,
         start: OnRoute | None,
     ) -> None:  # fmt: skip
-        """Keep the placement of an actor with which nothing is wrong, where it depends on nobody else."""
+        """Cache the placement of an actor without errors, if it does not depend on other actors."""
         path = path_of(actor)
         if actor.state is None or isinstance(path, m.PathAlong):
             return
@@ -63,11 +65,11 @@ class PlacedBefore:
             return
         if network is not self._network:
             self._network = network
-            self._known.clear()
-        while len(self._known) >= _MOST:
-            del self._known[next(iter(self._known))]
-        self._known[id(actor)] = _Placement(actor, placed.model, told, placed, start)
+            self._placements.clear()
+        while len(self._placements) >= _MOST:
+            del self._placements[next(iter(self._placements))]
+        self._placements[id(actor)] = _Placement(actor, placed.model, triggered, placed, start)
 
 
 PLACED_BEFORE = PlacedBefore()
-"""Those of this process."""
+"""The cached placements of this process."""

@@ -1,4 +1,4 @@
-"""Conditions about places and junctions that an actor's way never comes near: they can never hold."""
+"""Finds conditions that can never hold, because the actor's way stays away from their place or junction."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from foresee_dsl.language.project.document import Problem
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 
 BESIDE_M = {"ego": 30.0, "sumo": 30.0, "path": 1.0, "static": 0.0}
-"""How far an actor may come off the middle of its way, m, by what moves it. Ours: eight lanes; a rounding; nothing."""
+"""Maximum distance of an actor from the middle of its way, m, by its control. Ours: eight lanes; rounding; none."""
 
 
 def never_near(
     scenario: m.Scenario, placed: Iterable[PlacedActor], places: Mapping[m.Place | m.AtStop, XY], network: Topology
 ) -> Iterator[Problem]:
-    """Yield the conditions `within LENGTH of` a place or junction that the way of their actor stays away from.
+    """Yield a problem for each condition `within LENGTH of` a place or junction that its actor's way does not reach.
 
-    `placed`: the actors at the first frame. `places`: where the places on routes and edges are, m.
+    `placed`: the actors at the first frame. `places`: coordinates of the places on routes and edges, m.
     """
     by_name = {actor.id: actor for actor in placed}
     for kind, condition in _conditions(scenario):
@@ -37,7 +37,8 @@ def never_near(
             off = min(distance_to(x, y, _way(actor)) for x, y in there)
             room = math.hypot(actor.model.length_m, actor.model.width_m) / 2 + BESIDE_M[actor.control] + _size(there)
             if off > si_of(part.distance) + room:
-                message = f"{actor.id} never comes so near: its way stays " + measured(f"{off:.0f}") + " m away"
+                away = measured(f"{off:.0f}") + " m away"
+                message = f"{actor.id} never comes within that distance: its way stays " + away
                 yield Problem("", kind, codes.NEVER_NEAR, message, "name a place that its way passes", part=part.of)
 
 
@@ -52,7 +53,7 @@ def _conditions(scenario: m.Scenario) -> Iterator[tuple[str, m.Condition]]:
 
 
 def _outline(of: m.Named | m.Place, places: Mapping[m.Place | m.AtStop, XY], network: Topology) -> Points:
-    """Return the point, or the corners of the junction; nothing for what moves."""
+    """Return the point of a place, or the corners of a junction; empty for a place that moves."""
     if isinstance(of, m.Named):
         junction = network.junctions.get(word_of(of.name))
         return junction.polygon if junction is not None else ()
@@ -62,7 +63,7 @@ def _outline(of: m.Named | m.Place, places: Mapping[m.Place | m.AtStop, XY], net
 
 
 def _size(outline: Points) -> float:
-    """Return how far apart the first corner and another are at most, m: a way may pass between two of them."""
+    """Return the largest distance of the first corner to another, m: a way may pass between two corners."""
     (x, y), *rest = outline
     return max((math.hypot(a - x, b - y) for a, b in rest), default=0.0)
 

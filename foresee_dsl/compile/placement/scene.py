@@ -1,4 +1,4 @@
-"""Turns a concrete scenario into the scene at the first frame, or lists everything that is wrong with it."""
+"""Converts a concrete scenario to the scene at the first frame, or reports all its errors."""
 
 from __future__ import annotations
 
@@ -41,12 +41,13 @@ from foresee_dsl.language.project.document import PlacementError, Problem, TestC
 from foresee_dsl.language.traversal import all_actions, word_of
 
 DEFAULT_END_S = 60.0
-"""Ours: a route of 180 m, the longest of CARLA's on Town10HD, at 20 km/h with a red light on the way."""
+"""Duration of a run without an `end` statement, s. Ours: a route of 180 m, the longest of CARLA's on Town10HD, at
+20 km/h with a red light on the way."""
 GOAL_BEFORE_END_M = 5.0
 """Without a `goal` statement the goal is this far before the end of the ego's route (ours: about a car's length)."""
 DRY_FRICTION, WET_FRICTION = 0.9, 0.5
-"""Tyre on asphalt, peak: dry 0.8 to 0.9, wet 0.5 to 0.7 (Wong, Theory of Ground Vehicles, table 1.3); the lower end for
-a road under water."""
+"""Peak friction of a tyre on asphalt: dry 0.8 to 0.9, wet 0.5 to 0.7 (Wong, Theory of Ground Vehicles, table 1.3); the
+lower end is for a road under water."""
 PATH_LIMIT_MPS = 30 / 3.6
 """Speed of a vehicle on a path without a `speed` statement: a path has no speed limit of its own (ours)."""
 TOP_SPEED_SLACK = 1.01
@@ -56,14 +57,14 @@ _T = TypeVar("_T")
 
 
 def friction_of(wetness: float) -> float:
-    """Return the tyre-road coefficient for a wetness from 0 to 1: linear between dry and wet."""
+    """Return the friction coefficient for a wetness from 0 to 1, linear between dry and wet."""
     return DRY_FRICTION - (DRY_FRICTION - WET_FRICTION) * min(max(wetness, 0.0), 1.0)
 
 
 class SceneBuilder:
-    """Places the actors of a concrete test case and collects its problems; one use, with `build` or `place`.
+    """Places the actors of a concrete test case and collects its problems; for a single call of `build` or `place`.
 
-    `specs`: every model that may be named, by its name. `signals`: by junction.
+    `specs`: all models by name. `signals`: by junction.
     """
 
     def __init__(
@@ -100,10 +101,10 @@ class SceneBuilder:
         self._end_s = si(end.after) if (end := scenario.one(m.End)) is not None else DEFAULT_END_S
 
     def place(self) -> tuple[list[PlacedActor], float, float]:
-        """Return the actors without background traffic, and where the ego's journey starts and ends along its line, m.
+        """Return the actors without background traffic, and the ego's start and goal along its line, m.
 
         Raises:
-            PlacementError: with everything that does not fit the network or is impossible.
+            PlacementError: statements do not fit the network or are impossible; it holds all of them.
         """
         placed, start_s, goal_s, problems = self.attempt()
         if problems:
@@ -111,7 +112,7 @@ class SceneBuilder:
         return placed, start_s, goal_s
 
     def attempt(self) -> tuple[list[PlacedActor], float, float, tuple[Problem, ...]]:
-        """Return what `place` does, of the actors that have a place, and everything that is wrong."""
+        """Return the result of `place` for the actors that could be placed, and the problems."""
         placed = [p for name in self._actors if (p := self._place(name)) is not None]
         self._problems += self._names.problems(placed)
         self._patches = self._slippery()
@@ -121,13 +122,21 @@ class SceneBuilder:
         return placed, start_s, goal_s, _each_once(self._problems)
 
     def warnings(self) -> tuple[Problem, ...]:
-        """Return what is allowed and hardly meant, where everybody can be placed; errors as of `place`."""
+        """Return warnings on what is permitted but probably not intended.
+
+        Raises:
+            PlacementError: as of `place`.
+        """
         placed, _, _ = self.place()
-        found = (*never_near(self._case.scenario, placed, self._names.places, self._network), *self._off_road())
-        return checks.few(dict.fromkeys((*found, *self._beside_all_roads(placed))))
+        warnings = (*never_near(self._case.scenario, placed, self._names.places, self._network), *self._off_road())
+        return checks.few(dict.fromkeys((*warnings, *self._beside_all_roads(placed))))
 
     def build(self) -> Scene:
-        """Return the scene, with background traffic, of which what finds no room is left out; errors as of `place`."""
+        """Return the scene with background traffic, without its actors for which there is no room.
+
+        Raises:
+            PlacementError: as of `place`.
+        """
         scenario = self._case.scenario
         placed, start_s, goal_s = self.place()
         more, notes = self.background(placed)
@@ -155,33 +164,33 @@ class SceneBuilder:
         )
 
     def background(self, placed: Sequence[PlacedActor]) -> tuple[list[PlacedActor], list[str]]:
-        """Return the background traffic around placed actors, and notes on what found no room."""
-        found, notes = list(placed), []
+        """Return the background traffic around placed actors, and notes on its actors for which there is no room."""
+        actors, notes = list(placed), []
         for traffic in self._case.scenario.all(m.Traffic):
-            # numpy and shapely: placing actors does without
+            # slow import (numpy, shapely), which placing actors does not need
             from foresee_dsl.compile.placement.background_traffic import background
 
-            more, note = background(traffic, network=self._network, specs=self._specs, placed=found, end_s=self._end_s)
-            found += more
+            more, note = background(traffic, network=self._network, specs=self._specs, placed=actors, end_s=self._end_s)
+            actors += more
             notes += [note] if note else []
-        return found[len(placed) :], notes
+        return actors[len(placed) :], notes
 
     def _slippery(self) -> list[SlipperyPatch]:
-        """Return the slippery patches that have a place; add a problem for each of the others."""
-        found = []
+        """Return the slippery patches that can be placed; add a problem for each of the others."""
+        patches = []
         for item_ in self._case.scenario.all(m.Slippery):
             try:
                 spot = self._starts.spot(item_.place)
             except UnsettledError:
-                continue  # the actor that it is counted from has the mistake
+                continue  # the error is reported at the actor to which the place refers
             except RouteError as err:
                 self._problems.append(Problem("", item_.kind, codes.PLACE, err.message, err.help, part=item_.place))
             else:
-                found.append(SlipperyPatch(item_.name, spot.x, spot.y, si(item_.radius), si(item_.friction)))
-        return found
+                patches.append(SlipperyPatch(item_.name, spot.x, spot.y, si(item_.radius), si(item_.friction)))
+        return patches
 
     def _off_road(self) -> Iterator[Problem]:
-        """Yield the slippery patches that lie beside every lane, where nobody's tyres come."""
+        """Yield a problem for each slippery patch that does not touch a lane, so that no vehicle drives over it."""
         for patch in self._patches:
             away = min(self._network.distance_to_lanes(patch.x, patch.y, kind) for kind in ("car", "bicycle"))
             if away > patch.radius_m:
@@ -194,7 +203,7 @@ class SceneBuilder:
                 yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
 
     def _beside_all_roads(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
-        """Yield the paths that touch no lane and no sidewalk: an actor that follows one meets no other actor."""
+        """Yield a problem for each path that touches no lane and no sidewalk, so that its actor meets no other."""
         for actor in placed:
             path = path_of(self._actors[actor.id])
             if path is None or not actor.path:
@@ -214,23 +223,23 @@ class SceneBuilder:
 
     @property
     def slippery(self) -> tuple[SlipperyPatch, ...]:
-        """The slippery patches, once the actors were placed."""
+        """The slippery patches, available after placing the actors."""
         return tuple(self._patches)
 
     @property
     def places(self) -> Mapping[m.Place, XY]:
-        """Where the places of conditions are, m, once the actors were placed."""
+        """Coordinates of the places in conditions, m, available after placing the actors."""
         return {place: xy for place, xy in self._names.places.items() if not isinstance(place, m.AtStop)}
 
     def _add(self, actor: str, at: str, code: str, message: MessageText, help: HelpText = "") -> None:
         self._problems.append(Problem(actor, at, code, message, help))
 
     def _try(self, actor: str, at: str, work: Callable[[], _T]) -> _T | None:
-        """Return the result of `work`; None after adding a problem where it raises `RouteError`."""
+        """Return the result of `work`; if it raises `RouteError`, add a problem and return None."""
         try:
             return work()
         except UnsettledError:
-            return None  # the actor that it is counted from has the mistake
+            return None  # the error is reported at the actor to which the place refers
         except CircleError as err:
             if err.members not in self._circles:
                 self._circles.add(err.members)
@@ -243,14 +252,14 @@ class SceneBuilder:
 
     def _place(self, name: str) -> PlacedActor | None:
         actor, spec = self._actors[name], self._spec_of[name]
-        told, wrong = (name in self._waiting, name in self._guided), len(self._problems)
-        known = PLACED_BEFORE.get(actor, spec, self._network, told)
-        if known is not None:
-            self._starts.settle(name, known[1])
-            return known[0]
+        triggered, wrong = (name in self._waiting, name in self._guided), len(self._problems)
+        former = PLACED_BEFORE.get(actor, spec, self._network, triggered)
+        if former is not None:
+            self._starts.settle(name, former[1])
+            return former[0]
         placed = self._place_anew(name, actor, spec)
         if placed is not None and len(self._problems) == wrong:
-            PLACED_BEFORE.put(actor, self._network, told, placed, self._starts.settled(name))
+            PLACED_BEFORE.put(actor, self._network, triggered, placed, self._starts.settled(name))
         return placed
 
     def _place_anew(self, name: str, actor: m.Ego | m.Actor, spec: ModelSpec) -> PlacedActor | None:
@@ -280,7 +289,7 @@ class SceneBuilder:
         return placed
 
     def _route_fails(self, name: str) -> bool:
-        """Say whether an actor's route is wrong in itself (or only its start)."""
+        """Return whether an actor's route itself is wrong, not only its start."""
         kind = lane_kind(self._spec_of[name])
         route = route_of(self._actors[name])
         try:
@@ -310,7 +319,7 @@ class SceneBuilder:
         return self._with_statements(actor, placed)
 
     def _joining(self, actor: m.Ego | m.Actor, placed: PlacedActor, joins: m.Joins) -> PlacedActor:
-        """Return an actor on a path with the way that it takes from the path's end on."""
+        """Return an actor on a path with the way that it follows after the path's end."""
         if placed.model.kind not in WHEELS:
             self._add(
                 actor.name,
@@ -320,24 +329,24 @@ class SceneBuilder:
                 "end its path where it stays",
             )
             return placed
-        found = self._try(
+        way = self._try(
             actor.name,
             "joins",
             lambda: joined_way(self._network, joins.edges, placed.path[-1], lane_kind(placed.model)),
         )
-        return placed if found is None else replace(placed, route=found[0], line=found[1], joins=True)
+        return placed if way is None else replace(placed, route=way[0], line=way[1], joins=True)
 
     def _first_speed(self, actor: m.Ego | m.Actor, cruise_mps: float) -> float:
-        """The speed at the first frame, m/s."""
-        delay, given = item(actor, m.Delay), item(actor, m.StartSpeed)
+        """Return the speed at the first frame, m/s."""
+        delay, start = item(actor, m.Delay), item(actor, m.StartSpeed)
         if actor.state is not None:
             return max(si(actor.state.speed), 0.0)
         if actor.name in self._waiting or (delay is not None and si(delay.time) > 0):
             return 0.0
-        return si(given.speed) if given is not None else cruise_mps
+        return si(start.speed) if start is not None else cruise_mps
 
     def _with_statements(self, actor: m.Ego | m.Actor, placed: PlacedActor) -> PlacedActor:
-        """Add what statements mean alike for actors on routes and on paths."""
+        """Return an actor with the values of statements that apply to routes and paths alike."""
         delay, timing, line = item(actor, m.Delay), item(actor, m.Timing), item(actor, m.Line)
         state, steers, brakes = actor.state, item(actor, m.Steers), item(actor, m.Brakes)
         later = line is not None and placed.control == "sumo" and (line.start is not None or line.duration is not None)
@@ -362,7 +371,7 @@ class SceneBuilder:
         )
 
     def _journey(self, placed: Iterable[PlacedActor]) -> tuple[float, float]:
-        """Return where the ego's journey starts and ends along its line, m."""
+        """Return the ego's start and goal along its line, m."""
         ego = next((p for p in placed if p.control == "ego"), None)
         if ego is None or ego.line is None:
             return 0.0, 0.0
@@ -390,16 +399,16 @@ class SceneBuilder:
 
 
 def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
-    """Return the problems without those that repeat what is wrong with a route (all places along it have it too), and
-    few of each kind."""
+    """Return the problems without those that only repeat the error of a route, which all places along it have too, and
+    without most of a kind with many."""
     routes = {(problem.message, problem.help) for problem in problems if problem.code == codes.ROUTE}
     unlike = (p for p in problems if p.code == codes.ROUTE or (p.message, p.help) not in routes)
     return checks.few(dict.fromkeys(unlike))
 
 
 def _cruise(actor: m.Ego | m.Actor, spec: ModelSpec, limit_mps: float) -> float:
-    given = item(actor, m.CruiseSpeed)
-    return si(given.speed) if given is not None else cruise_speed(spec, limit_mps)
+    statement = item(actor, m.CruiseSpeed)
+    return si(statement.speed) if statement is not None else cruise_speed(spec, limit_mps)
 
 
 def _recorded(statement: m.Recorded) -> RecordedState:
@@ -425,7 +434,7 @@ def _timed(value: m.Value, statement: m.Line | m.Brakes) -> Timed:
 
 
 def _arrives(condition: m.Condition) -> bool:
-    """Whether a condition requires that the ego arrives (alone, or as one of several that must all hold)."""
+    """Return whether a condition requires that the ego arrives (alone, or as one of several that must all hold)."""
     if isinstance(condition, m.Both):
         return any(_arrives(part) for part in condition.conditions)
     return isinstance(condition, m.Predicate) and condition.what == "arrived" and condition.actor == "ego"

@@ -1,7 +1,7 @@
 """The smooth line beside a part of a route, for the statement `path along`.
 
-The line of a route has corners, where netconvert's turns do. Here they become arcs: an actor that follows the line
-takes it as one bend, and does not slow down for each corner of it.
+The line of a route has the corners of netconvert's turns. Here they are replaced by arcs, so that an actor on the line
+follows a single bend and does not slow down at each corner.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.errors import measured
 
 _STRAIGHT_M = 0.05
-"""Corners of a route's line nearer to the straight between their neighbours than this, m, count as rounding: nets have
-centimetres. Ours."""
+"""A corner of a route's line nearer than this to the straight between its neighbours, m, is a rounding error: nets are
+rounded to 1 cm. Ours."""
 _STRAIGHT_RAD = 1e-4
-"""A line that turns by less at a point goes straight on there: 0.1 mm in a metre. Ours."""
+"""A line that turns by less than this at a point is straight there, rad: 0.1 mm per metre. Ours."""
 _CUT_M = 0.5
-"""An arc passes a corner at most this far inside of it, m: as much as SUMO's roundabouts of 20 corners are beside a
-circle of 40 m. Ours."""
+"""Largest distance of an arc from its corner, m. Ours: the deviation of SUMO's roundabouts of 20 corners from a circle
+of 40 m."""
 _TURN_RAD = math.radians(4.0)
-"""Neighbouring points of an arc differ by this in direction. Ours: half of the corner of 8 deg at which a bicycle of
-1.8 m at 25 km/h would begin to slow down."""
+"""Change of direction between neighbouring points of an arc, rad. Ours: half of the corner of 8 deg at which a bicycle
+of 1.8 m at 25 km/h would begin to slow down."""
 
 
 def beside(line: Polyline, begin_m: float, end_m: float, *, left_m: float) -> tuple[XY, ...]:
     """Return the smooth line `left_m` to the left of a part of a line (negative: to the right), m.
 
-    With `begin_m` beyond `end_m` it leads back, on the same side of the line.
+    If `begin_m` is beyond `end_m`, the line leads back, on the same side.
 
     Raises:
-        RouteError: inside a bend that is narrower than the offset, nothing of the line is left.
+        RouteError: the part is inside a bend that is narrower than the offset, so there is no such line.
     """
     low, high = min(begin_m, end_m), max(begin_m, end_m)
     middle = [xy for mark, xy in zip(line.marks, line.xy, strict=True) if low < mark < high]
@@ -47,7 +47,7 @@ def beside(line: Polyline, begin_m: float, end_m: float, *, left_m: float) -> tu
 
 
 def _without_straight(points: Sequence[XY]) -> list[XY]:
-    """Return a line without the points at which it goes straight on: one of them might be taken for a corner."""
+    """Return a line without the points at which it is straight, so that none of them is treated as a corner."""
     kept = [points[0]]
     for point, after in pairwise(points[1:]):
         if abs(wrap(direction(point, after) - direction(kept[-1], point))) > _STRAIGHT_RAD:
@@ -56,7 +56,7 @@ def _without_straight(points: Sequence[XY]) -> list[XY]:
 
 
 def _moved(part: shapely.LineString, left_m: float) -> Sequence[XY]:
-    """Return the corners of the parallel to a line."""
+    """Return the corners of the parallel line at a distance."""
     corners = [(float(x), float(y)) for x, y in part.coords]
     turns = [direction(a, b) for a, b in pairwise(corners)]
     moved: list[XY] = []
@@ -69,7 +69,7 @@ def _moved(part: shapely.LineString, left_m: float) -> Sequence[XY]:
         abs(wrap(direction(a, b) - turn)) < math.pi / 2 for (a, b), turn in zip(pairwise(moved), turns, strict=True)
     ):
         return moved
-    # Inside a bend that is narrower than the offset the parallel runs backwards: that loop is cut out.
+    # Inside a bend that is narrower than the offset, the parallel line reverses; that loop is removed.
     cut = shapely.offset_curve(part, left_m, join_style="mitre", mitre_limit=2.0).simplify(_STRAIGHT_M)
     if cut.is_empty or cut.geom_type != "LineString":
         message = (
@@ -80,7 +80,7 @@ def _moved(part: shapely.LineString, left_m: float) -> Sequence[XY]:
 
 
 def _rounded(corners: Sequence[XY]) -> Iterator[XY]:
-    """Yield the points of a line whose corners became arcs; its ends stay."""
+    """Yield the points of a line with its corners replaced by arcs; its ends do not change."""
     yield corners[0]
     for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
         yield from _arc(before, corner, after)
@@ -88,7 +88,7 @@ def _rounded(corners: Sequence[XY]) -> Iterator[XY]:
 
 
 def _arc(before: XY, corner: XY, after: XY) -> Iterator[XY]:
-    """Yield the points of the largest arc that takes at most half of either side and passes within `_CUT_M`."""
+    """Yield the points of the largest arc that uses at most half of either side and passes within `_CUT_M`."""
     (inwards, room), (outwards, more) = (
         (direction(a, b), distance(a, b) / 2) for a, b in pairwise((before, corner, after))
     )

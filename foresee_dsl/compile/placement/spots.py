@@ -1,4 +1,4 @@
-"""Where something is at the first frame: places, vehicles on their routes, actors on their paths."""
+"""Positions at the first frame: of places, of vehicles on their routes, of actors on their paths."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from foresee_dsl.helps import write
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A place: m, rad; `heading_rad` is None for bare coordinates.
+    """The position of a place, m; `heading_rad` is None for coordinates.
 
-    `s` is the length along the line of `actor` where the place was given so.
+    `s`: position along the line of `actor`, m, if the place refers to that line.
     """
 
     x: float
@@ -26,8 +26,8 @@ class Spot:
 
 @dataclass(frozen=True)
 class OnRoute:
-    """A vehicle on its route: front bumper, lane, edges from the one it is on, and its line with where it is on it,
-    m."""
+    """A vehicle on its route: position of the front bumper, m, lane, edges from the current one on, its line, and its
+    position `s` along the line, m."""
 
     x: float
     y: float
@@ -40,7 +40,7 @@ class OnRoute:
 
 @dataclass(frozen=True)
 class OnPath:
-    """An actor on its path: centre of the footprint, the path's points, and how far along it is, m."""
+    """An actor on its path: middle of the footprint, m, points of the path, and position along it, m."""
 
     x: float
     y: float
@@ -50,10 +50,10 @@ class OnPath:
 
 
 class CircleError(RouteError):
-    """Starts that are counted from each other in a circle of actors, the `members`."""
+    """The starts of several actors, the `members`, refer to each other in a circle."""
 
     def __init__(self, members: tuple[str, ...]) -> None:
-        """Say it, once for all of them."""
+        """Create the error for a circle; `members` are in the order of their references."""
         circle = " from ".join((*members, members[0]))
         message = f"the places of actors are counted in a circle: {circle}"
         if len(members) == 1:
@@ -63,4 +63,4 @@ class CircleError(RouteError):
 
 
 class UnsettledError(RouteError):
-    """A place that is counted from an actor whose own start is impossible, which is reported there."""
+    """A place refers to an actor whose own start is impossible; the error is reported at that actor."""

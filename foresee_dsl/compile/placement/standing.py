@@ -1,4 +1,4 @@
-"""Where an actor stands on its way, and the places ahead of it, behind it and beside it."""
+"""The position of an actor on its way, and the places ahead of it, behind it and beside it."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ class Standing:
     """An actor's footprint on its way.
 
     Attributes:
-        x, y, heading_rad: of the footprint's middle. length_m, width_m: of the footprint.
-        line: its way; None for an actor without one, whose way is straight on. Beyond its ends a way goes straight on.
-        s, left_m: where the middle is: the length along the way, and how far to the left of it (0 without a line).
+        x, y, heading_rad: pose of the footprint's middle. length_m, width_m: size of the footprint.
+        line: its way, which continues straight beyond its ends; None for an actor without one, which is treated as if
+            its way were straight.
+        s, left_m: position of the middle along the way, and its distance to the left of it (0 without a line).
     """
 
     x: float
@@ -34,14 +35,14 @@ class Standing:
     left_m: float = 0.0
 
     def at(self, onwards_m: float, left_m: float = 0.0) -> Pose:
-        """Return the place so far onwards from the middle (negative: back) and so far to the left of it."""
+        """Return the pose `onwards_m` ahead of the middle along the way (negative: behind) and `left_m` to the left."""
         if self.line is not None:
             return self.line.at(self.s + onwards_m, self.left_m + left_m)
         cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
         return self.x + onwards_m * cos - left_m * sin, self.y + onwards_m * sin + left_m * cos, self.heading_rad
 
     def onwards_m(self, place: m.OfActor, *, wheels: bool = True) -> float:
-        """Return how far onwards from the middle a place lies (negative: back)."""
+        """Return the distance of a place ahead of the middle along the way, m (negative: behind)."""
         match place:
             case m.AheadOf():
                 return self.length_m / 2 + si_of(place.at)
@@ -55,7 +56,7 @@ class Standing:
                 assert_never(place)
 
     def place(self, place: m.OfActor, *, wheels: bool = True) -> Pose:
-        """Return where a place relative to this actor is; `wheels`: it is a vehicle, which is where its front is."""
+        """Return the pose of a place relative to this actor; `wheels`: a vehicle's own place is that of its front."""
         match place:
             case m.AheadOf() | m.BehindOf():
                 left_m = 0.0 if place.offset is None else si_of(place.offset)

@@ -1,4 +1,4 @@
-"""Where each actor is at the first frame (its route, lane and line, or its path), and where a place is."""
+"""Computes the start of each actor (its route, lane and line, or its path) and the positions of places."""
 
 from __future__ import annotations
 
@@ -27,51 +27,50 @@ from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.traversal import word_of
 
 EGO_BEHIND_M = 10.0
-"""The ego's line begins this far before its first edge, m: its rear may still be there (ours: a rigid truck's
+"""The ego's line begins this far before its first edge, m, because its rear may still be there (ours: a rigid truck's
 length)."""
 EGO_BEYOND_M = 80.0
-"""The ego's line goes on this far after its last edge, m (ours: a driver that plans 4 s ahead at 60 km/h looks 67 m
-ahead)."""
+"""The ego's line continues this far after its last edge, m (ours: a driver that plans 4 s ahead at 60 km/h needs
+67 m)."""
 OFF_ROUTE_M = 3.0
 """A start farther than this from every lane of its route, m, is reported (ours: about a lane's width)."""
 OTHER_LANE_MARGIN_M = 0.2
-"""A clip's ego whose distance from its route's line is less than a lane's width minus this follows that line. Ours:
-when it passes something in the next lane it stays that much on its own side (measured: 3.05 m of 3.5 m)."""
+"""A clip's ego follows its route's line if its distance from it is less than a lane's width minus this, m. Ours: an ego
+that passes an obstacle in the next lane was measured up to 3.05 m from its line, of 3.5 m."""
 OFF_STATE_M = 0.05
-"""A path follower farther than this, m, from the point that `moving` gives has been moved along its path by a mutation,
-and is at that point. Ours: the roundings of a clip's figures come to 1 mm."""
+"""A mutation has moved an actor along its path if its state is farther than this from the position of `moving`, m; the
+actor starts at that position. Ours: a clip rounds to 1 mm."""
 _SAME_DIRECTION_RAD = math.radians(60)
 _BEYOND_WEIGHT = 30.0
-"""Cost of being beyond a lane's end, per metre, against a radian of heading: a vehicle beyond it is on the next lane,
-although it has not turned with that lane yet. Ours: internal lanes begin with a corner of up to 0.3 rad; 1 cm
-outweighs it."""
+"""Cost per metre beyond a lane's end, where 1 rad of heading costs 1: a vehicle beyond the end is on the next lane,
+even if it has not turned yet. Ours: internal lanes begin with a corner of up to 0.3 rad, which 1 cm outweighs."""
 _SHORTEST_M = 0.1
 """A path shorter than this, m, has no direction (ours)."""
 _SLACK_M = 1e-3
-"""A place may lie this far beyond an end, m (ours: roundings of files)."""
+"""A place may be this far beyond an end, m (ours: rounding errors in files)."""
 _R = TypeVar("_R")
 
 
 class Starts:
-    """Computes where actors start, one at a time: a place may refer to the route and start of another actor.
+    """Computes the starts of actors, one at a time, because a place may refer to the route and start of another actor.
 
-    `actors` and the `specs` of their models are by the actor's name.
+    `actors`, and the `specs` of their models, by the actor's name.
     """
 
     def __init__(
         self, network: RoadNetwork, actors: Mapping[str, m.Ego | m.Actor], specs: Mapping[str, ModelSpec]
     ) -> None:
         self._network, self._actors, self._specs = network, actors, specs
-        self._found: dict[str, OnRoute] = {}
+        self._on_routes: dict[str, OnRoute] = {}
         self._paths: dict[str, OnPath] = {}
         self._resolving: list[str] = []
 
     def _line_of(self, actor: str) -> tuple[RouteLine, float]:
-        """Return an actor's route line, and the length along it where it starts; while its start is being computed,
-        where its route begins."""
+        """Return an actor's route line and its start along it, m; while the start is being computed, the begin of the
+        route instead."""
         if actor not in self._resolving:
             if actor not in self._actors or route_of(self._actors[actor]) is None:
-                self.on_route(actor)  # raises: this is wrong here, not there
+                self.on_route(actor)  # raises the error here, not at the other actor
             with self._counted_from_here():
                 on_route = self.on_route(actor)
             return on_route.line, on_route.s
@@ -79,21 +78,25 @@ class Starts:
         return line, line.origin_s
 
     def on_route(self, name: str) -> OnRoute:
-        """Return where a vehicle with a route starts; a `RouteError` where its route or start is impossible."""
-        if name not in self._found:
+        """Return the start of a vehicle with a route.
+
+        Raises:
+            RouteError: its route or start is impossible.
+        """
+        if name not in self._on_routes:
             if name not in self._actors:
                 raise RouteError(f"there is no actor called {name}", did_you_mean(name, self._actors))
-            self._found[name] = self._resolved(name, self._place)
-        return self._found[name]
+            self._on_routes[name] = self._resolved(name, self._place)
+        return self._on_routes[name]
 
     def settled(self, name: str) -> OnRoute | None:
-        """Return where a vehicle with a route starts, if that was computed."""
-        return self._found.get(name)
+        """Return the start of a vehicle with a route, if it was computed."""
+        return self._on_routes.get(name)
 
     def settle(self, name: str, start: OnRoute | None) -> None:
-        """Take note of where a vehicle with a route starts; None of what has no route."""
+        """Store the start of a vehicle with a route; None for an actor without a route."""
         if start is not None:
-            self._found[name] = start
+            self._on_routes[name] = start
 
     def _resolved(self, name: str, find: Callable[[str], _R]) -> _R:
         self._resolving.append(name)
@@ -103,9 +106,9 @@ class Starts:
             self._resolving.pop()
 
     def _standing(self, name: str) -> Standing:
-        """Return where an actor of any kind starts, with its way."""
+        """Return the start of an actor of any kind, with its way."""
         if name not in self._actors:
-            if re.fullmatch(r".+_[0-9]+", name):  # a name that nobody has is reported in the text
+            if re.fullmatch(r".+_[0-9]+", name):  # unknown names are reported elsewhere
                 message = f"{name} is of the background traffic, which is placed after all others"
                 raise RouteError(message, "count the place from an actor that has a statement of its own")
             raise RouteError(f"there is no actor called {name}", did_you_mean(name, self._actors))
@@ -128,7 +131,7 @@ class Starts:
 
     @contextmanager
     def _counted_from_here(self) -> Iterator[None]:
-        """Around the start of an actor from which a place is counted: what is wrong there is reported there."""
+        """Convert errors in the start of another actor, to which a place refers: they are reported at that actor."""
         try:
             yield
         except CircleError as err:
@@ -139,11 +142,12 @@ class Starts:
             raise UnsettledError(str(err)) from err
 
     def spot(self, place: m.Place | m.AtStop) -> Spot:
-        """Return where a place is.
+        """Return the position of a place.
 
         Raises:
-            RouteError: an unknown name, or a length beyond the end of an edge or route; a `CircleError` where starts
-                depend on each other; an `UnsettledError` where that of the actor that it is counted from is impossible.
+            RouteError: a name is unknown, or a position is beyond the end of an edge or route.
+            CircleError: starts depend on each other.
+            UnsettledError: the start of the actor to which the place refers is impossible.
         """
         match place:
             case m.Point():
@@ -164,7 +168,7 @@ class Starts:
                 assert_never(place)
 
     def _route_from(self, actor: str) -> tuple[RouteLine, float]:
-        """Return the line of an actor's route, and the length along it from which places along it count, m."""
+        """Return the line of an actor's route, and the position along it from which places are measured, m."""
         line, start = self._line_of(actor)
         if actor in self._resolving[:-1]:
             raise CircleError(tuple(self._resolving[self._resolving.index(actor) :]))
@@ -194,7 +198,7 @@ class Starts:
         return _on(line, s, place)
 
     def on_path(self, name: str) -> OnPath:
-        """Return where an actor with a path starts."""
+        """Return the start of an actor with a path."""
         if name not in self._paths:
             self._paths[name] = self._resolved(name, self._find_on_path)
         return self._paths[name]
@@ -228,7 +232,7 @@ class Starts:
         """Return the corners of a path, m."""
         if isinstance(path, m.Path):
             return [(spot.x, spot.y) for spot in map(self.spot, path.points)]
-        from foresee_dsl.compile.placement.smooth import beside  # shapely: placing actors does without
+        from foresee_dsl.compile.placement.smooth import beside  # slow import (shapely), which most actors do not need
 
         line, start = self._route_from(path.actor)
         ends = start + si(path.begin), start + si(path.end)
@@ -239,7 +243,7 @@ class Starts:
         return beside(line, *ends, left_m=si(path.offset))
 
     def still(self, name: str) -> tuple[float, float, float]:
-        """Return the footprint's centre and the heading of an actor without route and path."""
+        """Return the middle of the footprint and the heading of an actor without route and path."""
         return self._resolved(name, self._find_still)
 
     def _find_still(self, name: str) -> tuple[float, float, float]:
@@ -265,14 +269,14 @@ class Starts:
         return self._network.route_edges(route, lane_kind(spec))
 
     def _first_line(self, name: str) -> RouteLine:
-        """The line used while the start is not known: from the route's beginning, on the lanes that need no change."""
+        """Return the line to use before the start is known: from the route's begin, with the fewest lane changes."""
         return self._network.line(self._edges(name), kind=lane_kind(self._specs[name]))
 
     def _place(self, name: str) -> OnRoute:
         actor, spec = self._actors[name], self._specs[name]
         edges, kind = self._edges(name), lane_kind(spec)
         x, y, heading = self._front(name, actor, spec)
-        # a clip's route begins where the actor is; an author's start may be on a later edge
+        # a clip's route begins at the actor; an author's start may be on a later edge
         ego = isinstance(actor, m.Ego)
         near = edges[:2] if actor.state is not None and not ego else edges
         start = item(actor, m.StartAt)
@@ -290,8 +294,8 @@ class Starts:
             raise RouteError(f"{name} starts " + measured(f"{match:.1f}") + " m off its route", help)
         k, lane, pos = match
         if ego and k and actor.state is not None:
-            # a clip's ego follows its parent's line; it is a whole lane off where the parent began on another lane than
-            # the route alone gives
+            # a clip's ego follows its parent's line; it is a whole lane off that line if the parent began on another
+            # lane than the route alone gives
             line = self._network.line(edges, behind_m=EGO_BEHIND_M, beyond_m=EGO_BEYOND_M, kind=kind)
             s, lateral = line.project(x, y)
             if abs(lateral) < lane.width_m - OTHER_LANE_MARGIN_M:
@@ -309,7 +313,11 @@ class Starts:
         return OnRoute(x, y, heading, lane.id, edges[k:], line, s)
 
     def _check_on_route(self, name: str, place: m.Place | m.AtStop, edges: tuple[str, ...], kind: LaneKind) -> None:
-        """Raise a `RouteError` for a start on an edge that is not on the route, or in a bay that is for others."""
+        """Check a start on an edge.
+
+        Raises:
+            RouteError: the edge is not on the route, or the start is in a bay, which only buses may use.
+        """
         if isinstance(place, m.AtStop):
             stop = self._network.stop(place.stop)
             edge = self._network.bus_stops[place.stop].road
@@ -327,11 +335,11 @@ class Starts:
             raise RouteError(f"{name} starts on {edge}, off its route", "its route is " + one_of(edges))
 
     def _before(self, edge: str, lane: Lane, kind: LaneKind) -> float:
-        """Length from an edge's beginning to that of a lane inside the junction after it."""
+        """Return the distance from an edge's begin to the begin of an internal lane of the junction after it, m."""
         for movement in self._network.movements_from(edge, kind):
             if lane.id in movement.via:
                 before = (movement.from_lane, *movement.via[: movement.via.index(lane.id)])
-                return sum(self._network.lanes[one].line.length_m for one in before)
+                return sum(self._network.lanes[name].line.length_m for name in before)
         return 0.0
 
     def _front(self, name: str, actor: m.Ego | m.Actor, spec: ModelSpec) -> tuple[float, float, float]:
@@ -340,7 +348,7 @@ class Starts:
         start = item(actor, m.StartAt)
         line = self._first_line(name)
         if start is None:
-            # the whole vehicle on its first edge, where that is long enough
+            # places the whole vehicle on its first edge, if that is long enough
             return line.at(min(line.origin_s + spec.length_m, (line.origin_s + line.end_s) / 2))
         place = self.spot(start.place)
         elsewhere = isinstance(start.place, m.AlongRoute | m.PastJunction | m.OfActor) and start.place.actor != name
@@ -354,9 +362,9 @@ class Starts:
     def _match(
         self, edges: tuple[str, ...], kind: LaneKind, x: float, y: float, heading: float
     ) -> tuple[int, Lane, float] | float:
-        """Return the lane of a route (internal lanes too) that a point is on: index of the edge, lane, m along it.
+        """Return the lane of a route (also an internal one) at a point: index of the edge, lane, position along it, m.
 
-        Where none has its border within `OFF_ROUTE_M`, return only the distance to the nearest centreline, m.
+        If no lane's border is within `OFF_ROUTE_M`, return only the distance to the nearest centreline, m.
         """
         best: tuple[float, int, Lane, float] | None = None
         nearest = math.inf
@@ -368,7 +376,7 @@ class Starts:
             turned = abs(wrap(lane.line.at(inside)[2] - heading))
             if off > OFF_ROUTE_M + lane.width_m / 2:
                 continue
-            # lanes overlap in junctions: prefer the one that points the same way, but allow any for a skidding actor
+            # lanes overlap in junctions: prefer the lane in the same direction, but allow any for a skidding actor
             cost = off + turned + _BEYOND_WEIGHT * abs(s - inside)
             cost += OFF_ROUTE_M if turned > _SAME_DIRECTION_RAD else 0.0
             if best is None or cost < best[0] - 1e-9:
@@ -376,17 +384,21 @@ class Starts:
         return best[1:] if best is not None else nearest
 
     def _lanes_of(self, edges: tuple[str, ...], kind: LaneKind) -> list[tuple[int, Lane]]:
-        found: list[tuple[int, Lane]] = []
+        lanes: list[tuple[int, Lane]] = []
         for k, edge in enumerate(edges):
-            found += [(k, lane) for lane in self._network.edges[edge].for_kind(kind)]
+            lanes += [(k, lane) for lane in self._network.edges[edge].for_kind(kind)]
             if k + 1 < len(edges):
                 ways = [way.via for way in self._network.movements_from(edge, kind) if way.to_edge == edges[k + 1]]
-                found += [(k, self._network.lanes[via]) for via in dict.fromkeys(chain.from_iterable(ways))]
-        return found
+                lanes += [(k, self._network.lanes[via]) for via in dict.fromkeys(chain.from_iterable(ways))]
+        return lanes
 
 
 def _check_on(line: RouteLine, s: float, actor: str) -> None:
-    """Raise a `RouteError` for a length that is not on an actor's route."""
+    """Check a position along an actor's route.
+
+    Raises:
+        RouteError: the position is not on the route.
+    """
     if not line.origin_s - _SLACK_M <= s <= line.end_s + _SLACK_M:
         beyond = s - line.end_s if s > line.end_s else line.origin_s - s
         side = "after the end" if s > line.end_s else "before the beginning"

@@ -1,4 +1,4 @@
-"""Reading the statements of an actor that say where it is, and what its model is to roads."""
+"""Reads the statements of an actor that determine its position, and the kind of lanes that its model uses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def lane_kind(spec: ModelSpec) -> LaneKind:
 
 
 def item(actor: m.Ego | m.Actor, kind: type[_T]) -> _T | None:
-    """Return an actor's last statement of a kind, if any: a mutation's statement comes after the author's."""
+    """Return an actor's last statement of a kind, if any; a mutation's statement comes after the author's."""
     return next((i for i in reversed(actor.body) if isinstance(i, kind)), None)
 
 
@@ -50,7 +50,8 @@ def path_of(actor: m.Ego | m.Actor) -> m.AnyPath | None:
 
 
 def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:
-    """Return the footprint's centre and the heading of an exact state, which gives the front bumper of vehicles."""
+    """Return the footprint's middle and the heading of an exact state; a vehicle's state is that of its front
+    bumper."""
     heading = wrap(si(state.heading))
     back = spec.length_m / 2 if spec.kind in WHEELS else 0.0
     return si(state.at.x) - back * math.cos(heading), si(state.at.y) - back * math.sin(heading), heading

@@ -1,4 +1,4 @@
-"""Where movements through a junction conflict: the intervals along both, and which one yields."""
+"""Conflicts between movements through a junction: the intervals along both, and which movement yields."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from foresee_dsl.compile.roads.route_line import approach
 from foresee_dsl.compile.roads.topology import Crossing, LaneKind, Movement, Topology
 
 HALF_WIDTH_M = 1.0
-"""Two movements conflict where bands of this half width around their centrelines overlap: a car's body, not its
-lane."""
+"""Half of the width of the bands around centrelines, m: two movements conflict where their bands overlap. It is that of
+a car's body, not of its lane."""
 APPROACH_M = 60.0
-"""Length of a foe's approach that drivers are given, m (ours: at 50 km/h a car covers it in 4.3 s)."""
+"""Length of a foe's approach in the data for drivers, m (ours: at 50 km/h a car covers it in 4.3 s)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Conflict:
-    """A movement or a pedestrian crossing whose area a movement crosses or joins.
+    """A conflicting movement or pedestrian crossing, whose area a movement crosses or joins.
 
     Attributes:
-        path: [N, 2] m; of vehicles with their approach. entry_s: where on it they enter the junction.
-        own: (first, last) m along the movement's own way through the junction. other: the same along `path`.
-        yields: our movement must let it go first while both may go.
-        tls, link: the signal that it obeys ("" and -1 for none).
+        path: way of the foe, [N, 2] m; of vehicles with their approach. entry_s: position of the junction along it, m.
+        own: first and last position in the conflict area along the movement's own way through the junction, m.
+        other: the same along `path`. yields: the movement must yield to the foe if both may go.
+        tls, link: the signal of the foe ("" and -1 for none).
     """
 
     path: NDArray[np.float64]
@@ -44,12 +44,12 @@ class Conflict:
 
 @lru_cache(maxsize=4096)
 def conflicts_of(network: Topology, movement: Movement) -> tuple[Conflict, ...]:
-    """Return everything that conflicts with a movement: from the right-of-way matrix and the shapes of the lanes."""
+    """Return all conflicts of a movement, from the right-of-way matrix and the shapes of the lanes."""
     junction = network.junctions[movement.junction]
     own = _way(network, movement)
     if own is None:
         return ()
-    found: list[Conflict] = []
+    conflicts: list[Conflict] = []
     others: tuple[Movement | Crossing, ...] = (*network.movements_at(junction.id), *network.crossings_at(junction.id))
     for other in others:
         way: Polyline | None = None
@@ -63,7 +63,7 @@ def conflicts_of(network: Topology, movement: Movement) -> tuple[Conflict, ...]:
         mine, (first, last) = overlap
         before = _before(network, other) if isinstance(other, Movement) else ()
         entry = Polyline.of(before).length_m if before else 0.0
-        found.append(
+        conflicts.append(
             Conflict(
                 path=np.array(distinct((*before, *way.xy))) if before else way.points,
                 entry_s=entry,
@@ -75,11 +75,11 @@ def conflicts_of(network: Topology, movement: Movement) -> tuple[Conflict, ...]:
                 link=other.link,
             )
         )
-    return tuple(found)
+    return tuple(conflicts)
 
 
 def _before(network: Topology, movement: Movement) -> Points:
-    """The last `APPROACH_M` before a movement's junction."""
+    """Return the last `APPROACH_M` of the way to a movement's junction."""
     kind: LaneKind = "car" if "car" in movement.kinds else "bicycle"
     lane = network.lanes[movement.from_lane]
     before = lane.line.xy[bisect_left(lane.line.marks, lane.line.length_m - APPROACH_M) :]
@@ -89,7 +89,7 @@ def _before(network: Topology, movement: Movement) -> Points:
 
 
 def _way(network: Topology, movement: Movement) -> Polyline | None:
-    """The way through the junction; None where the net has no lanes inside junctions."""
+    """Return the way of a movement through its junction; None if the net has no internal lanes."""
     if not movement.via:
         return None
     return Polyline.of([point for lane in movement.via for point in network.lanes[lane].shape])
@@ -98,7 +98,7 @@ def _way(network: Topology, movement: Movement) -> Polyline | None:
 def _overlap(
     own: Polyline, other: Polyline, other_half_width_m: float
 ) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Intervals along both lines where their bands overlap, or None."""
+    """Return the intervals along both lines in which their bands overlap, or None."""
     band = shapely.LineString(own.points).buffer(HALF_WIDTH_M, cap_style="flat")
     area = band.intersection(shapely.LineString(other.points).buffer(other_half_width_m, cap_style="flat"))
     if area.is_empty or area.area <= 0:

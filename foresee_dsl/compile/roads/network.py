@@ -1,4 +1,4 @@
-"""The road network as the compiler and the simulator see it: routes, lines, the nearest lane, where the road ends."""
+"""The road network for compiler and simulator: routes, lines, the nearest lane, and the drivable area."""
 
 from __future__ import annotations
 
@@ -29,33 +29,35 @@ if TYPE_CHECKING:
     from foresee_dsl.compile.roads.polyline import FloatArray
 
 _SAME_DIRECTION_RAD = math.radians(60)
-"""A lane whose direction differs by more is not the one that a vehicle drives on (measured on CARLA's towns: with 60
-degrees all 612 waypoints find their lane)."""
+"""A vehicle is not on a lane whose direction differs from its heading by more than this, rad (measured on CARLA's
+towns: with 60 degrees all 612 waypoints find their lane)."""
 _HEADING_WEIGHT_M = 1.0
-"""Inside junctions lanes overlap: a radian off in direction counts like a metre off sideways (ours)."""
+"""Cost of 1 rad difference in direction, m: inside junctions, where lanes overlap, it counts like 1 m sideways
+(ours)."""
 _CLOSE_GAPS_M = 0.3
-"""Gaps between lanes of up to twice this width are road (ours: roundings and corners of maps; no median is so
-narrow)."""
+"""Gaps between lanes of up to twice this width are road, m (ours: roundings and corners of maps; medians are wider)."""
 
 _WHOLE_M = 3000.0
-"""A map of at most this side is looked at as a whole (ours: CARLA's largest town of the tests has some 800 m)."""
+"""The drivable area of a map with sides up to this is computed as a whole, m (ours: the largest of CARLA's towns in the
+tests has some 800 m)."""
 _TILE_M = 500.0
-"""Side of the parts of a larger map, m (ours: most ways lie in one or two)."""
+"""Side of the tiles of a larger map, m (ours: most routes lie in one or two)."""
 _BESIDE_M = 50.0
-"""Beside a part, m, what touches it counts too (ours: more than the widest lane and the largest remembered square)."""
+"""Margin of a tile in which roads count too, m (ours: more than the widest lane and the largest cached square)."""
 Box = tuple[float, float, float, float]
 """Left, bottom, right and top, m."""
 _CELL_M = 50.0
-"""Ours: a town's lanes are 50 to 150 m long, so that each is in a few cells and a cell holds a junction's lanes."""
+"""Side of a cell of the lane index, m. Ours: a town's lanes are 50 to 150 m long, so that each is in a few cells, and a
+cell holds the lanes of a junction."""
 _CORNERS = 36
-"""Corners of a roundabout's outline (ours: of 20 m radius, it is within 8 cm of the circle)."""
+"""Number of corners of a roundabout's outline (ours: at a radius of 20 m it is within 8 cm of the circle)."""
 _REACHES_M = (10.0, 100.0, 1000.0)
-"""Radii, m, in which the nearest lane is sought before all lanes are compared (ours)."""
+"""Radii in which the nearest lane is searched before all lanes are compared, m (ours)."""
 
 
 @dataclass(frozen=True)
 class NearLane:
-    """Where a point is relative to a lane: length along it, distance sideways (left positive)."""
+    """The position of a point relative to a lane: along it, and sideways (left positive), m."""
 
     lane: Lane
     pos_m: float
@@ -64,9 +66,9 @@ class NearLane:
 
 @dataclass(frozen=True, eq=False)
 class StopPlace:
-    """A bus stop: its lane, how far along it the front of a vehicle that stops there stands, m, its length, m, and its
-    outline, of the lane's width. `bay`: the lane is a bay, for buses alone; `beside`: the lanes that lead to it, on the
-    pieces of its edge before it."""
+    """A bus stop: its lane, the position along it of the front of a stopped vehicle, m, its length, m, and its outline
+    as wide as the lane. `bay`: the lane is a bay, which only buses may use. `beside`: the lanes that lead to the bay,
+    on the pieces of its edge before it."""
 
     lane: Lane
     pos_m: float
@@ -80,8 +82,8 @@ class StopPlace:
 class RoadNetwork(Topology):
     """A road network; compared by identity, so that results can be cached per network.
 
-    `buildings`: outlines of what hides things; the net file has none. `bus_stops`: the statements of the bus stops, by
-    name; likewise.
+    `buildings`: outlines of buildings, which hide actors; `bus_stops`: the statements of the bus stops by name. A net
+    file has neither.
     """
 
     buildings: tuple[Points, ...] = ()
@@ -90,16 +92,15 @@ class RoadNetwork(Topology):
     @classmethod
     def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
         """Read a SUMO network, and add the outlines of its buildings."""
-        from foresee_dsl.compile.nets.net_reader import read_net  # XML, which a net that was read before does without
+        from foresee_dsl.compile.nets.net_reader import read_net  # slow import (XML), only for new nets
 
         return cls.of(read_net(net_file), buildings)
 
     @classmethod
     def of(cls, topology: Topology, buildings: tuple[Points, ...] = (), written: Network | None = None) -> RoadNetwork:
-        """Make one from what was read, and the outlines of its buildings.
+        """Return a network with the parts of a topology and the outlines of its buildings.
 
-        `written`: the network that the net was built from: it says which edges are pieces of one, and what a
-        roundabout is.
+        `written`: the network from which the net was built; it defines pieces of edges, roundabouts and bus stops.
         """
         read = {f.name: getattr(topology, f.name) for f in fields(Topology)}
         if written is not None:
@@ -121,24 +122,28 @@ class RoadNetwork(Topology):
         beyond_m: float = 0.0,
         kind: LaneKind = "car",
     ) -> RouteLine:
-        """Return the centreline for a vehicle that follows connected edges, with the fewest lane changes; a
-        `RouteError` where no lane of an edge leads to the next for this kind.
+        """Return the centreline for a vehicle that follows connected edges, with the fewest lane changes.
 
         Args:
-            start_lane: the lane of the first edge to begin on, or a lane inside the junction between the first two
-            edges; the line then goes through it.
-            after_m: no lane change on the first edge begins before this length along it.
-            behind_m: add this much of the way to the first edge. beyond_m: add at least this much after the last edge,
-            straight on where possible; both as far as the network goes.
+            edges: the route. kind: the kind of lanes that the vehicle uses.
+            start_lane: the lane of the first edge on which the line begins, or an internal lane between the first two
+                edges, through which the line leads.
+            after_m: position along the first edge before which no lane change begins.
+            behind_m: length of the way to the first edge that is added before it, m.
+            beyond_m: smallest length that is added after the last edge, straight on if possible, m. Both end where the
+                network ends.
+
+        Raises:
+            RouteError: no lane of an edge leads to the next edge for this kind.
         """
         return build_line(self, edges, start_lane, after_m, behind_m, beyond_m, kind)
 
     def nearest_lane(
         self, x: float, y: float, heading_rad: float | None = None, kind: LaneKind = "car", within_m: float = 10.0
     ) -> NearLane | None:
-        """Return the lane (inside junctions too) nearest to a point, m, no farther away than `within_m`; or None.
+        """Return the lane (also an internal one) nearest to a point, m, within `within_m`; None if there is none.
 
-        With a heading only lanes within 60 degrees of it, and of several the one that points the same way.
+        With a heading, only lanes within 60 degrees of it are considered, and similar directions are preferred.
         """
         best: tuple[float, NearLane] | None = None
         for _, lane in self._index(kind).within(x, y, within_m):
@@ -155,17 +160,17 @@ class RoadNetwork(Topology):
         return best[1] if best is not None else None
 
     def distance_to_lanes(self, x: float, y: float, kind: LaneKind = "car") -> float:
-        """Return the distance (m) to the edge of the nearest lane for a kind: 0 on one, infinite for none."""
+        """Return the distance to the border of the nearest lane for a kind, m: 0 on a lane, infinite without lanes."""
         away, lanes = self._index(kind).nearest(x, y)
         return max(away - max((lane.width_m for lane in lanes), default=0.0) / 2, 0.0)
 
     def far_from_lanes(self, points: Sequence[XY], beyond_m: float) -> XY | None:
-        """Return the first of some points that is farther than a distance from every lane's centreline, if any."""
+        """Return the first point that is farther than `beyond_m` from the centrelines of all lanes, if any."""
         index = self._index(None)
         return next((point for point in points if not index.any_within(*point, beyond_m)), None)
 
     def wall_on_the_way(self, path: Sequence[XY]) -> XY | None:
-        """Return a corner of the first building that a path (or a point) is in or goes through, if any."""
+        """Return a corner of the first building that a path (or a point) touches, if any."""
         left, right = min(x for x, _ in path), max(x for x, _ in path)
         bottom, top = min(y for _, y in path), max(y for _, y in path)
         for outline, (low_x, low_y, high_x, high_y) in zip(self.buildings, self._building_boxes, strict=True):
@@ -176,21 +181,24 @@ class RoadNetwork(Topology):
         return None
 
     def locate(self, edge: str, at_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """Return x, y, heading of a place along an edge's rightmost car lane, `at_m` from its beginning (negative: its
+        """Return x, y and heading of a place on an edge's rightmost car lane, `at_m` from its begin (negative: from its
         end).
 
-        `offset_m`: sideways from that lane's centre, left positive. A `RouteError` for no such edge, or a shorter one.
+        `offset_m`: distance to the left of that lane's centre.
+
+        Raises:
+            RouteError: the edge does not exist or is shorter.
         """
         lane, left_m = self.place_on(edge, at_m)
         return lane.line.at(left_m, offset_m)
 
     def place_on(self, edge: str, at_m: float) -> tuple[Lane, float]:
-        """Return the rightmost lane for cars at a length along an edge (negative: from its end), and the length along
-        that lane; errors as of `locate`."""
+        """Return the rightmost car lane at a position along an edge (negative: from its end), and the position along
+        that lane, m; errors as of `locate`."""
         routing.check_edge(self, edge)
         lanes = [self.edges[piece].drivable[0] for piece in self.pieces(edge)]
         pieces = [lane.line for lane in lanes]
-        gaps = [distance(one.xy[-1], other.xy[0]) for one, other in pairwise(pieces)]
+        gaps = [distance(first.xy[-1], second.xy[0]) for first, second in pairwise(pieces)]
         length_m = sum(piece.length_m for piece in pieces) + sum(gaps)
         if abs(at_m) > length_m + 1e-6:
             message = (
@@ -209,7 +217,11 @@ class RoadNetwork(Topology):
         return lane, left_m
 
     def stop(self, name: str) -> StopPlace:
-        """Return where a bus stop is; a `RouteError` where there is none, or it lies beyond the end of its road."""
+        """Return a bus stop.
+
+        Raises:
+            RouteError: the stop does not exist, or is beyond the end of its road.
+        """
         stop = self.bus_stops.get(name)
         if stop is None:
             help = did_you_mean(name, self.bus_stops)
@@ -231,28 +243,28 @@ class RoadNetwork(Topology):
         """The bus stops that lie on their roads, by name."""
         on_their_roads = {}
         for name in self.bus_stops:
-            with suppress(routing.RouteError):  # an actor that stops there is told so
+            with suppress(routing.RouteError):  # the error is reported for actors that stop there
                 on_their_roads[name] = self.stop(name)
         return on_their_roads
 
     @cached_property
     def bays(self) -> frozenset[str]:
-        """The lanes that are bays of bus stops, by their ids."""
+        """Ids of the lanes that are bays of bus stops."""
         return frozenset(lane.id for lane in self.lanes.values() if lane.bay)
 
     @cached_property
     def drivable(self) -> BaseGeometry:
-        """Where vehicles may be: car lanes with their width, and junctions without their walking areas.
+        """The area where vehicles may be: car lanes with their width, and junctions without their walking areas.
 
-        Crossings, parking strips, bus lanes and what else lies on the carriageway count as road. Prepared for tests of
-        points.
+        Crossings, parking strips, bus lanes and other parts of the carriageway belong to it. The geometry is prepared
+        for point tests.
         """
         return self._drivable((-math.inf, -math.inf, math.inf, math.inf))
 
     def drivable_around(self, x: float, y: float) -> BaseGeometry:
-        """Return the drivable area for questions about a place, and 25 m around it: of a large map only a part of it.
+        """Return the drivable area at a place and 25 m around it: for a large map only a part of the whole area.
 
-        Of a map of 15 km by 11 km the whole area takes half of the time of a run.
+        Computing the whole area of a map of 15 km by 11 km would take half of the time of a run.
         """
         left, bottom, right, top = self.bounds
         if max(right - left, top - bottom) <= _WHOLE_M:
@@ -270,15 +282,15 @@ class RoadNetwork(Topology):
 
     @cached_property
     def bounds(self) -> Box:
-        """Left, bottom, right and top of all that is drivable, m, with some metres to spare."""
+        """Bounds of the drivable area with a margin of some metres: left, bottom, right and top, m."""
         outlines = (*(lane.shape for lane in self.lanes.values()), *(j.polygon for j in self.junctions.values()))
         xs, ys = zip(*(point for outline in outlines for point in outline), strict=True)
         spare_m = max(lane.width_m for lane in self.lanes.values()) + _CLOSE_GAPS_M
         return min(xs) - spare_m, min(ys) - spare_m, max(xs) + spare_m, max(ys) + spare_m
 
     def _drivable(self, box: Box) -> BaseGeometry:
-        """The drivable area of what lies in a box, wholly or partly."""
-        import shapely  # here: it takes long to import, and placing actors does without
+        """Return the drivable area of the parts of the network that touch a box."""
+        import shapely  # imported here: the import is slow, and placing actors does not need it
 
         walking = shapely.union_all([_polygon(area.polygon) for area in self.walking_areas.values()
                                      if _touches(area.polygon, box)])  # fmt: skip
@@ -293,7 +305,7 @@ class RoadNetwork(Topology):
         return area
 
     def off_road_depth(self, points: FloatArray) -> FloatArray:
-        """Return [K] m: how far each of [K, 2] points is outside the drivable area, 0 inside."""
+        """Return the distance of each of [K, 2] points from the drivable area, [K] m; 0 inside."""
         import numpy as np
         import shapely
 
@@ -306,7 +318,7 @@ class RoadNetwork(Topology):
 
     @cached_property
     def _building_boxes(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Left, bottom, right and top of each building."""
+        """Bounds of each building: left, bottom, right and top, m."""
         corners = (tuple(zip(*outline, strict=True)) for outline in self.buildings)
         return tuple((min(xs), min(ys), max(xs), max(ys)) for xs, ys in corners)
 
@@ -315,7 +327,7 @@ class RoadNetwork(Topology):
         return {}
 
     def _index(self, kind: LaneKind | None) -> _LaneIndex:
-        """Lanes by place: all, or those of a kind without walking areas, which have an outline and no centreline."""
+        """Return an index of all lanes, or of those for a kind, without walking areas, which have no centreline."""
         if kind not in self._indices:
             lanes = self.lanes.values()
             own = (ln for ln in lanes if kind in ln.kinds and ln.edge not in self.walking_areas)
@@ -338,11 +350,11 @@ def rings_of(network: Network | Path) -> Mapping[str, Roundabout]:
 
 
 _LEAST_STOP_M = 0.5
-"""A shorter stop, cut off by the edge's beginning, has no outline (ours)."""
+"""A stop that the edge's begin cuts to less than this has no outline, m (ours)."""
 
 
 def _stop_outline(lane: Lane, front_m: float, length_m: float) -> Points:
-    """Return the outline of a bus stop on its lane; none where the edge's beginning cuts almost all of it off."""
+    """Return the outline of a bus stop on its lane; empty if the edge's begin cuts off almost all of it."""
     begin_m = max(front_m - length_m, 0.0)
     if front_m - begin_m <= _LEAST_STOP_M:
         return ()
@@ -361,14 +373,14 @@ def buildings_of(network: Network | Path) -> tuple[Points, ...]:
 
 
 def _touches(points: Points, box: Box) -> bool:
-    """Whether the bounding box of some points touches a box; of no points it does not."""
+    """Return whether the bounding box of points touches a box; False without points."""
     xs, ys = [x for x, _ in points], [y for _, y in points]
     left, bottom, right, top = box
     return bool(points) and min(xs) <= right and max(xs) >= left and min(ys) <= top and max(ys) >= bottom
 
 
 def _polygon(points: Points) -> BaseGeometry:
-    """A polygon from an open outline; SUMO's can touch themselves or be flat."""
+    """Return a valid polygon for an open outline; SUMO's outlines can touch themselves or be flat."""
     import shapely
 
     if len(points) < 3:
@@ -378,7 +390,8 @@ def _polygon(points: Points) -> BaseGeometry:
 
 
 class _LaneIndex:
-    """Lanes by the cells of a grid that the bounding box of their centreline touches (no numpy: see `polyline`)."""
+    """Lanes by the cells of a grid that the bounding box of their centreline touches (without numpy: see
+    `polyline`)."""
 
     def __init__(self, lanes: Iterable[Lane]) -> None:
         self._lanes = tuple(lanes)
@@ -391,16 +404,16 @@ class _LaneIndex:
                 self._cells.setdefault(cell, []).append(k)
 
     def within(self, x: float, y: float, reach_m: float) -> list[tuple[float, Lane]]:
-        """Return the lanes whose centreline comes so near to a point, with the distance."""
-        found = ((distance_to(x, y, lane.shape), lane) for lane in self._may_be_within(x, y, reach_m))
-        return [one for one in found if one[0] <= reach_m]
+        """Return the lanes whose centreline is within `reach_m` of a point, with the distance."""
+        candidates = ((distance_to(x, y, lane.shape), lane) for lane in self._may_be_within(x, y, reach_m))
+        return [candidate for candidate in candidates if candidate[0] <= reach_m]
 
     def any_within(self, x: float, y: float, reach_m: float) -> bool:
-        """Say whether a lane's centreline comes so near to a point."""
+        """Return whether a lane's centreline is within `reach_m` of a point."""
         return any(distance_to(x, y, lane.shape) <= reach_m for lane in self._may_be_within(x, y, reach_m))
 
     def _may_be_within(self, x: float, y: float, reach_m: float) -> Iterator[Lane]:
-        """Yield the lanes whose bounding box comes so near to a point, in their order."""
+        """Yield the lanes whose bounding box is within `reach_m` of a point, in their order."""
         low_x, low_y, high_x, high_y = x - reach_m, y - reach_m, x + reach_m, y + reach_m
         near = set()
         for cell in _cells(low_x, low_y, high_x, high_y):
@@ -411,15 +424,16 @@ class _LaneIndex:
         yield from (self._lanes[k] for k in sorted(near))
 
     def nearest(self, x: float, y: float) -> tuple[float, tuple[Lane, ...]]:
-        """Return the distance of the nearest lane's centreline, and all that are so near; infinite for no lanes."""
+        """Return the distance of the nearest lane's centreline, and all lanes at that distance; infinite without
+        lanes."""
         for reach in _REACHES_M:
-            found = self.within(x, y, reach)
-            if found:
+            candidates = self.within(x, y, reach)
+            if candidates:
                 break
         else:
-            found = [(distance_to(x, y, lane.shape), lane) for lane in self._lanes]
-        away = min((away for away, _ in found), default=math.inf)
-        return away, tuple(lane for at, lane in found if at == away)
+            candidates = [(distance_to(x, y, lane.shape), lane) for lane in self._lanes]
+        away = min((away for away, _ in candidates), default=math.inf)
+        return away, tuple(lane for at, lane in candidates if at == away)
 
 
 def _cells(low_x: float, low_y: float, high_x: float, high_y: float) -> list[tuple[int, int]]:

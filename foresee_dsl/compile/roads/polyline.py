@@ -1,7 +1,8 @@
-"""Polylines with a length along them: the arithmetic under lanes and routes.
+"""Polylines with positions along them: the arithmetic of lanes and routes.
 
-Plain numbers instead of numpy: `foresee check` places every actor with it, and importing numpy would take a third of
-the time that a check may take. Drivers and the simulator, which compute with arrays, use `points`, `s` and `heading`.
+It uses plain numbers, not numpy, because `foresee check` places all actors with it, and the import of numpy would take
+a third of the time allowed for a check. Drivers and the simulator, which compute with arrays, use `points`, `s` and
+`heading`.
 """
 
 from __future__ import annotations
@@ -28,28 +29,30 @@ Points = tuple[XY, ...]
 STEP_M = 1.0
 """Largest distance between neighbouring points, m (the driver protocol promises it)."""
 MERGE_M = 0.05
-"""Points nearer than this, m, are one: netconvert 1.28 rounds to 1 cm by default, and the direction of a segment of
-1 cm means nothing."""
+"""Points nearer than this, m, are treated as one: netconvert 1.28 rounds to 1 cm by default, so the direction of a
+segment of 1 cm is meaningless."""
 SPIKE_M = 0.5
-"""A turn back by less than this, m, is a fault of a map where two lanes join (CARLA's Town01 has six of 0.2 m)."""
+"""A reversal by less than this, m, is a fault of the map where two lanes join (CARLA's Town01 has six of 0.2 m)."""
 CURVATURE_SPAN_M = 5.0
-"""Curvature is the change of heading over this length (ours: netconvert's turns have corners every 2 to 4 m)."""
+"""Length over which curvature is computed from the change of heading, m (ours: netconvert's turns have a corner every 2
+to 4 m)."""
 _WINDOW_M = 12.0
-"""How far before and after a hint the nearest point is sought, m (ours: a vehicle moves 3 m a step at most)."""
+"""The nearest point is searched up to this far before and after a hint, m (ours: a vehicle moves at most 3 m a
+step)."""
 _SAMPLE_EVERY = 16
-"""Every 16th segment gives a first bound of a point's distance to the line (ours, measured)."""
+"""Each segment of this number gives a first bound of a point's distance to the line (ours, measured)."""
 _SKIP_BEYOND_M2 = 4.0
-"""Segments are skipped only where a point is farther away than that bound by this much, m^2: below, computing how many
-to skip costs more than it saves (ours, measured)."""
+"""Segments are skipped only if the squared distance of the point exceeds the squared bound by this, m^2: otherwise
+computing the number to skip costs more than it saves (ours, measured)."""
 _ROUNDING_M = 1e-6
-"""Added to the bound, so that no rounding skips the nearest segment."""
+"""Margin of the bound, m, so that rounding errors cannot skip the nearest segment."""
 _NARROW_WINDOW_M, _ON_LINE_M = 2.0, 0.5
-"""For a point within 0.5 m of the line, 2 m before and after the hint are enough: two steps of a vehicle at 70 km/h;
-lines turn with a radius of 3 m at least (ours)."""
+"""For a point within 0.5 m of the line, 2 m before and after the hint are searched: two steps of a vehicle at 70 km/h;
+lines turn with a radius of at least 3 m (ours)."""
 
 
 def as_array(field: str) -> cached_property[FloatArray]:
-    """Return a property that is a field as a float64 array, made when it is first used."""
+    """Return a property that holds a field as a float64 array, created on first use."""
 
     def convert(line: object) -> FloatArray:
         import numpy as np
@@ -65,8 +68,8 @@ class Polyline:
 
     Attributes:
         xy: N points, N >= 2, at most 1 m apart.
-        marks: N m, length along it from 0.
-        angles: N rad, counter-clockwise from east, continuous (they may leave -pi..pi).
+        marks: position of each point along the line, m, from 0.
+        angles: direction at each point, rad, counter-clockwise from east, continuous (they may leave -pi..pi).
     """
 
     xy: Points
@@ -75,14 +78,14 @@ class Polyline:
 
     @classmethod
     def of(cls, points: Iterable[Sequence[float]] | FloatArray) -> Polyline:
-        """Make one from points (or an [N, 2] array) of any spacing."""
+        """Return a polyline through points (or an [N, 2] array) of any spacing."""
         fine = subdivide(as_line(points))
         s = lengths(fine)
         return cls(fine, s, headings(fine, s))
 
     @property
     def length_m(self) -> float:
-        """The whole length."""
+        """Length of the line, m."""
         return self.marks[-1]
 
     points = as_array("xy")
@@ -103,8 +106,8 @@ class Polyline:
         return np.asarray(turned / np.maximum(ahead - behind, 1e-6), dtype=np.float64)
 
     def at(self, s: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """Return x, y and heading (-pi..pi) at a length, m, or beside it (left positive); beyond the ends the line is
-        extended straight."""
+        """Return x, y and heading (-pi..pi) at a position along the line, m, `offset_m` to its left; beyond its ends
+        the line continues straight."""
         marks = self.marks
         k = min(max(bisect_right(marks, s) - 1, 0), len(marks) - 2)
         span = marks[k + 1] - marks[k]
@@ -123,31 +126,32 @@ class Polyline:
     def project(
         self, x: float | FloatArray, y: float | FloatArray, near_s: float | None = None
     ) -> tuple[float, float] | tuple[FloatArray, FloatArray]:
-        """Return the length along the line nearest to a point (m, numbers or [K]), and the distance sideways (left
-        positive). Before the beginning the length is negative, after the end it exceeds `length_m`.
+        """Return the position along the line nearest to a point (m, numbers or [K]), and the distance sideways (left
+        positive). Before the line's begin the position is negative, after its end it exceeds `length_m`.
 
-        The nearest point is sought within 12 m of `near_s`, which is faster and finds the right pass where the line
-        comes by twice; if it is not there, on the whole line.
+        The nearest point is searched within 12 m of `near_s`, which is faster and finds the right pass if the line
+        passes the point twice; if it is not there, on the whole line.
         """
         if getattr(x, "ndim", 0):
             return self._project_many(x, y)  # type: ignore[arg-type]  # an array, as the overload says
         last = len(self._segments)
         px, py = float(x), float(y)
         if near_s is not None:
-            if (found := self._on_line(px, py, near_s)) is not None:
-                return self._result(*found, px, py)
+            if (nearest := self._on_line(px, py, near_s)) is not None:
+                return self._result(*nearest, px, py)
             low = min(max(bisect_right(self.marks, near_s - _WINDOW_M) - 1, 0), last - 1)
             high = min(max(bisect_right(self.marks, near_s + _WINDOW_M), low + 1), last)
             k, t = self._nearest(px, py, low, high)
-            # where the window ends before the line does, something nearer may lie beyond
+            # if the window ends before the line does, a nearer point may lie beyond
             if not (k == low and t < 0.0 and low > 0) and not (k == high - 1 and t > 1.0 and high < last):
                 return self._result(k, t, px, py)
         return self._result(*self._nearest(px, py, 0, last), px, py)
 
     def _on_line(self, x: float, y: float, near_s: float) -> tuple[int, float] | None:
-        """Return the nearest segment, and the share of it, for a point almost on the line close to a length; else None.
+        """Return the nearest segment and the share of it, for a point almost on the line and close to `near_s`; else
+        None.
 
-        Nothing else within 12 m can be nearer then, as no line bends so sharply.
+        No other point within 12 m can be nearer in that case, because lines do not bend that sharply.
         """
         low = max(bisect_right(self.marks, near_s - _NARROW_WINDOW_M) - 1, 0)
         high = min(bisect_right(self.marks, near_s + _NARROW_WINDOW_M), len(self._segments))
@@ -162,32 +166,32 @@ class Polyline:
 
     @cached_property
     def _segments(self) -> tuple[tuple[float, float, float, float, float], ...]:
-        """For each segment x and y of its beginning and of its extent, and one by its length squared."""
+        """For each segment: x and y of its begin, x and y of its extent, and 1 / squared length."""
         return tuple(
             (x0, y0, x1 - x0, y1 - y0, 1.0 / max((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0), 1e-12))
             for (x0, y0), (x1, y1) in pairwise(self.xy)
         )
 
     def _nearest(self, x: float, y: float, low: int, high: int) -> tuple[int, float]:
-        """Return the segment of low..high (exclusive) nearest to a point, and where on it (a share).
+        """Return the segment of low..high (exclusive) nearest to a point, and the nearest point on it as a share.
 
-        Along the line the distance to the point falls by at most the length travelled. So where it exceeds a known
+        Over d metres along the line, the distance to the point decreases by at most d metres. So if it exceeds the
         bound by d metres, the next d metres of the line are skipped.
         """
         segments, marks = self._segments, self.marks
-        known = math.inf  # m^2: the nearest point is no farther away
+        bound = math.inf  # m^2: the nearest point is no farther away
         for x0, y0, *_ in segments[low:high:_SAMPLE_EVERY] if high - low > 2 * _SAMPLE_EVERY else ():
             px, py = x - x0, y - y0
-            known = min(known, px * px + py * py)
-        known_m = math.sqrt(known) + _ROUNDING_M
+            bound = min(bound, px * px + py * py)
+        bound_m = math.sqrt(bound) + _ROUNDING_M
         best, at, share, k = math.inf, low, 0.0, low
         while k < high:
             x0, y0, dx, dy, inverse = segments[k]
             px, py = x - x0, y - y0
             from_start = px * px + py * py
             if (
-                from_start > known + _SKIP_BEYOND_M2
-                and (clear := marks[k] + math.sqrt(from_start) - known_m) > marks[k + 1]
+                from_start > bound + _SKIP_BEYOND_M2
+                and (clear := marks[k] + math.sqrt(from_start) - bound_m) > marks[k + 1]
             ):
                 k = bisect_right(marks, clear, k, high) - 1 if clear < marks[high] else high
                 continue
@@ -220,7 +224,7 @@ class Polyline:
         return tuple(np.array(self._segments, dtype=np.float64).T.copy())
 
     def _result(self, k: int, t: float, x: float, y: float) -> tuple[float, float]:
-        """Length and sideways distance of a point whose nearest point is at share t of segment k."""
+        """Return position and sideways distance of a point whose nearest point is at share t of segment k."""
         x0, y0, sx, sy, inverse = self._segments[k]
         low = -math.inf if k == 0 else 0.0
         high = math.inf if k == len(self._segments) - 1 else 1.0
@@ -232,7 +236,7 @@ class Polyline:
 
 @lru_cache(maxsize=128)
 def line_of(path: Points) -> Polyline:
-    """Return `Polyline.of` a path, cached: the children of a clip have the same paths."""
+    """Return `Polyline.of` a path, cached because the children of a clip have the same paths."""
     return Polyline.of(path)
 
 
@@ -247,7 +251,7 @@ def as_line(points: Iterable[Sequence[float]] | FloatArray) -> Points:
 
 
 def whole_millimetres(points: Iterable[XY]) -> Points:
-    """Return the points of a body's path as clips write them: a child's path is then exactly its parent's."""
+    """Return the points of a path rounded as in clips, so that a child's path is exactly its parent's."""
     return tuple((round(x * 1000.0) / 1000.0, round(y * 1000.0) / 1000.0) for x, y in points)
 
 
@@ -273,12 +277,12 @@ def distance_to(x: float, y: float, points: Points) -> float:
 
 
 def lengths(points: Sequence[XY]) -> tuple[float, ...]:
-    """Return for each point the length along the line, m."""
+    """Return the position of each point along the line, m."""
     return tuple(accumulate(starmap(distance, pairwise(points)), initial=0.0))
 
 
 def interpolate(at: float, marks: Sequence[float], values: Sequence[float]) -> float:
-    """Return the value at a mark, between its neighbours; beyond the ends the first or last."""
+    """Return the value at a mark, interpolated between its neighbours; beyond the ends the first or last value."""
     if at <= marks[0]:
         return values[0]
     if at >= marks[-1]:
@@ -288,22 +292,22 @@ def interpolate(at: float, marks: Sequence[float], values: Sequence[float]) -> f
 
 
 def headings(points: Sequence[XY], s: Sequence[float]) -> tuple[float, ...]:
-    """Return for each point the direction, rad, continuous: at a corner the mean of the two directions."""
+    """Return the direction at each point, rad, continuous; at a corner the weighted mean of the two directions."""
     directions: list[float] = []
     for angle in starmap(direction, pairwise(points)):
         if directions and abs(angle - directions[-1]) >= math.pi:
             angle = directions[-1] + wrap(angle - directions[-1])  # noqa: PLW2901 - the same direction
         directions.append(angle)
-    found = [directions[0]]
+    angles = [directions[0]]
     for k, (d0, d1) in enumerate(pairwise(directions)):
         before, after = s[k + 1] - s[k], s[k + 2] - s[k + 1]
         # the shorter segment weighs more: its middle is nearer to the corner
-        found.append((d0 * after + d1 * before) / (before + after))
-    return (*found, directions[-1])
+        angles.append((d0 * after + d1 * before) / (before + after))
+    return (*angles, directions[-1])
 
 
 def distinct(points: Sequence[XY]) -> Points:
-    """Return the points without those that (nearly) repeat the one before, and without spikes; the ends stay."""
+    """Return the points without those that (nearly) repeat the previous one, and without spikes; the ends stay."""
     apart = [points[0]]
     for point in points[1:]:
         if distance(apart[-1], point) >= MERGE_M:
@@ -324,15 +328,15 @@ def subdivide(points: Sequence[XY]) -> Points:
     """Return the same polyline with points at most `STEP_M` apart; its corners stay."""
     corners = distinct(points)
     s = lengths(corners)
-    found: list[XY] = []
+    fine: list[XY] = []
     for k, ((x0, y0), (x1, y1)) in enumerate(pairwise(corners)):
         span = s[k + 1] - s[k]
         count = max(math.ceil(span / STEP_M - 1e-9), 1)
-        found.append((x0, y0))
+        fine.append((x0, y0))
         for i in range(1, count):
             along = s[k] + i * (span / count) - s[k]
-            found.append((x0 + (x1 - x0) / span * along, y0 + (y1 - y0) / span * along))
-    return (*found, corners[-1])
+            fine.append((x0 + (x1 - x0) / span * along, y0 + (y1 - y0) / span * along))
+    return (*fine, corners[-1])
 
 
 def inside(point: XY, outline: Points) -> bool:
@@ -345,15 +349,15 @@ def inside(point: XY, outline: Points) -> bool:
     return odd
 
 
-def crosses(one: Sequence[XY], other: Sequence[XY]) -> bool:
-    """Return whether two lines, given by their points, cross (touching at an end is none)."""
+def crosses(first: Sequence[XY], second: Sequence[XY]) -> bool:
+    """Return whether two lines of points cross; touching at an end does not count."""
     return any(
         _side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0
-        for a, b in pairwise(one)
-        for c, d in pairwise(other)
+        for a, b in pairwise(first)
+        for c, d in pairwise(second)
     )
 
 
 def _side(a: XY, b: XY, c: XY) -> float:
-    """Positive where c lies left of the line from a to b."""
+    """Return a positive number if c lies to the left of the line from a to b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -1,4 +1,4 @@
-"""The centreline that a vehicle follows: which lanes, where it changes them, the junctions on the way."""
+"""The centreline that a vehicle follows: its lanes, its lane changes, and the junctions on its way."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from foresee_dsl.compile.roads.routing import RouteError, check_whole, onward
 from foresee_dsl.compile.roads.topology import Lane, LaneKind, Movement, Topology
 
 CHANGE_AFTER_M = 10.0
-"""A lane change begins this far into its edge, m (ours: clear of the junction, and early, as drivers are taught)."""
+"""A lane change begins this far into its edge, m (ours: clear of the junction, and early, as driving schools teach)."""
 CHANGE_TIME_S = 3.0
-"""How long a lane change takes at the speed limit, s, where the edge is long enough (ours: with a cosine blend over
-3.5 m that is 1.9 m/s^2 sideways, comfortable; 20 m at 50 km/h would be 8 m/s^2)."""
+"""Duration of a lane change at the speed limit, s, if the edge is long enough. Ours: with a cosine blend over 3.5 m the
+lateral acceleration is 1.9 m/s^2, which is comfortable; over 20 m at 50 km/h it would be 8 m/s^2."""
 CHANGE_MIN_M = 20.0
-"""Least length of a lane change, m (ours: five car lengths, for low limits and short edges)."""
+"""Smallest length of a lane change, m (ours: five car lengths, for low limits and short edges)."""
 
 
 _START = itemgetter(0)
@@ -44,7 +44,7 @@ class Passage:
 
     @property
     def signal(self) -> str | None:
-        """`TLS:LINK`, the signal head of this movement, or None where there is none."""
+        """The signal head of this movement as `TLS:LINK`; None without a signal."""
         tls, link = self.movement.tls, self.movement.link
         return f"{tls}:{link}" if tls is not None and link >= 0 else None
 
@@ -54,14 +54,14 @@ class RouteLine(Polyline):
     """A polyline for a vehicle.
 
     Attributes:
-        limits: N m/s, the speed limit at each point. lefts, rights: N m, from the line to the edge of the lanes of its
-            direction.
-        edges: those of the route, then those that `beyond_m` added.
+        limits: speed limit at each point, m/s.
+        lefts, rights: distance from each point to the left and right border of the lanes of its direction, m.
+        edges: edges of the route, then those that `beyond_m` added.
         passages: junctions on the way, in order (none before the route's first edge).
-        origin_s: where the first edge begins (over 0 with `behind_m`). end_s: where the route's last edge ends (less
-            than `length_m` with `beyond_m`).
-        pieces: (start s, lane id), in order.
-        rings: roundabouts on the way: each from its first junction on the way to its last.
+        origin_s: begin of the first edge along the line, m (over 0 with `behind_m`).
+        end_s: end of the route's last edge, m (less than `length_m` with `beyond_m`).
+        pieces: lanes in order: (position at which the lane begins, lane id).
+        rings: roundabouts on the way, each from its first junction on the way to its last.
     """
 
     limits: tuple[float, ...]
@@ -82,12 +82,12 @@ class RouteLine(Polyline):
     """[N] m."""
 
     def lane_at(self, s: float) -> str:
-        """Return the lane at a length."""
+        """Return the id of the lane at a position along the line."""
         k = bisect_right(self.pieces, s + 1e-9, key=_START) - 1
         return self.pieces[max(k, 0)][1]
 
     def passage(self, junction: str) -> Passage | None:
-        """Return the first passage over a junction, or over a roundabout: from its entry to its exit."""
+        """Return the first passage over a junction or a roundabout, from its entry to its exit."""
         return next((p for p in self.over(junction)), None)
 
     def over(self, junction: str) -> tuple[Passage, ...]:
@@ -96,7 +96,7 @@ class RouteLine(Polyline):
 
 
 class _Vertex(NamedTuple):
-    """A point of a line: its place, the free width to either side, and the speed limit there."""
+    """A point of a line: its position, m, the free width to either side, m, and the speed limit, m/s."""
 
     x: float
     y: float
@@ -107,7 +107,8 @@ class _Vertex(NamedTuple):
 
 @dataclass(frozen=True)
 class _Stretch:
-    """One edge of a route: index of the lane where it is entered and of the one where it is left, and the way on."""
+    """An edge of a route: index of the lane on which it is entered, of the lane on which it is left, and the next
+    movement."""
 
     edge: str
     entry: int
@@ -116,7 +117,7 @@ class _Stretch:
 
 
 class _Plan(NamedTuple):
-    """The best way to a lane: its lane changes, the lanes so far (to choose among equals), and its stretches."""
+    """The best way to a lane: number of lane changes, lanes so far (to choose among equal ways), and stretches."""
 
     changes: int
     lanes: tuple[int, ...]
@@ -133,7 +134,8 @@ def build_line(
     beyond_m: float,
     kind: LaneKind,
 ) -> RouteLine:
-    """Make the line; see `RoadNetwork.line`. Equal calls share one line: children of a parent mostly repeat them."""
+    """Return the line of a route; see `RoadNetwork.line`. It is cached, because children mostly repeat their
+    parent's."""
     plan = _ahead(network, _choose_lanes(network, edges, start_lane, kind), beyond_m, kind)
     first = network.edges[edges[0]].lanes[plan[0].entry]
     joined = _Joined()
@@ -159,20 +161,20 @@ def build_line(
 
 
 def _rings(network: Topology, passages: Sequence[Passage]) -> tuple[Passage, ...]:
-    """Join the passages over the junctions of a roundabout that follow each other."""
+    """Return the passages over roundabouts, joined from consecutive passages over their junctions."""
     of = {node: name for name, ring in network.rings.items() for node in ring.nodes}
-    found = []
+    rings = []
     for name, group in groupby(passages, lambda passage: of.get(passage.junction)):
         if name is not None:
-            first, *_, last = (one := list(group))[0], one[-1]
-            found.append(Passage(name, first.entry_s, last.exit_s, first.movement))
-    return tuple(found)
+            first, *_, last = (members := list(group))[0], members[-1]
+            rings.append(Passage(name, first.entry_s, last.exit_s, first.movement))
+    return tuple(rings)
 
 
 def _choose_lanes(
     network: Topology, edges: Sequence[str], start_lane: str | None, kind: LaneKind
 ) -> tuple[_Stretch, ...]:
-    """Choose entry and exit lanes with the fewest lane changes; among equals the rightmost."""
+    """Return the stretches with the fewest lane changes; among equal ones the rightmost lanes."""
     first = network.edges[edges[0]]
     starts = [lane.index for lane in first.for_kind(kind)]
     through = start_lane if start_lane is not None and network.lanes[start_lane].internal else None
@@ -196,8 +198,9 @@ def _choose_lanes(
 def _advance(
     network: Topology, ways: Sequence[Movement], best: dict[int, _Plan], through: str | None
 ) -> dict[int, _Plan]:
-    """Extend the plans by one edge: the best one for each lane of the next. `through`: an internal lane on the way."""
-    found: dict[int, _Plan] = {}
+    """Extend the plans by one edge, and return the best plan for each of its lanes; `through`: an internal lane on the
+    way."""
+    plans: dict[int, _Plan] = {}
     for entry, plan in best.items():
         for way in ways:
             if through is not None and through not in way.via:
@@ -205,27 +208,27 @@ def _advance(
             leave, enter = network.lanes[way.from_lane].index, network.lanes[way.to_lane].index
             begin = entry if through is None else leave
             offer = (plan.changes + abs(leave - begin), (*plan.lanes, leave, enter))
-            if enter not in found or offer < found[enter][:2]:
-                found[enter] = _Plan(*offer, (*plan.stretches, _Stretch(way.from_edge, begin, leave, way)))
-    return found
+            if enter not in plans or offer < plans[enter][:2]:
+                plans[enter] = _Plan(*offer, (*plan.stretches, _Stretch(way.from_edge, begin, leave, way)))
+    return plans
 
 
 def _ahead(network: Topology, plan: Sequence[_Stretch], length_m: float, kind: LaneKind) -> list[_Stretch]:
-    """Extend a plan after the route's end from its last lane, straight on where possible.
+    """Extend a plan beyond the route's end from its last lane, straight on if possible.
 
-    It never enters an edge again, as a roundabout would: the nearest point of the line would be ambiguous there.
+    It never enters an edge twice, as in a roundabout, because the nearest point of the line would be ambiguous there.
     """
     stretches = list(plan)
-    known = {stretch.edge for stretch in plan}
+    visited = {stretch.edge for stretch in plan}
     while length_m > 0:
         here = stretches[-1]
         lane = network.edges[here.edge].lanes[here.exit]
         order = {m.to_edge: k for k, m in enumerate(onward(network, here.edge, kind))}
         ways = [m for m in network.movements_from(here.edge, kind) if m.from_lane == lane.id]
         way = min(ways, key=lambda m: order[m.to_edge], default=None)
-        if way is None or way.turn == "back" or way.to_edge in known:
+        if way is None or way.turn == "back" or way.to_edge in visited:
             break
-        known.add(way.to_edge)
+        visited.add(way.to_edge)
         stretches[-1] = _Stretch(here.edge, here.entry, here.exit, way)
         target = network.lanes[way.to_lane]
         stretches.append(_Stretch(way.to_edge, target.index, target.index, None))
@@ -234,7 +237,7 @@ def _ahead(network: Topology, plan: Sequence[_Stretch], length_m: float, kind: L
 
 
 def approach(network: Topology, lane: Lane, length_m: float, kind: LaneKind = "car") -> Points:
-    """Return the last `length_m` (or less, where the network ends) of the way into a lane's beginning."""
+    """Return the last `length_m` (or less, if the network ends) of the way to a lane's begin."""
     parts: list[Points] = []
     missing = length_m
     while missing > 0:
@@ -252,14 +255,14 @@ def approach(network: Topology, lane: Lane, length_m: float, kind: LaneKind = "c
 
 
 class _Joined:
-    """Joins the vertices of lanes into one line, leaving out points that repeat."""
+    """Joins the vertices of lanes to one line, without repeated points."""
 
     def __init__(self) -> None:
         self.vertices: list[_Vertex] = []
         self._pieces: list[tuple[int, str]] = []
 
     def add(self, lane: Lane, vertices: Sequence[_Vertex]) -> None:
-        """Add vertices on a lane, bridging a gap in front of them."""
+        """Add vertices on a lane, and close a gap before them."""
         skip = 0
         if self.vertices:
             skip = _first_onward(self.vertices[-1], vertices)
@@ -270,7 +273,7 @@ class _Joined:
         self.vertices += vertices[skip:]
 
     def bridge(self, to: XY, lane: Lane) -> None:
-        """Go straight to a point, in steps of at most 1 m."""
+        """Add vertices on the straight line to a point, at most 1 m apart."""
         x, y = self.vertices[-1][:2]
         dx, dy = to[0] - x, to[1] - y
         steps = max(math.ceil(math.hypot(dx, dy) / STEP_M), 1)
@@ -279,7 +282,7 @@ class _Joined:
     def line(
         self, edges: tuple[str, ...], passages: Sequence[tuple[Movement, int, int]], origin: int, end: int
     ) -> RouteLine:
-        """Return the finished line. Places on it are given as counts of vertices: each is at the last one counted."""
+        """Return the finished line. Positions are counts of vertices and refer to the last vertex of the count."""
         points = tuple(vertex[:2] for vertex in self.vertices)
         s = lines.lengths(points)
 
@@ -303,7 +306,8 @@ class _Joined:
 
 
 def _first_onward(last: _Vertex, vertices: Sequence[_Vertex]) -> int:
-    """Return the first vertex that lies ahead of the last one: lanes of maps overlap a little where they join."""
+    """Return the index of the first vertex ahead of the last one, because lanes of maps overlap a little where they
+    join."""
     for k, vertex in enumerate(vertices):
         dx, dy = vertex.x - last.x, vertex.y - last.y
         ahead = (vertices[1].x - vertices[0].x, vertices[1].y - vertices[0].y) if len(vertices) > 1 else (dx, dy)
@@ -313,13 +317,14 @@ def _first_onward(last: _Vertex, vertices: Sequence[_Vertex]) -> int:
 
 
 def _vertices(lane: Lane, points: Sequence[XY] | None = None, sides: XY | None = None) -> list[_Vertex]:
-    """Return points (those of the lane itself) with the free width on either side, half the lane's unless given."""
+    """Return points (by default the lane's) as vertices with the free width on either side (by default half the
+    lane's)."""
     left, right = sides or (lane.width_m / 2, lane.width_m / 2)
     return [_Vertex(x, y, left, right, lane.speed_mps) for x, y in (lane.line.xy if points is None else points)]
 
 
 def _on_edge(network: Topology, stretch: _Stretch, after_m: float, kind: LaneKind) -> list[tuple[Lane, list[_Vertex]]]:
-    """Return the vertices on one edge: on one lane, or on two with a change between them."""
+    """Return the vertices on an edge: on one lane, or on two lanes with a lane change between them."""
     edge = network.edges[stretch.edge]
     before, after = edge.lanes[stretch.entry], edge.lanes[stretch.exit]
     sides = _free(network, before, kind)
@@ -343,7 +348,7 @@ def _on_edge(network: Topology, stretch: _Stretch, after_m: float, kind: LaneKin
 
 
 def _shares(steps: int) -> list[float]:
-    """0 to 1 in equal steps, both included."""
+    """Return 0 to 1 in equal steps, both included."""
     return [k / steps for k in range(steps + 1)]
 
 
@@ -354,7 +359,7 @@ def _at_shares(line: Polyline, shares: Sequence[float]) -> list[XY]:
 
 
 def _free(network: Topology, lane: Lane, kind: LaneKind) -> tuple[float, float]:
-    """Free width to the left and to the right of a lane's centre, m, over the lanes of its direction."""
+    """Return the free width to the left and right of a lane's centre, m, over the lanes of its direction."""
     others = network.edges[lane.edge].for_kind(kind)
     inner = sum(other.width_m for other in others if other.index > lane.index) + lane.width_m / 2
     outer = sum(other.width_m for other in others if other.index < lane.index) + lane.width_m / 2

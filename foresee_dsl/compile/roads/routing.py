@@ -1,4 +1,4 @@
-"""Routes through a network: which edges the language's `route` statements name."""
+"""Routes through a network: computes the edges of the language's `route` statements."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from foresee_dsl.language.traversal import word_of
 
 _AROUND = "choose a way around that place, or correct the map there"
 _STRAIGHT_RAD = math.radians(45)
-"""An exit of a roundabout this far off the way straight over it is still straight on (as SUMO's directions are)."""
+"""An exit of a roundabout within this angle of straight on counts as straight, rad (as for SUMO's directions)."""
 _TURN_ORDER: tuple[Turn, ...] = ("straight", "left", "right", "back")
 _ONWARD_LETTERS = "slrLRtT"
-"""SUMO's directions, the plain ones first: where two ways count as `left`, the plain left is meant."""
+"""SUMO's directions, plain ones first: if two movements count as `left`, `left` means the plain one."""
 
 
 class RouteError(ValueError):
-    """A route (or a name in it) does not fit the network; `help` says what would."""
+    """A route or a name in it does not fit the network; `help` proposes a correction."""
 
     def __init__(self, message: MessageText, help: HelpText = "") -> None:
         super().__init__(Message.of(message).text)
@@ -34,11 +34,14 @@ class RouteError(ValueError):
 
 
 def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "car") -> tuple[str, ...]:
-    """Return the edges of a route statement; a `RouteError` where it does not fit the network.
+    """Return the edges of a route statement.
 
-    A `Route` starts on a road in the direction of its first junction; its turns are looked up in the junctions'
-    movements; junctions without a choice need not be named. An `EdgeRoute` is checked, and filled with the shortest
-    route where it says so.
+    A `Route` starts on a road in the direction of its first junction, and its turns are looked up in the junctions'
+    movements; junctions without a choice need not be named. An `EdgeRoute` is checked, and filled with shortest routes
+    at each `...`.
+
+    Raises:
+        RouteError: the route does not fit the network.
     """
     if isinstance(route, EdgeRoute):
         return _listed(network, route, kind)
@@ -63,8 +66,12 @@ def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "c
 
 
 def shortest_route(network: Topology, start: str, end: str, kind: LaneKind = "car") -> tuple[str, ...]:
-    """Return the shortest way (by length) between two edges, both included; a `RouteError` for none."""
-    import networkx as nx  # here: it takes long to import, and few need it
+    """Return the shortest way (by length) between two edges, both included.
+
+    Raises:
+        RouteError: there is no way, or an edge does not exist.
+    """
+    import networkx as nx  # imported here: the import is slow, and few routes need it
 
     for edge in (start, end):
         check_edge(network, edge)
@@ -83,7 +90,11 @@ def shortest_route(network: Topology, start: str, end: str, kind: LaneKind = "ca
 
 
 def check_whole(network: Topology, edges: Sequence[str]) -> None:
-    """Raise a `RouteError` that names the place where the map is broken on a way, if it is."""
+    """Check that the map is not broken along a way.
+
+    Raises:
+        RouteError: it is; the message names the place.
+    """
     for edge in edges:
         faults = [lane.fault for lane in network.edges[edge].lanes if lane.fault]
         if faults and not network.edges[edge].for_kind("car"):
@@ -95,24 +106,32 @@ def check_whole(network: Topology, edges: Sequence[str]) -> None:
 
 
 def check_edge(network: Topology, edge: str) -> None:
-    """Raise a `RouteError` for an edge that does not exist."""
+    """Check that an edge exists.
+
+    Raises:
+        RouteError: it does not.
+    """
     if not network.pieces(edge):
         raise RouteError(f"there is no edge called {edge}", did_you_mean(edge, _named(network)))
 
 
 def check_junction(network: Topology, junction: str) -> None:
-    """Raise a `RouteError` for a junction that does not exist."""
+    """Check that a junction exists.
+
+    Raises:
+        RouteError: it does not.
+    """
     if not network.is_junction(junction):
-        known = (*network.junctions, *network.rings)
-        raise RouteError(f"there is no junction called {junction}", did_you_mean(junction, known))
+        names = (*network.junctions, *network.rings)
+        raise RouteError(f"there is no junction called {junction}", did_you_mean(junction, names))
 
 
 def onward(network: Topology, edge: str, kind: LaneKind) -> tuple[Movement, ...]:
-    """Return one movement for each edge that follows, plain directions first."""
-    found: dict[str, Movement] = {}
+    """Return a movement to each of the next edges, plain directions first."""
+    movements: dict[str, Movement] = {}
     for movement in sorted(network.movements_from(edge, kind), key=_rank):
-        found.setdefault(movement.to_edge, movement)
-    return tuple(found.values())
+        movements.setdefault(movement.to_edge, movement)
+    return tuple(movements.values())
 
 
 def _rank(movement: Movement) -> int:
@@ -121,9 +140,9 @@ def _rank(movement: Movement) -> int:
 
 
 def _until(network: Topology, edge: str, junction: str, kind: LaneKind) -> tuple[str, ...]:
-    """Follow the only way onward from an edge until a junction; empty where there is a choice before it, or an end.
+    """Return the edges from an edge to a junction, if there is no choice of ways before it; otherwise empty.
 
-    Where an edge is cut, its next piece is the way onward, whatever else leaves there.
+    At the end of a piece of a divided edge, the way continues on the next piece, even if a ramp leaves there.
     """
     way = [edge]
     last = network.rings[junction].nodes if junction in network.rings else {junction}
@@ -137,7 +156,7 @@ def _until(network: Topology, edge: str, junction: str, kind: LaneKind) -> tuple
 
 
 def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -> tuple[str, ...]:
-    """Add one leg to a route."""
+    """Return a route with one more leg."""
     junction, turn = word_of(leg.junction), word_of(leg.turn)
     check_junction(network, junction)
     way = _until(network, edges[-1], junction, kind)
@@ -165,16 +184,18 @@ def _other_turn(turns: Sequence[str], turn: str, junction: str) -> HelpText:
 
 
 def _by_name(ways: Sequence[Movement], edge: str) -> tuple[Movement, ...]:
-    """Return the ways on with their turns; where an edge is cut, its next piece is straight on, a ramp on the right."""
+    """Return the movements with their turns; if the edge is divided there, its next piece is straight on and a ramp is
+    on the right."""
     if all(way.to_edge != next_piece(edge) for way in ways):
         return tuple(ways)
     return tuple(replace(w, turn="straight" if w.to_edge == next_piece(edge) else "right") for w in ways)
 
 
 def _round(network: Topology, edge: str, leg: Leg, kind: LaneKind) -> tuple[str, ...]:
-    """Return the edges on a roundabout and the one out of it, for a turn, from the edge that leads into it.
+    """Return the edges on a roundabout and the exit edge for a turn, from the edge that leads into it.
 
-    Which turn an exit is, the angle between entry and exit says; of several the one nearest to the turn's own.
+    The angle between entry and exit determines an exit's turn; of several exits the one nearest to the ideal angle is
+    taken.
     """
     junction, turn = word_of(leg.junction), word_of(leg.turn)
     ring = network.rings[junction]
@@ -205,19 +226,19 @@ def _round(network: Topology, edge: str, leg: Leg, kind: LaneKind) -> tuple[str,
         node = network.edges[following].end
     fitting = [way for way in ways if way[0] == turn]
     if not fitting:
-        turns = [t for t in _TURN_ORDER if any(t == known for known, _, _ in ways)]
+        turns = [t for t in _TURN_ORDER if any(t == way_turn for way_turn, _, _ in ways)]
         message = f"from {edge} one can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
         raise RouteError(message, _other_turn(turns, turn, junction))
     return min(fitting, key=lambda way: way[1])[2]
 
 
 def _named(network: Topology) -> list[str]:
-    """Return what edges are called: those that are cut by the name of the whole, and none of a roundabout's."""
+    """Return the names of edges in the language: divided edges by their whole name, without edges of roundabouts."""
     return [*network.parts, *(edge for edge in network.edges if not network.parts or "#" not in edge)]
 
 
 def _named_end(network: Topology, edge: str) -> str:
-    """Return where an edge ends; the roundabout, where that is on one."""
+    """Return the junction at the end of an edge, or the roundabout to which it belongs."""
     end = network.edges[edge].end
     return next((name for name, ring in network.rings.items() if end in ring.nodes), end)
 

@@ -1,4 +1,4 @@
-"""What a road network is made of, in SUMO's terms, and which lane leads to which."""
+"""The parts of a road network in SUMO's terms, and their connections."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ if TYPE_CHECKING:
     from shapely import LineString
 
 LaneKind = Literal["car", "bicycle", "pedestrian", "bus"]
-"""What a lane is open to, as far as we tell it apart; `car` stands for everything with an engine. A bus may go where
-cars may, and on bus lanes."""
+"""The kinds of traffic to which a lane is open; `car` stands for all motor vehicles. Buses may use lanes for cars and
+bus lanes."""
 STRIPS_ON_THE_ROAD = ("parking", "shoulder", "bay", "cycle_lane", "bus_lane")
-"""Types of lanes that are closed to cars and part of their carriageway: whoever gets there has not left the road."""
+"""Types of lanes that are closed to cars but part of the carriageway: a vehicle on them has not left the road."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lane:
-    """One lane, from the right: index 0 is the rightmost (often the sidewalk).
+    """A lane; index 0 is the rightmost (often the sidewalk).
 
     Attributes:
-        shape: the centreline's points, m, as in the net file. length_m: as in the net file; lengths in this package are
-            measured along `line`, which can differ by the rounding.
-        internal: inside a junction. parking: a strip for parked vehicles, closed to traffic. strip: on the carriageway
-            and not for cars: a bus lane, a shoulder, parking, ...
-        bay: the bay of a bus stop, which begins and ends beside the other lanes.
-        fault: why nobody can drive on it, where the map is broken, or "".
+        shape: points of the centreline, m, as in the net file.
+        length_m: length as in the net file; positions in this package are measured along `line`, whose length can
+            differ by rounding.
+        internal: the lane is inside a junction. parking: it is a strip for parked vehicles, closed to traffic.
+        strip: it is on the carriageway and not for cars: a bus lane, a shoulder, parking, ...
+        bay: it is the bay of a bus stop, which begins and ends beside the other lanes.
+        fault: reason why vehicles cannot use it, if the map is broken; otherwise "".
     """
 
     id: str
@@ -56,7 +57,7 @@ class Lane:
     @cached_property
     def centreline(self) -> LineString:
         """The centreline with the points of the net file."""
-        import shapely  # here: it takes long to import, and placing actors does without
+        import shapely  # imported here: the import is slow, and placing actors does not need it
 
         return shapely.LineString(self.shape)
 
@@ -71,21 +72,21 @@ class Edge:
     lanes: tuple[Lane, ...]
 
     def for_kind(self, kind: LaneKind) -> tuple[Lane, ...]:
-        """Return the lanes that a kind may use, from the right."""
+        """Return the lanes that are open to a kind, from the right."""
         return tuple(lane for lane in self.lanes if kind in lane.kinds)
 
     @property
     def drivable(self) -> tuple[Lane, ...]:
-        """The lanes for cars; for bicycles where there is none for cars; else all."""
+        """The lanes for cars; without any, the lanes for bicycles; without any, all lanes."""
         return self.for_kind("car") or self.for_kind("bicycle") or self.lanes
 
 
 @dataclass(frozen=True, eq=False)
 class Junction:
-    """Where edges meet.
+    """A junction of edges.
 
-    `requests[k]` is row k of SUMO's right-of-way matrix, one row for each link: (response, foes) as bit masks over the
-    links. Bit j of `response` is set when link k has to yield to link j, bit j of `foes` when the two conflict.
+    `requests[k]` is row k of SUMO's right-of-way matrix, with one row for each link: (response, foes) as bit masks over
+    the links. Bit j of `response` is set if link k must yield to link j, bit j of `foes` if the two conflict.
     """
 
     id: str
@@ -96,25 +97,25 @@ class Junction:
     requests: tuple[tuple[int, int], ...] = ()
 
     def yields(self, link: int, other: int) -> bool:
-        """Say whether link `link` has to yield to link `other`."""
+        """Return whether link `link` must yield to link `other`."""
         return 0 <= link < len(self.requests) and bool(self.requests[link][0] >> other & 1)
 
     def conflicts(self, link: int, other: int) -> bool:
-        """Say whether two links conflict."""
+        """Return whether two links conflict."""
         return 0 <= link < len(self.requests) and bool(self.requests[link][1] >> other & 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """A way from one lane through a junction to another: SUMO's connection with its internal lanes.
+    """A way from a lane through a junction to another lane: SUMO's connection with its internal lanes.
 
     Attributes:
-        via: the internal lanes in driving order (two where vehicles may wait in the middle; none in nets without
-            internal lanes).
-        direction: SUMO's letter; `turn` is the language's word for it.
-        tls: id of the signal that controls it, or None; `link` its index in that signal's states.
-        index: its row in the junction's `requests`, -1 where it has none.
-        fault: why nobody can drive over it (it is then open to no kind), where the map is broken there, or "".
+        via: the internal lanes in driving order (two if vehicles may wait in the middle; none in nets without internal
+            lanes).
+        direction: SUMO's letter of the turn. turn: the language's word for it.
+        tls: id of the signal that controls it, or None. link: its index in that signal's states.
+        index: its row in the junction's `requests`, -1 without a row.
+        fault: reason why vehicles cannot use it, if the map is broken there (it is then closed); otherwise "".
     """
 
     from_edge: str
@@ -133,13 +134,13 @@ class Movement:
 
     @property
     def ends(self) -> tuple[str, str]:
-        """The lanes between which it leads."""
+        """The lanes that it connects."""
         return self.from_lane, self.to_lane
 
 
 @dataclass(frozen=True, eq=False)
 class Roundabout:
-    """Several junctions that are one to whoever names them: the ring's centre, m, and its outline."""
+    """Several junctions that have one name in the language: centre of the ring, m, and its outline."""
 
     nodes: frozenset[str]
     centre: tuple[float, float]
@@ -160,7 +161,7 @@ class Crossing:
 
     @property
     def ends(self) -> tuple[str, str]:
-        """Its lane, as both ends: a crossing is walked in both directions."""
+        """Its lane, as both ends, because pedestrians use it in both directions."""
         return self.lane.id, self.lane.id
 
 
@@ -175,13 +176,12 @@ class WalkingArea:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Topology:
-    """Everything read from a net file, in the file's order; compared by identity.
+    """The parts of a net, in the order of the file; compared by identity.
 
-    `left_hand`: traffic keeps to the left, and lanes are counted from there.
-    `parts`: the pieces, in driving order, of edges that are cut, by the name of the whole. `rings`: roundabouts by
-    name.
-    `joints`: the junctions at which an edge is only cut (a net file has none of these three).
-    `footways`: pairs of ids that people walk between: a sidewalk's lane, a crossing's lane or a walking area.
+    `left_hand`: traffic keeps to the left, and lanes are counted from the left.
+    `parts`: for each divided edge, by its whole name, its pieces in driving order. `rings`: roundabouts by name.
+    `joints`: the junctions at which an edge is only divided. A net file has none of these three.
+    `footways`: pairs of connected ids: of a sidewalk's lane, a crossing's lane or a walking area.
     """
 
     lanes: Mapping[str, Lane]
@@ -197,20 +197,21 @@ class Topology:
     joints: frozenset[str] = frozenset()
 
     def is_junction(self, name: str) -> bool:
-        """Say whether a name is a junction's, or a roundabout's."""
+        """Return whether a junction or a roundabout has a name."""
         return name in self.junctions or name in self.rings
 
     def outline(self, junction: str) -> Points:
-        """Return the outline of a junction; of a roundabout, its island included."""
+        """Return the outline of a junction, or of a roundabout with its island."""
         ring = self.rings.get(junction)
         return ring.polygon if ring is not None else self.junctions[junction].polygon
 
     def pieces(self, edge: str) -> tuple[str, ...]:
-        """Return the edges that a name stands for: the pieces of one that is cut, or itself; none for no name."""
+        """Return the edges that a name denotes: the pieces of a divided edge, or the edge itself; none if it is
+        unknown."""
         return self.parts.get(edge) or ((edge,) if edge in self.edges else ())
 
     def lanes_to(self, left: int) -> int:
-        """Return by how much a lane's index differs from that of one so many lanes to its left."""
+        """Return the index of a lane minus that of the lane `left` lanes to its left."""
         return -left if self.left_hand else left
 
     def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
@@ -222,7 +223,7 @@ class Topology:
         return tuple(m for m in self._movements_by.get(("into", lane), ()) if kind in m.kinds)
 
     def movements_through(self, lane: str) -> Sequence[Movement]:
-        """Return the movements that an internal lane is part of; none for other lanes."""
+        """Return the movements that use an internal lane; none for other lanes."""
         return self._movements_by.get(("through", lane), ())
 
     def movements_at(self, junction: str) -> tuple[Movement, ...]:
@@ -234,19 +235,19 @@ class Topology:
         return self._edges_by.get(junction, ())
 
     def fault_between(self, edge: str, onward: str) -> str:
-        """Return why nobody can drive from one edge to the next, where the map is broken there, or ""."""
+        """Return why vehicles cannot drive from one edge to the next, if the map is broken there; otherwise ""."""
         ways = self._movements_by.get(("from", edge), ())
         return next((way.fault for way in ways if way.to_edge == onward and way.fault), "")
 
     @cached_property
     def faults(self) -> tuple[str, ...]:
-        """Why lanes and connections are closed where the map is broken, in the net's order."""
+        """The reasons why lanes and connections are closed because the map is broken, in the net's order."""
         of_lanes = (lane.fault for lane in self.lanes.values())
         of_ways = (movement.fault for movement in self.movements)
         return tuple(dict.fromkeys(fault for fault in (*of_lanes, *of_ways) if fault))
 
     def fault_near(self, x: float, y: float) -> str:
-        """Return what is wrong with the map at a place: why a lane or connection is closed that lies there, or ""."""
+        """Return why a lane or connection at a place is closed because the map is broken; otherwise ""."""
         for lane in self.lanes.values() if self.faults else ():
             fault = lane.fault or next((m.fault for m in self.movements_through(lane.id) if m.fault), "")
             if fault and distance_to(x, y, lane.shape) <= lane.width_m:
@@ -258,9 +259,9 @@ class Topology:
         return tuple(c for c in self.crossings.values() if c.junction == junction)
 
     def graph(self, kind: LaneKind = "car") -> nx.DiGraph[str]:
-        """Return the graph of edges open to a kind; the weight `length` is that of the edge that is entered."""
+        """Return the graph of edges that are open to a kind; the weight `length` is that of the entered edge."""
         if kind not in self._graphs:
-            import networkx as nx  # here: it takes long to import, and only `...` in a route needs it
+            import networkx as nx  # imported here: the import is slow, and only `...` in a route needs it
 
             graph: nx.DiGraph[str] = nx.DiGraph()
             graph.add_nodes_from(edge.id for edge in self.edges.values() if edge.for_kind(kind))
@@ -276,18 +277,18 @@ class Topology:
 
     @cached_property
     def _edges_by(self) -> dict[str, list[Edge]]:
-        found: dict[str, list[Edge]] = {}
+        edges: dict[str, list[Edge]] = {}
         for edge in self.edges.values():
             for junction in dict.fromkeys((edge.start, edge.end)):
-                found.setdefault(junction, []).append(edge)
-        return found
+                edges.setdefault(junction, []).append(edge)
+        return edges
 
     @cached_property
     def _movements_by(self) -> dict[tuple[str, str], list[Movement]]:
         """The movements from an edge, into a lane and through an internal lane."""
-        found: dict[tuple[str, str], list[Movement]] = {}
+        movements: dict[tuple[str, str], list[Movement]] = {}
         for movement in self.movements:
             through = (("through", lane) for lane in movement.via)
             for key in (("from", movement.from_edge), ("into", movement.to_lane), *through):
-                found.setdefault(key, []).append(movement)
-        return found
+                movements.setdefault(key, []).append(movement)
+        return movements

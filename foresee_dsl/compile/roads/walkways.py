@@ -1,4 +1,4 @@
-"""Where pedestrians walk: sidewalks, walking areas and crossings as a graph, and random walks on it."""
+"""The graph of sidewalks, walking areas and crossings, and random walks of pedestrians on it."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ if TYPE_CHECKING:
     import numpy as np
 
 ON_CROSSING_M = 0.05
-"""A path with points this near to a crossing's centreline, m, runs along it (clips round to 1 mm, nets to 1 cm)."""
+"""Points of a path within this distance of a crossing's centreline, m, are on it (clips round to 1 mm, nets to 1
+cm)."""
 
 _End = tuple[str, int]
-"""The beginning (0) or end (1) of a footway's centreline; a walking area is (id, -1)."""
+"""The begin (0) or end (1) of a footway's centreline; a walking area is (id, -1)."""
 
 
 class CrossingPart(NamedTuple):
-    """A stretch of a path that runs over a crossing (m along the path), and the signal that it obeys ("" and -1 for
-    none)."""
+    """A stretch of a path on a crossing: begin and end along the path, m, and the signal of the crossing ("" and -1
+    without one)."""
 
     enter_s: float
     exit_s: float
@@ -43,14 +44,14 @@ class CrossingPart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A pedestrian's path, m, and the stretches of it that run over crossings, in order."""
+    """A pedestrian's path, m, and its stretches on crossings, in order."""
 
     points: Points
     crossings: tuple[CrossingPart, ...]
 
     @property
     def stops(self) -> tuple[tuple[float, float, str, int], ...]:
-        """The crossings with a signal: (enters m, leaves m, tls, link)."""
+        """The crossings with a signal: (begin and end along the path, m; tls; link)."""
         return tuple((c.enter_s, c.exit_s, c.tls, c.link) for c in self.crossings if c.tls)
 
 
@@ -59,8 +60,8 @@ class Walkways:
     """The footways of a network.
 
     Attributes:
-        shapes: the centreline of each sidewalk and crossing by lane id. crossings: the crossings among them.
-        joints: pairs of what touches: ends of footways, and walking areas.
+        shapes: centreline of each sidewalk and crossing by lane id. crossings: the crossings among them.
+        joints: pairs of ends of footways, or of an end and a walking area, that touch.
     """
 
     shapes: dict[str, Points]
@@ -69,9 +70,9 @@ class Walkways:
 
     @cached_property
     def graph(self) -> nx.Graph[_End]:
-        """Nodes are ends of footways and walking areas; edges with the attribute `way` are footways, the others join
-        what touches."""
-        import networkx as nx  # here: it takes long to import, and only background traffic needs it
+        """The graph: nodes are ends of footways and walking areas; edges with the attribute `way` are footways, the
+        others connect nodes that touch."""
+        import networkx as nx  # imported here: the import is slow, and only background traffic needs it
 
         graph: nx.Graph[_End] = nx.Graph()
         for way in self.shapes:
@@ -81,21 +82,23 @@ class Walkways:
 
     @property
     def sidewalks(self) -> tuple[str, ...]:
-        """Lanes that are no crossings, in the net's order."""
+        """Ids of the lanes that are sidewalks, not crossings, in the net's order."""
         return tuple(way for way in self.shapes if way not in self.crossings)
 
     @cached_property
     def sidewalk_points(self) -> Points:
-        """Points along all sidewalks, m: the same for every test case of a network."""
+        """Points along all sidewalks, m; cached for all test cases of a network."""
         return tuple(xy for way in self.sidewalks for xy in Polyline.of(self.shapes[way]).xy)
 
     def walk(self, from_xy: XY, length_m: float, rng: np.random.Generator) -> Walk | None:
-        """Walk at random, `length_m` at least, from the sidewalk nearest to a point, over crossings too, turning round
-        only at dead ends. None where the network has no sidewalk."""
+        """Return a random walk of at least `length_m` from the sidewalk nearest to a point; None without a sidewalk.
+
+        It may use crossings, and reverses only at dead ends.
+        """
         feet = [(_foot(from_xy, self.shapes[way]), way) for way in self.sidewalks]
         if not feet:
             return None
-        (start, start_s), way = min(feet, key=lambda found: distance(found[0][0], from_xy))
+        (start, start_s), way = min(feet, key=lambda foot: distance(foot[0][0], from_xy))
         forward = bool(rng.integers(2))
         corners = list(zip(lengths(self.shapes[way]), self.shapes[way], strict=True))
         ahead = [xy for s, xy in corners if s > start_s] if forward else [xy for s, xy in corners[::-1] if s < start_s]
@@ -112,7 +115,7 @@ class Walkways:
         return Walk(path, self.crossings_on(path))
 
     def crossings_on(self, path: Points) -> tuple[CrossingPart, ...]:
-        """Return the stretches of a path that run along the centreline of a crossing."""
+        """Return the stretches of a path that lie on the centreline of a crossing."""
         if path not in self._on_crossings:
             self._on_crossings[path] = self._find_crossings(path)
         return self._on_crossings[path]
@@ -123,27 +126,27 @@ class Walkways:
 
     def _find_crossings(self, path: Points) -> tuple[CrossingPart, ...]:
         s = lengths(path)
-        found: list[CrossingPart] = []
+        parts: list[CrossingPart] = []
         for way, crossing in self.crossings.items():
             shape = self.shapes[way]
             on = [distance_to(x, y, shape) <= ON_CROSSING_M for x, y in path]
-            first = len(found)
+            first = len(parts)
             for k in (k for k in range(len(path) - 1) if on[k] and on[k + 1]):
-                if len(found) > first and found[-1].exit_s == s[k]:
-                    found[-1] = found[-1]._replace(exit_s=s[k + 1])
+                if len(parts) > first and parts[-1].exit_s == s[k]:
+                    parts[-1] = parts[-1]._replace(exit_s=s[k + 1])
                 else:
-                    found.append(CrossingPart(s[k], s[k + 1], crossing.tls or "", crossing.link))
-        return tuple(sorted(found))
+                    parts.append(CrossingPart(s[k], s[k + 1], crossing.tls or "", crossing.link))
+        return tuple(sorted(parts))
 
     def _onward(self, end: _End) -> list[_End]:
-        """Return the ends of other footways that are joined to an end, directly or across a walking area."""
-        found: list[_End] = []
+        """Return the ends of other footways that are connected to an end, directly or across a walking area."""
+        ends: list[_End] = []
         for node in self.graph.adj[end]:
             if node[1] < 0:  # a walking area
-                found += [other for other in self.graph.adj[node] if other != end and other[1] >= 0]
+                ends += [other for other in self.graph.adj[node] if other != end and other[1] >= 0]
             elif node[0] != end[0]:
-                found.append(node)
-        return found
+                ends.append(node)
+        return ends
 
 
 @lru_cache(maxsize=32)
@@ -163,7 +166,7 @@ def walkways(network: Topology) -> Walkways:
 
 
 def _foot(point: XY, shape: Points) -> tuple[XY, float]:
-    """The point of a polyline that is nearest to a point, and the length along it there."""
+    """Return the point of a polyline nearest to a point, and its position along the polyline, m."""
     s, best = lengths(shape), (math.inf, shape[0], 0.0)
     for k, ((x0, y0), (x1, y1)) in enumerate(pairwise(shape)):
         dx, dy = x1 - x0, y1 - y0

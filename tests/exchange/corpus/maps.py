@@ -32,8 +32,8 @@ _GOOD_REASONS = (
     "has no way of 3 m for a car",
     "is not a complete SUMO network",
     "its root is",
-    "no sound OpenDRIVE map",
-    "no sound SUMO network",
+    "not a sound OpenDRIVE map",
+    "sound SUMO network",
     "the language cannot express",
     "is missing in definition of",  # netconvert's words for an attribute that the schema asks for
     "Invalid Number Format",
