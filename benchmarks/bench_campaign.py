@@ -1,6 +1,6 @@
-"""The campaign engine: what it adds to each run, and how long a finished campaign of the paper's size takes to resume.
+"""The campaign engine: its overhead per run, and the time to resume a finished campaign of the paper's size.
 
-The runs do nothing: the real engine hands the real tasks to real worker processes, which answer with made-up results.
+The runs do nothing: the real engine passes the real tasks to real worker processes, which return invented results.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 
 CASES, REPEAT = 239, 9
-"""With 4 risky points and 4 children: 34,416 children, as many simulations as the paper's study had."""
+"""Number of test cases and of repeats; with 4 risky points and 4 children they make 34,416 children, the number of
+simulations in the paper's study."""
 TRACE = bytes(range(256)) * 100
-"""26 kB: the median trace of a child's run."""
+"""An invented trace of 26 kB, the median size of the trace of a child's run."""
 _TEXT = (
     'foresee 1\n\n{kind} {name} of "{parent}"{case} pin sha256:0123456789ab {{\n}}\n' + "  # as long as usual\n" * 60
 )
@@ -57,15 +58,15 @@ class Idle(WorkerPool):
     """Worker processes that do nothing."""
 
     def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
-        """Queue tasks as they are, but for what they do."""
+        """Queue tasks with a function that does nothing in the place of theirs."""
         super().add((replace(task, function=made_up) for task in tasks), priority)
 
 
 def figures() -> Iterator[Figure]:
-    """Yield milliseconds of the engine for each run, and seconds of a resume."""
+    """Yield the time of the engine per run, ms, the time of a resume, s, and the peak memory, MB."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        _campaign(folder / "warm", 1, 1)  # the fork server starts, which a campaign does once
+        _campaign(folder / "warm", 1, 1)  # starts the fork server, which a campaign does once
         first_s, runs = _campaign(folder, CASES, REPEAT)
         again_s = min(_campaign(folder, CASES, REPEAT)[0] for _ in range(2))
         means = f"a campaign of {runs} runs that do nothing, 2 workers, less its resume; a run in four writes a trace"
@@ -88,12 +89,12 @@ def _campaign(folder: Path, cases: int, repeat: int) -> tuple[float, int]:
     took_s = time.perf_counter() - began
     runs = len(result.seeds) + len(result.clips) + result.row().children
     if runs != cases + 4 * cases + 16 * repeat * cases:
-        raise RuntimeError(f"{runs} runs, which is not what was asked for")
+        raise RuntimeError(f"{runs} runs, which is not the expected number")
     return took_s, runs
 
 
 def made_up(work: Work) -> Iterator[Made]:
-    """Give what a worker would, without doing anything for it."""
+    """Yield results as a worker would, without any work."""
     for step in work.steps:
         record, trace = _result(step, work)
         yield Made(step.key, step.kind, step.name, record, TRACE + step.key.encode() if trace else None)

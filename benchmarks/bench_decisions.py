@@ -1,4 +1,4 @@
-"""A decision of the drivers, and an update of the tracker, over 100 small numpy operations."""
+"""The cost of a decision of the drivers, and of an update of the tracker, in units of 100 small numpy operations."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _learned() -> Iterator[Figure]:
-    """Yield the figures of the learned drivers, each in a run, as their pictures need one; none without weights."""
+    """Yield the figures of the learned drivers, each in a run, which their pictures need; none without weights."""
     case = cases()[0]
     for name in ("fusion", "fusion_safe"):
         try:
@@ -77,7 +77,7 @@ def _learned() -> Iterator[Figure]:
 
 
 class _Timed:
-    """Drives as another driver does, and times its decisions (every second step) and the yardstick in turns."""
+    """Drives like another driver, and times its decisions (every second step) and the yardstick alternately."""
 
     def __init__(self, driver: Driver) -> None:
         self.name, self.version = driver.name, driver.version
@@ -87,7 +87,7 @@ class _Timed:
         self.reset = driver.reset
 
     def step(self, observation: Observation) -> Control:
-        begin = time.thread_time()  # on this core: a decision is long enough to be interrupted
+        begin = time.thread_time()  # CPU time of this thread, because a decision is long enough to be interrupted
         answer = self._driver.step(observation)
         self._spent.append(time.thread_time() - begin)
         begin = time.thread_time()
@@ -96,7 +96,8 @@ class _Timed:
         return answer
 
     def ratio(self) -> float:
-        """Return the median decision over the median yardstick; decisions are the dearer half of the steps."""
+        """Return the median decision over the median yardstick; the decisions are the more expensive half of the
+        steps."""
         decisions = sorted(self._spent)[len(self._spent) // 2 :]
         return float(np.median(decisions) / np.median(self._yardsticks))
 
@@ -107,7 +108,7 @@ def _hundred(values: FloatArray) -> None:
 
 
 def _over_yardstick(work: Callable[[Observation], object], observations: list[Observation]) -> float:
-    """Return the least cost of the work over the least cost of the yardstick, taken in turns."""
+    """Return the smallest cost of the work over the smallest cost of the yardstick, measured alternately."""
     values = np.linspace(0.0, 1.0, 500)
     spent, yardsticks = [], []
     for observation in observations:
@@ -121,7 +122,7 @@ def _over_yardstick(work: Callable[[Observation], object], observations: list[Ob
 
 
 def _left_turn() -> tuple[Mission, list[Observation]]:
-    """Return a left turn across oncoming traffic, and the same busy scene seen again and again."""
+    """Return a left turn across oncoming traffic, and repeated observations of the same busy scene."""
     straight = math.inf
     points = line((95, straight), (4 * math.pi, 8), (60, straight))
     foes = tuple(

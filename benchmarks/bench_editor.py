@@ -1,4 +1,4 @@
-"""The language server over its protocol: the first mistakes, a rename, a picture; a new process each time."""
+"""The language server over its protocol: first diagnostics, a rename, a picture; a new process each time."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from benchmarks.figures import Figure, costs, run_program
 from foresee_dsl.files import data_folder
 
 ROUNDS = 7
-"""Ours: processes of half a second; the median of seven moved by a twentieth between runs on a quiet machine."""
+"""Number of rounds. Ours: processes of half a second; the median of seven varied by 5 % on a quiet machine."""
 _FILE, _OLD = "scenario7.foresee", "king_oak"
 _KEYSTROKES = 10
 _PUBLISHED = "textDocument/publishDiagnostics"
 
 
 class Client:
-    """A bare client of `foresee lsp`: it sends, and waits for what it asked for."""
+    """A minimal client of `foresee lsp`: it sends messages, and waits for answers."""
 
     def __init__(self, folder: Path) -> None:
         code = "from foresee_dsl.cli import main; main()"
@@ -48,7 +48,7 @@ class Client:
         return self.until(lambda message: message.get("id") == self._number and "method" not in message)
 
     def until(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        """Read messages to the first that is wanted."""
+        """Read messages up to the first for which `wanted` returns True, and return that one."""
         assert self.process.stdout is not None  # noqa: S101 - a pipe, as asked for
         while True:
             length = 0
@@ -81,20 +81,20 @@ def figures() -> Iterator[Figure]:
         text = (folder / _FILE).read_text(encoding="utf-8")
 
         def first_mistakes() -> float:
-            """From starting the process to the first diagnostics of a text with a mistake."""
+            """Return the time from starting the process to the first diagnostics of a text with an error, s."""
             began = time.perf_counter()
             client = Client(folder)
             client.open(folder / _FILE, text.replace("ego: car", "ego: cra", 1))
             client.until(
                 lambda m: m.get("method") == "textDocument/publishDiagnostics" and bool(m["params"]["diagnostics"])
             )
-            took = time.perf_counter() - began
+            elapsed_s = time.perf_counter() - began
             client.process.kill()
             client.process.wait()
-            return took
+            return elapsed_s
 
         def rename() -> float:
-            """A junction of the town, in 23 files, once the mistakes are shown."""
+            """Return the time to rename a junction of the town, in 23 files, after the first diagnostics, s."""
             client = Client(folder)
             uri = client.open(folder / _FILE, text)
             client.until(lambda m: m.get("method") == _PUBLISHED)
@@ -103,27 +103,27 @@ def figures() -> Iterator[Figure]:
             began = time.perf_counter()
             params = {"textDocument": {"uri": uri}, "position": {"line": line, "character": column}, "newName": "cross"}
             edit = client.ask("textDocument/rename", params)
-            took = time.perf_counter() - began
+            elapsed_s = time.perf_counter() - began
             if len(edit["result"]["changes"]) < 2:
                 raise RuntimeError("nothing was renamed")
             client.close()
-            return took
+            return elapsed_s
 
         def picture() -> float:
             """The slower half of some keystrokes' pictures, after the first."""
             client = Client(folder)
             uri = client.open(folder / _FILE, text)
-            found = []
+            elapsed = []
             for k in range(_KEYSTROKES):
                 began = time.perf_counter()
                 typed = text.replace("6 s", f"6.{k} s", 1)
                 client.ask("foresee/draw", {"textDocument": {"uri": uri}, "text": typed, "width": 600})
-                found.append(time.perf_counter() - began)
+                elapsed.append(time.perf_counter() - began)
             client.close()
-            return median(sorted(found[2:])[len(found[2:]) // 2 :])
+            return median(sorted(elapsed[2:])[len(elapsed[2:]) // 2 :])
 
-        first_mistakes()  # the parser goes into the cache
-        picture()  # the network, too
+        first_mistakes()  # puts the parser into the cache
+        picture()  # puts the network into the cache
         cost = costs(
             {
                 "pydantic": lambda: run_program([sys.executable, "-c", "import pydantic"])[0],

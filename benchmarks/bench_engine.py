@@ -1,8 +1,8 @@
-"""What a child of a campaign costs: ours against bare libsumo, and how fast a run with the driver `pdm` is.
+"""The cost of a campaign's child compared with libsumo alone, and the speed of a run with the driver `pdm`.
 
-The simple scene: 10 s in the middle of a drive through the bundled town, with 20 other actors, restored from a clip.
-Bare libsumo loads the same moment from a state that it saved itself, and steps. The same of clips of the bundled
-library, with people on foot, conditions and signals.
+The simple scene is 10 s in the middle of a drive through the bundled town, with 20 other actors, restored from a clip.
+libsumo alone loads the same moment from its own saved state, and steps. The same comparison is made for clips of the
+bundled library, with pedestrians, conditions and signals.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from foresee_dsl.simulate.world import World
 
 ROUNDS = 12
 SOURCE = "busy.foresee"
-"""The file of the scenario that the child is cut from."""
+"""The file of the scenario from which the child is cut."""
 CHILD_S, FROM_S = 10.0, 4.0
 _TOWN = Path(__file__).parent.parent / "scenarios" / "networks" / "town.foresee"
 _SCENE = f"""foresee 1
@@ -55,20 +55,20 @@ scenario busy {{
 }}
 """
 _BARE, _GETTERS, _LIBRARY, _SLOWEST_PDM = 1.6, 1.3, 1.8, 400.0
-"""What is asked for (docs/background/performance.md)."""
+"""Targets (docs/background/performance.md)."""
 LIBRARY_ROUNDS = 5
 
 
 class Nothing:
-    """Coasts, and looks at nothing."""
+    """A driver that coasts and ignores its observations."""
 
     name, version = "nothing", "1"
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Nothing to remember."""
+        """Do nothing."""
 
     def step(self, _: Observation) -> Control:
-        """No pedals."""
+        """Return zero throttle, brake and steering."""
         return Control(0.0, 0.0, 0.0)
 
 
@@ -78,7 +78,7 @@ def figures() -> Iterator[Figure]:
         child = child_of(Path(folder))
         state = _state_of(child, Path(folder))
         steps = round(CHILD_S / STEP_S)
-        run(child, PdmDriver(), seed=0)  # what a worker does once
+        run(child, PdmDriver(), seed=0)  # a worker's first run is slower
         taken = costs(
             {
                 "child": lambda: cpu_of(lambda: run(child, Nothing(), seed=0)),
@@ -89,19 +89,19 @@ def figures() -> Iterator[Figure]:
             ROUNDS,
         )
         World.close_shared()
-    # The least: what others did to the machine meanwhile only ever adds.
+    # The minimum counts, because other programs on the machine only add to the cost.
     least = {name: min(kinds[0]) for name, kinds in taken.items()}
     means = "a child of 10 s with 20 actors and a driver that does nothing, over libsumo"
     yield Figure("child_vs_bare", least["child"] / least["bare"], "ratio", means, _BARE)
     yield Figure(
-        "child_vs_getters", least["child"] / least["getters"], "ratio", f"{means} that reads everybody", _GETTERS
+        "child_vs_getters", least["child"] / least["getters"], "ratio", f"{means} that reads all vehicles", _GETTERS
     )
     rate = CHILD_S / least["pdm"]
     means = "simulated seconds a second of CPU: the same child with pdm"
     yield Figure("simulated_s_per_wall_s_pdm", rate, "ratio", means, _SLOWEST_PDM, more=True)
     clips, ratio = library_ratio(library.clips())
     means = (
-        f"CPU of {clips} clips of the bundled library with pdm, over libsumo that reads everybody in the same moments"
+        f"CPU of {clips} clips of the bundled library with pdm, over libsumo that reads all vehicles at these moments"
     )
     yield Figure("library_child_vs_getters", ratio, "ratio", means, _LIBRARY)
     yield Figure("child_s", least["child"], "s", "a child, reset included")
@@ -109,12 +109,12 @@ def figures() -> Iterator[Figure]:
 
 
 def library_ratio(clips: Iterable[SumoBundle]) -> tuple[int, float]:
-    """Return how many clips there are, and what their runs with `pdm` cost over libsumo from the same first frames on
-    for as many steps, which reads everybody: the least of each, added up."""
+    """Return the number of clips, and the cost of their runs with `pdm` over that of libsumo, which starts from the
+    same first frames, takes as many steps and reads all vehicles; the minimum of each clip is summed."""
     ours, bare = [], []
     for child in clips:
         with tempfile.TemporaryDirectory() as folder:
-            steps = run(child, PdmDriver(), seed=0).steps  # what a worker does once
+            steps = run(child, PdmDriver(), seed=0).steps  # a worker's first run is slower
             state = _state_of(child, Path(folder))
             works = {
                 "ours": lambda child=child: cpu_of(lambda: run(child, PdmDriver(), seed=0)),
@@ -128,19 +128,19 @@ def library_ratio(clips: Iterable[SumoBundle]) -> tuple[int, float]:
 
 
 def child_of(folder: Path) -> SumoBundle:
-    """Return a clip of 10 s in the middle of a run, compiled."""
+    """Return a compiled clip of 10 s in the middle of a run."""
     file = folder / SOURCE
     file.write_text(_SCENE)
     case = load_test_case(str(file), allow_outside=True)
     trace = run(compile_test_case(case), PdmDriver(), seed=0).trace
     frame = round(FROM_S / STEP_S)
     point = RiskyPoint(1, frame, FROM_S, "", "none", math.nan, math.nan, 0.0, "a benchmark")
-    made = clip(case, trace, point, before_s=0.0, after_s=CHILD_S, name="child", parent=file.name)
-    return compile_test_case(expand_clip(made, case, source=file))
+    model = clip(case, trace, point, before_s=0.0, after_s=CHILD_S, name="child", parent=file.name)
+    return compile_test_case(expand_clip(model, case, source=file))
 
 
 def _state_of(child: SumoBundle, folder: Path) -> Path:
-    """Save the child's first frame as SUMO does it."""
+    """Save the child's first frame as a state of SUMO, and return the file."""
     state = folder / "state.xml"
     Simulation(child, World.shared(child))
     libsumo.simulation.saveState(str(state))
@@ -148,7 +148,8 @@ def _state_of(child: SumoBundle, folder: Path) -> Path:
 
 
 def _bare(state: Path, steps: int, *, reads: bool) -> None:
-    """Let libsumo load a state and step; `reads`: asking after each step where everybody is."""
+    """Let libsumo load a state and step; `reads`: also read position, speed and angle of all vehicles after each
+    step."""
     vehicle = libsumo.vehicle
     reading: list[Callable[[str], object]] = [vehicle.getPosition, vehicle.getSpeed, vehicle.getAngle] if reads else []
     libsumo.simulation.loadState(str(state))

@@ -1,4 +1,4 @@
-"""What the forecast of a run costs as a share of simulating it, and a roll-out of a candidate of `careful`."""
+"""The cost of forecasting a run as a share of simulating it, and the cost of a roll-out of a candidate of `careful`."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ from foresee_dsl.simulate.world import World
 ROUNDS = 5
 STYLES = 1 + len(DRIVES) + len(CAREFUL)
 _MOST = 0.03
-"""What is asked for (docs/background/architecture.md)."""
+"""Target of the share (docs/background/architecture.md)."""
 _TIMES = 5
-"""So often a run is forecast at once: the clock of the processor's time has steps of a hundredth of a second on some
-systems."""
+"""Number of forecasts per measurement, because the clock of CPU time has a resolution of only 10 ms on some systems."""
 
 
 def figures() -> Iterator[Figure]:
@@ -43,7 +42,7 @@ def figures() -> Iterator[Figure]:
         for case in cases():
             trace = run_test_case(case, settings.driver, settings.seed).trace
             taken = _costs(case, trace, settings, Path(folder))
-            # The least: what others did to the machine meanwhile only ever adds.
+            # The minimum counts, because other programs on the machine only add to the cost.
             simulating_s += min(taken["simulate"][0])
             forecasting_s += min(taken["forecast"][0]) / _TIMES
             cutting_s += min(taken["cut"][0]) / _TIMES
@@ -73,14 +72,14 @@ def _costs(
 
 
 def _roll_outs(trace: Trace) -> tuple[float, int]:
-    """Return the CPU time of rolling out the candidates of a run's encounters, and how many they are."""
+    """Return the CPU time of rolling out the candidates of a run's encounters, s, and their number."""
     ranker = CarefulRanker()
     run = Recorded.of(trace)
     windows = []
     for encounter in close_encounters(trace, ranker.encounters, before_s=5.0):
         first, last = encounter.frame - 100, min(trace.frames - 1, encounter.frame + 100)
-        made = Behaviours(run, first, last, encounter.frame, ranker.settings, np.random.default_rng(0))
-        windows.append(list(made.of(encounter.actor)))
+        behaviours = Behaviours(run, first, last, encounter.frame, ranker.settings, np.random.default_rng(0))
+        windows.append(list(behaviours.of(encounter.actor)))
     taken = min(cpu_of(lambda: [endings(run, candidates) for candidates in windows]) for _ in range(ROUNDS))
     return taken, sum(map(len, windows))
 

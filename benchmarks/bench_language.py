@@ -20,13 +20,13 @@ from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.project.checked_files import check_paths
 
 ROUNDS = 15
-"""Ours: the median of nine moved by under a tenth between runs on a busy machine of two cores; the quickest of a few
-more is that of a quiet one."""
+"""Number of rounds. Ours: the median of nine varied by less than 10 % on a busy machine of two cores; the fastest of
+some more equals that on a quiet machine."""
 SHORT, MIDDLE, LONG = 40, 1000, 20_000
-"""Lines of the files that are checked (asked for)."""
+"""Lengths of the checked files, lines (required)."""
 _OVER_PYDANTIC = 6.5
-"""A cold check over `import pydantic`, which it cannot do without. Ours: 0.25 s over 38 ms, which one profile gave for
-pydantic; later runs on the same machine gave 56 to 61 ms, so that this may be met while 0.25 s is missed."""
+"""Target of a cold check over `import pydantic`, which a check needs. Ours: 0.25 s over 38 ms, which one profile showed
+for pydantic; later runs on the same machine showed 56 to 61 ms, so this may be met while 0.25 s is missed."""
 _FORESEE = "from foresee_dsl.cli import main; main()"
 
 
@@ -39,7 +39,7 @@ def figures() -> Iterator[Figure]:
 
 @contextmanager
 def _project() -> Iterator[Path]:
-    """A folder with the bundled networks, where scenarios can be written."""
+    """Yield a folder with the bundled networks, for scenarios."""
     with tempfile.TemporaryDirectory(prefix="foresee-bench-") as name:
         folder = Path(name)
         (folder / "networks").mkdir()
@@ -49,11 +49,11 @@ def _project() -> Iterator[Path]:
 
 
 def _cold(folder: Path) -> Iterator[Figure]:
-    """A new process each time; the networks are in the cache, what the file says was never seen before.
+    """Yield the figures of cold checks, each in a new process, with cached networks and a file with new contents.
 
-    Between the checks run programs that only import a library: they say how fast the machine was meanwhile.
+    Between the checks, programs that only import a library show how fast the machine is.
     """
-    compile_dir(Path(foresee_dsl.__file__).parent, quiet=1)  # as an installed package is
+    compile_dir(Path(foresee_dsl.__file__).parent, quiet=1)  # like an installed package
     file, numbers = folder / "short.foresee", itertools.count(1)
     text = scenario(SHORT)
 
@@ -64,7 +64,7 @@ def _cold(folder: Path) -> Iterator[Figure]:
     def program(code: str, *arguments: str) -> tuple[float, float]:
         return run_program([sys.executable, "-c", code, *arguments])
 
-    edited()  # the network and the parser go into the cache
+    edited()  # puts the network and the parser into the cache
     cost = costs(
         {
             "python": lambda: program("pass"),
@@ -94,7 +94,7 @@ def _cold(folder: Path) -> Iterator[Figure]:
 
 
 def _long(folder: Path) -> Iterator[Figure]:
-    """In this process: CPU after start-up, without placing the actors."""
+    """Yield the figures of long files: CPU in this process after start-up, without placing the actors."""
     files = {lines: folder / f"long_{lines}.foresee" for lines in (MIDDLE, LONG)}
     for lines, file in files.items():
         file.write_text(scenario(lines))

@@ -1,4 +1,4 @@
-"""Pictures: what a view of each kind costs with 25 actors around the ego in the town."""
+"""The cost of the learned drivers' pictures with 25 actors around the ego in the town."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.mission import mission_of
 
 ACTORS = 25
-"""Asked for: a town's traffic."""
+"""Number of actors (required): a town's traffic."""
 ROUNDS = 200
 _AROUND_M = 45.0
-"""All of them are in the picture from above, and a quarter before the camera."""
+"""Half the side of the square with the actors, m: all are in the picture from above, and a quarter before the
+camera."""
 _COPIES = 20
-"""Of a picture of 192 x 192 x 19 bytes: what a view is compared with. It takes about as long as the pictures' own work
-on whole planes, and moves memory as they do."""
+"""Number of copies of 192 x 192 x 19 bytes with which a picture is compared. They take about as long as a picture's
+work on whole planes, and use memory in the same way."""
 _MOST = 4.0
-"""A view over the copies. Ours: 1 ms was asked for, and the copies took 0.25 to 0.35 ms where it was measured; views
-took 2.2 to 2.4 of them."""
+"""Target of a picture over the copies. Ours: 1 ms is required, and the copies took 0.25 to 0.35 ms on the measured
+machine; pictures took 2.2 to 2.4 times as long."""
 
 
 def figures() -> Iterator[Figure]:
@@ -60,10 +61,10 @@ def figures() -> Iterator[Figure]:
         "birds_eye": lambda: canvas.birds_eye(pose, actors, groups, signals),
         "forward": lambda: canvas.forward(pose, bodies, groups, signals),
     }
-    for work in works.values():  # the map is drawn here
+    for work in works.values():  # draws the map
         work()
-    found = costs({name: partial(_seconds, work) for name, work in works.items()}, ROUNDS)
-    middle = {name: float(np.median(kinds[0])) for name, kinds in found.items()}
+    samples = costs({name: partial(_seconds, work) for name, work in works.items()}, ROUNDS)
+    middle = {name: float(np.median(kinds[0])) for name, kinds in samples.items()}
     size = GroundMap.of(bundle.network).bits.size / 1e6
     for name in ("birds_eye", "forward"):
         yield Figure(
@@ -77,7 +78,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _seconds(work: Callable[[], object]) -> float:
-    """Wall time: the processor's clock is too coarse for this."""
+    """Return the wall time of a call, s; the clock of CPU time is too coarse for this."""
     start = time.perf_counter()
     work()
     return time.perf_counter() - start

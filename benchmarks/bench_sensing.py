@@ -1,4 +1,4 @@
-"""The sensors: what a scan of a busy street costs, a step (there is a scan every other one), and over numpy itself."""
+"""The cost of a scan of a busy street per step (every second step has a scan), and in units of numpy operations."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.trace import STEP_S
 
 ACTORS, BUILDINGS = 25, 40
-"""Around the ego, all within 90 m (asked for)."""
+"""Numbers of actors and buildings within 90 m of the ego (required)."""
 SCANS, ROUNDS = 200, 9
 _MOST_S = 150e-6
-"""What a step may cost (asked for)."""
+"""Target of the cost of a step, s (required)."""
 _OVER_NUMPY = 8.0
-"""A scan over a hundred small operations of numpy. Ours: measured 6.6 on a busy machine of two cores."""
+"""Target of a scan over 100 small numpy operations. Ours: measured 6.6 on a busy machine of two cores."""
 _BLOCK_M, _STREET_M = 30.0, 20.0
 _CAR = (4.4, 1.8, 1.5)
 
@@ -38,7 +38,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _scanner() -> Callable[[], float]:
-    """Objects on the streets of a grid of blocks, and an ego that drives along one of them."""
+    """Return a function that measures scans of objects on a grid of streets, along one of which the ego drives."""
     rng = random.Random(1)
     pitch = _BLOCK_M + _STREET_M
     half = _BLOCK_M / 2
@@ -64,13 +64,13 @@ def _scanner() -> Callable[[], float]:
             began = time.perf_counter()
             objects.measure(frame, pose, pose, states)
             spent.append(time.perf_counter() - began)
-        return median(spent)  # others may want the machine meanwhile
+        return median(spent)  # other programs may use the machine meanwhile
 
     return scans
 
 
 def _yardstick() -> float:
-    """A hundred operations of numpy on arrays of the size that a measurement has."""
+    """Return the time of 100 numpy operations on arrays of the size of a scan, s."""
     values = np.linspace(0.0, 1.0, 500)
     spent = []
     for _ in range(SCANS):

@@ -1,4 +1,4 @@
-"""What starting costs: `foresee run` of a clip beyond its run, and `foresee verify` of 60 mutants over their runs."""
+"""The cost of starting: `foresee run` of a clip minus its run, and `foresee verify` of 60 mutants over their runs."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from foresee_dsl.language.project.loading import load_test_case
 
 ROUNDS, VERIFY_ROUNDS = 9, 3
 MUTANTS = 10
-"""Of each clip; six clips have the sixty that are asked for."""
+"""Number of mutants of each clip; six clips have the required sixty."""
 _BEYOND_S = 1.5
-"""What is asked for (docs/background/performance.md): half a second more than before numba's own cache was used."""
+"""Target (docs/background/performance.md), s: half a second more than before the use of numba's own cache."""
 _FORESEE = "from foresee_dsl.cli import main; main()"
 _DRIVER = "pdm"
 
 
 def figures() -> Iterator[Figure]:
-    """Measure, and return what starting costs."""
-    compile_dir(Path(foresee_dsl.__file__).parent, quiet=1)  # as an installed package is
+    """Measure, and yield the costs of starting."""
+    compile_dir(Path(foresee_dsl.__file__).parent, quiet=1)  # like an installed package
     with tempfile.TemporaryDirectory(prefix="foresee-bench-") as name:
         clips, mutants = _children(Path(name))
         yield from _run(clips[0])
@@ -45,7 +45,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _children(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Write a clip of each test case, and its mutants; return the files."""
+    """Write a clip of each test case, and its mutants; return their files."""
     shutil.copytree(data_folder("scenarios"), folder, dirs_exist_ok=True)
     clips: list[Path] = []
     mutants: list[Path] = []
@@ -60,16 +60,16 @@ def _children(folder: Path) -> tuple[list[Path], list[Path]]:
         trace = run_test_case(case, _DRIVER, 0).trace
         point = ranker.rank(trace, seed=0, before_s=BEFORE_S, after_s=AFTER_S)[0]
         file = case.source.parent / f"clip_{number}.foresee"
-        made = clip_around(case, trace, point, file, before_s=BEFORE_S, after_s=AFTER_S)
-        clips.append(written(made, file))
+        clip_model = clip_around(case, trace, point, file, before_s=BEFORE_S, after_s=AFTER_S)
+        clips.append(written(clip_model, file))
         clip_case = load_test_case(clips[-1])
-        children = mutate(clip_case, made, run_test_case(clip_case, _DRIVER, 0).trace, count=MUTANTS)
+        children = mutate(clip_case, clip_model, run_test_case(clip_case, _DRIVER, 0).trace, count=MUTANTS)
         mutants += [written(child, file.with_name(f"{child.name}.foresee")) for child in children]
     return clips, mutants
 
 
 def _run(clip: Path) -> Iterator[Figure]:
-    """A new process each time, and the same run in this one, which has run others."""
+    """Yield the cost of a new process, and of the same run in this process, which is warm."""
     case = load_test_case(clip)
     cost = costs(
         {
@@ -87,7 +87,7 @@ def _run(clip: Path) -> Iterator[Figure]:
 
 
 def _verify(mutants: Sequence[Path]) -> Iterator[Figure]:
-    """All of them by one command, and each alone in this process, which has run others."""
+    """Yield the cost of a command for all mutants, and of each mutant's run in this process, which is warm."""
     cases = [load_test_case(file) for file in mutants]
     command = [sys.executable, "-c", _FORESEE, "verify", "--jobs", "2", *map(str, mutants)]
 
@@ -103,16 +103,16 @@ def _verify(mutants: Sequence[Path]) -> Iterator[Figure]:
 
 
 def _cpu_of_all(command: Sequence[str]) -> float:
-    """Return the CPU of a program and of all that it started; its exit status may say that a test changed."""
+    """Return the CPU time of a program and of its child processes, s; its exit status may be 1 (a test changed)."""
     code = "from benchmarks.bench_start import _report; _report()"
     done = subprocess.run([sys.executable, "-c", code, *command], stdout=subprocess.PIPE, check=True)  # noqa: S603 - ours
     return float(done.stdout)
 
 
 def _report() -> None:
-    """Run the command of this process's arguments, and print what it cost.
+    """Run the command of this process's arguments, and print its CPU time, s.
 
-    The fork server outlives the command by a moment; it comes to this process, where the system has a way for that.
+    The fork server ends a moment after the command; this process adopts it, if the system supports that.
     """
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     adopt_orphans()

@@ -1,7 +1,7 @@
-"""A real campaign on one worker and on two: how much faster the second makes it, and how much memory it takes.
+"""The speed-up of a real campaign by a second worker, and its memory.
 
 Each campaign is a process of its own, begins with an empty store, and runs test cases of the library with `pdm`. The
-two take turns, and the quicker of each counts.
+two alternate, and the fastest run of each counts.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from foresee_dsl.campaign.storage.store import Store
 
 ROUNDS = 3
 SETTINGS = CampaignSettings(repeat=2)
-"""Ours: 170 runs, so that what each worker does first (0.6 s of CPU for imports and the network) does not decide."""
+"""Ours: 170 runs, so that the start of each worker (0.6 s of CPU for imports and the network) matters little."""
 _LEAST = 1.85
-"""What is asked for (docs/background/performance.md)."""
+"""Target of the speed-up (docs/background/performance.md)."""
 
 
 class Measured(WorkerPool):
-    """A pool that notes, at the end, how much memory its workers took."""
+    """A pool that records the peak memory of its workers at the end."""
 
     peaks_mb: tuple[float, ...] = ()
 
     def close(self) -> None:
-        """Look at the workers, and end them."""
+        """Record the workers' peak memory, and end them."""
         self.peaks_mb = tuple(peak_mb(str(pid)) for pid in self.pids)
         super().close()
 
@@ -60,14 +60,15 @@ def _campaign(jobs: int) -> tuple[float, ...]:
 
 
 def measure(jobs: int) -> tuple[float, int, float, float]:
-    """Run the campaign; return seconds, runs, and MB of this process and of the largest worker."""
+    """Run the campaign; return its wall time, s, the number of runs, and peak memory of this process and of the largest
+    worker, MB."""
     loaded, pools = cases(), list[Measured]()
 
     def pool(options: RunOptions) -> Measured:
         pools.append(Measured(options.jobs))
         return pools[-1]
 
-    Worker().kill()  # the fork server starts, which a campaign of any length does once
+    Worker().kill()  # starts the fork server, which a campaign of any length does once
     with tempfile.TemporaryDirectory() as name, Store(Path(name) / "store") as store:
         began = time.perf_counter()
         options = RunOptions(jobs=jobs, executor=pool)

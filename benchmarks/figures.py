@@ -1,4 +1,4 @@
-"""What a benchmark returns, and how costs are compared."""
+"""The results of benchmarks, and functions that measure and compare costs."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure.
+    """A result of a benchmark.
 
     Attributes:
-        name: short and stable, such as `cold_check_over_python`.
-        value: measured. unit: "ratio", "s", ...
-        means: what it measures, in a sentence.
-        target: what the value is to be at most; None where it is only for the reader.
-        more: more is better: the value is to be at least the target.
+        name: a short, stable name, such as `cold_check_over_python`.
+        value: the measured value. unit: "ratio", "s", ...
+        means: the meaning of the value in a sentence.
+        target: the largest value that meets the target; None without a target.
+        more: larger is better: the target is the smallest value that meets it.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Figure:
 
     @property
     def met(self) -> bool:
-        """Whether the target is met (a figure without one meets it)."""
+        """Whether the target is met; True without a target."""
         if self.target is None:
             return True
         return self.value >= self.target if self.more else self.value <= self.target
@@ -42,39 +42,39 @@ _Cost = float | tuple[float, ...]
 
 
 def interleaved(works: Mapping[str, Callable[[], _Cost]], rounds: int) -> dict[str, list[float]]:
-    """Return the median cost of several works, each done once a round, so that a slow minute slows all of them.
+    """Return the median costs of several works, each done once a round, so that a slow minute slows all of them.
 
     Args:
-        works: by name, functions that do the work and return what it cost (a number, or several of different kinds).
-        rounds: how often.
+        works: functions by name that do the work and return its cost (a number, or several of different kinds).
+        rounds: number of rounds.
 
     Returns:
-        By name the median of each kind of cost.
+        For each name, the median of each kind of cost.
     """
     return {name: [statistics.median(kind) for kind in kinds] for name, kinds in costs(works, rounds).items()}
 
 
 def costs(works: Mapping[str, Callable[[], _Cost]], rounds: int) -> dict[str, list[tuple[float, ...]]]:
-    """Return every cost of several works, each done once a round.
+    """Return all costs of several works, each done once a round.
 
     Returns:
-        By name, for each kind of cost, one value a round.
+        For each name and kind of cost, one value per round.
     """
-    found: dict[str, list[tuple[float, ...]]] = {name: [] for name in works}
+    samples: dict[str, list[tuple[float, ...]]] = {name: [] for name in works}
     for _ in range(rounds):
         for name, work in works.items():
             cost = work()
-            found[name].append(cost if isinstance(cost, tuple) else (cost,))
-    return {name: list(zip(*rows, strict=True)) for name, rows in found.items()}
+            samples[name].append(cost if isinstance(cost, tuple) else (cost,))
+    return {name: list(zip(*rows, strict=True)) for name, rows in samples.items()}
 
 
 def run_program(command: Sequence[str]) -> tuple[float, float]:
-    """Run a program and return the seconds that passed, and those of CPU that it spent.
+    """Run a program and return its wall time and its CPU time, s.
 
-    The two are the same for a program of one thread, unless others wanted the machine meanwhile.
+    The two are equal for a program with one thread, unless other programs use the machine meanwhile.
 
     Raises:
-        CalledProcessError: it failed.
+        CalledProcessError: the program failed.
     """
     passed, spent = time.perf_counter(), _cpu(resource.RUSAGE_CHILDREN)
     subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=True)  # noqa: S603 - our own
@@ -82,16 +82,16 @@ def run_program(command: Sequence[str]) -> tuple[float, float]:
 
 
 def cpu_of(work: Callable[[], object]) -> float:
-    """Do something and return the seconds of CPU that this process spent."""
+    """Call a function and return the CPU time that this process spent, s."""
     spent = _cpu(resource.RUSAGE_SELF)
     work()
     return _cpu(resource.RUSAGE_SELF) - spent
 
 
 def peak_mb(pid: str = "self") -> float:
-    """Return how much memory a process has had at most, shared with others or not; 0 where the system does not tell.
+    """Return the peak memory of a process, including shared memory, MB; 0 if the system does not report it.
 
-    `getrusage` would tell a new process the size of the one that started it.
+    `getrusage` is not used, because it reports to a new process the size of its parent.
     """
     try:
         status = Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace")

@@ -1,4 +1,4 @@
-"""Test cases of the bundled library to measure with: all families, near misses on foot, on wheels and behind vans."""
+"""Test cases of the bundled library for benchmarks: all families, near misses on foot, on wheels and behind vans."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ ADDRESSES = (
 )
 
 EVERY = 6
-"""Of the 120 bundled test cases, one in so many is clipped: twenty, of every family."""
+"""Every sixth of the 120 bundled test cases is clipped: twenty, from all families."""
 BEFORE_S, AFTER_S = 5.0, 5.0
-"""Seconds of a clip before and after its risky point: those of the bundled campaign."""
+"""Length of a clip before and after its risky point, s, as in the bundled campaign."""
 
 
 def cases() -> list[TestCase]:
-    """Return them, loaded."""
+    """Return the test cases of `ADDRESSES`."""
     folder = data_folder("scenarios")
     return list(load_test_cases([f"{folder / address}" for address in ADDRESSES]))
 
@@ -44,6 +44,6 @@ def clips() -> Iterator[SumoBundle]:
     for case in every[::EVERY]:
         trace = run(compile_test_case(case), PdmDriver(), seed=0).trace
         point = ranker.rank(trace, seed=0, before_s=BEFORE_S, after_s=AFTER_S)[0]
-        file = case.source.parent / "clip.foresee"  # never written
-        made = clip_around(case, trace, point, file, before_s=BEFORE_S, after_s=AFTER_S)
-        yield compile_test_case(expand_clip(made, case, source=file))
+        file = case.source.parent / "clip.foresee"  # this file is never written
+        model = clip_around(case, trace, point, file, before_s=BEFORE_S, after_s=AFTER_S)
+        yield compile_test_case(expand_clip(model, case, source=file))

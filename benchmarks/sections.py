@@ -1,4 +1,4 @@
-"""Tables in `docs/background/performance.md` that commands write: what stands between two marks is replaced."""
+"""Writes tables of commands into `docs/background/performance.md`, between two marks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _BEGIN, _END = "<!-- {}: written by `{}` -->", "<!-- end of {} -->"
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]], *, words: int = 0) -> str:
-    """Return a Markdown table; all columns but the first, and the last so many with `words`, are right-aligned."""
+    """Return a Markdown table; its columns are right-aligned except the first, and the last `words` columns."""
     numbers = len(headings) - 1 - words
     lines = [headings, ["---", *["---:"] * numbers, *["---"] * words], *rows]
     return "".join(f"| {' | '.join(map(str, line))} |\n" for line in lines)
@@ -23,8 +23,8 @@ def write_section(name: str, command: str, text: str, page: Path = PAGE) -> None
         ValueError: the page has no such section.
     """
     begin, end = _BEGIN.format(name, command), _END.format(name)
-    before, found, rest = page.read_text(encoding="utf-8").partition(begin)
+    before, begin_mark, rest = page.read_text(encoding="utf-8").partition(begin)
     _, ended, after = rest.partition(end)
-    if not (found and ended):
+    if not (begin_mark and ended):
         raise ValueError(f"{page.name} has no section {begin} ... {end}")
     page.write_text(f"{before}{begin}\n\n{text.strip()}\n\n{end}{after}", encoding="utf-8")

@@ -1,13 +1,13 @@
-"""Scenario texts to measure with, of any length."""
+"""Generates scenario texts of any length for benchmarks."""
 
 from __future__ import annotations
 
 CASES = 4
-"""Each case is a test case of its own, checked as a whole: a fixed number, so that the length alone grows."""
+"""Number of cases, each of which is checked as a whole; it is constant, so that only the length grows."""
 
 
 def scenario(lines: int) -> str:
-    """Return a scenario of about so many lines: actors with parameters, triggers with several conditions, cases."""
+    """Return a scenario of about `lines` lines: actors with parameters, triggers with several conditions, cases."""
     groups = max((lines - 20 - CASES) // 13, 1)
     head = [
         "foresee 1",
@@ -30,7 +30,7 @@ def scenario(lines: int) -> str:
 
 
 def _group(k: int) -> list[str]:
-    """A parameter, an actor and a trigger: 13 lines."""
+    """Return the 13 lines of a parameter, an actor and a trigger."""
     return [
         f"  param pace_{k}: speed = 20 km/h in 10 km/h..50 km/h step 1 km/h",
         f"  # Actor {k} brakes late.",

@@ -1,6 +1,6 @@
-"""`python -m benchmarks.peers [--write]`: simulated seconds a second of CPU, beside what a user would pick instead.
+"""`python -m benchmarks.peers [--write]`: simulated seconds per second of CPU, compared with alternative tools.
 
-Each peer gets an environment under `build/peers` and is installed into it; one that cannot be is left out, with the
+Each tool is installed into an environment under `build/peers`; a tool that cannot be installed is left out, with the
 reason. `--write` puts the table into `docs/background/performance.md`.
 """
 
@@ -26,19 +26,21 @@ _ROOT = _HERE.parents[1]
 ENVIRONMENTS = _ROOT / "build" / "peers"
 ROUNDS = 5
 PASSES = 2
-"""All take turns so often, and the least counts: others may want the machine meanwhile."""
+"""Number of turns of each tool, of which the cheapest counts, because other programs may use the machine meanwhile."""
 INSTALL_S, RUN_S = 900, 600
 ACTORS = 20
 
 
 @dataclass(frozen=True)
 class Peer:
-    """One of them.
+    """A tool to compare.
 
     Attributes:
-        title: for people. script: `in_SCRIPT.py`. arguments: of the script; FOLDER is the scene's. packages: what is
-            installed, the first names its version; none: it runs in this project's own environment.
-        differs: in what its scene differs.
+        title: title in the table. script: name of `in_SCRIPT.py`.
+        arguments: arguments of the script; FOLDER stands for the scene's folder.
+        packages: packages to install, of which the first has the tool's version; without any, the script runs in this
+            project's own environment.
+        differs: how its scene differs.
     """
 
     title: str
@@ -61,49 +63,49 @@ PEERS = (
     Peer("commonroad-sumo", "commonroad", _SUMO, ("commonroad-sumo", "eclipse-sumo"),
          "the same places on the same roads, all begin standing; no planner; SUMO's start is in it"),
     Peer("Scenic, Newtonian", "scenic", (*_SUMO, str(ACTORS)), ("scenic",),
-         "the same town as OpenDRIVE, cars at random places that follow their lanes and react to nobody"),
+         "the same town as OpenDRIVE, cars at random places that follow their lanes and do not react to others"),
     Peer("highway-env", "highway", (str(STEPS), str(ROUNDS), str(ACTORS)), ("highway-env",),
          "a straight road with four lanes, no junctions; cars follow each other (IDM, MOBIL)"),
 )  # fmt: skip
 
 
 class NotMeasuredError(Exception):
-    """A peer cannot be measured here; says why."""
+    """A tool cannot be measured here; the message states the reason."""
 
 
 def main(words: Sequence[str]) -> int:
-    """Measure all, print the table, and write it where that is asked for."""
+    """Measure all tools, print the table, and with `--write` put it into the docs."""
     if unknown := [word for word in words if word != "--write"]:
-        sys.stderr.write(f"{unknown[0]} is no option; there is --write\n")
+        sys.stderr.write(f"{unknown[0]} is not an option; there is --write\n")
         return 2
-    found: dict[str, dict[str, Any]] = {}
+    results: dict[str, dict[str, Any]] = {}
     reasons: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_scene(folder)
         for peer in PEERS * PASSES:
             try:
-                _keep(found, peer.title, measured(peer, folder))
+                _keep(results, peer.title, measured(peer, folder))
             except NotMeasuredError as err:
                 reasons.setdefault(peer.title, str(err))
                 sys.stderr.write(f"{peer.title}: {err}\n")
-    text = as_text(found, reasons)
+    text = as_text(results, reasons)
     sys.stdout.write(text)
     if "--write" in words:
         write_section("peers", "python -m benchmarks.peers --write", text)
     return 0
 
 
-def _keep(found: dict[str, dict[str, Any]], title: str, new: dict[str, Any]) -> None:
-    if title not in found or new["cpu_s"] < found[title]["cpu_s"]:
-        found[title] = new
+def _keep(results: dict[str, dict[str, Any]], title: str, new: dict[str, Any]) -> None:
+    if title not in results or new["cpu_s"] < results[title]["cpu_s"]:
+        results[title] = new
 
 
 def measured(peer: Peer, folder: Path) -> dict[str, Any]:
-    """Measure one: seconds of CPU for the scene, actors, version.
+    """Return the measurements of a tool: CPU time for the scene, s, number of actors, version.
 
     Raises:
-        NotMeasuredError: it does not install, or does not run.
+        NotMeasuredError: it cannot be installed, or does not run.
     """
     python = Path(sys.executable) if not peer.packages else _environment(peer)
     arguments = [str(folder) if word == "FOLDER" else word for word in peer.arguments]
@@ -119,7 +121,7 @@ def measured(peer: Peer, folder: Path) -> dict[str, Any]:
 
 
 def _environment(peer: Peer) -> Path:
-    """Return the interpreter of a peer's environment, which is made when it is missing."""
+    """Return the interpreter of a tool's environment, which is created if it is missing."""
     folder = ENVIRONMENTS / peer.packages[0]
     python = folder / "bin" / "python"
     if not (folder / "installed").exists():
@@ -134,7 +136,7 @@ def _run(
     folder: Path | None = None,
 ) -> str:  # fmt: skip
     try:
-        done = subprocess.run(  # noqa: S603 - what is named above
+        done = subprocess.run(  # noqa: S603 - the commands above
             command, capture_output=True, text=True, timeout=limit_s, check=False, env=environment, cwd=folder
         )
     except subprocess.TimeoutExpired as err:
@@ -150,16 +152,16 @@ def _version(python: Path, package: str) -> str:
     return _run([str(python), "-c", code, package], "tell its version", 60).strip()
 
 
-def as_text(found: Mapping[str, Mapping[str, Any]], reasons: Mapping[str, str]) -> str:
-    """Return the table, and under it what was not measured."""
+def as_text(results: Mapping[str, Mapping[str, Any]], reasons: Mapping[str, str]) -> str:
+    """Return the table, and below it the tools that were not measured."""
     simulated_s = STEPS * STEP_S
     rows = [
-        (peer.title, one["version"], one["actors"], f"{simulated_s / one['cpu_s']:.0f}", peer.differs)
+        (peer.title, result["version"], result["actors"], f"{simulated_s / result['cpu_s']:.0f}", peer.differs)
         for peer in PEERS
-        if (one := found.get(peer.title)) is not None
+        if (result := results.get(peer.title)) is not None
     ]
     headings = ("", "version", "actors", "simulated s a second of CPU", "its scene")
-    missing = [f"Not measured: {title}, as {why}.\n" for title, why in reasons.items() if title not in found]
+    missing = [f"Not measured: {title}, as {why}.\n" for title, why in reasons.items() if title not in results]
     return "\n".join((table(headings, rows, words=1), *missing))
 
 

@@ -1,4 +1,4 @@
-"""commonroad-sumo: its simulation without a planner, which reads everybody into a CommonRoad scenario in each step.
+"""commonroad-sumo: its simulation without a planner, which reads all vehicles into a CommonRoad scenario in each step.
 
 Arguments: the scene's folder, steps, rounds. Prints JSON.
 """
@@ -15,7 +15,7 @@ from commonroad_sumo import NonInteractiveSumoSimulation, SumoProject
 
 
 def main(folder: Path, steps: int, rounds: int) -> None:
-    """Measure and print: CPU for one round, SUMO's start included, which it has no way around."""
+    """Print the CPU time of one round, with SUMO's start, which the tool cannot avoid."""
     actors = _round(folder, steps)
     began_s = time.process_time()
     for _ in range(rounds):

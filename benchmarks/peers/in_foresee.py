@@ -1,4 +1,4 @@
-"""This tool: the child of the benchmark `engine`, read and judged, sensed and driven by `pdm` or coasting.
+"""This tool: the child of the benchmark `engine`, recorded and judged, driven by `pdm` with sensors or coasting.
 
 Arguments: rounds, `pdm` or `nothing`. Prints JSON.
 """
@@ -18,12 +18,12 @@ from foresee_dsl.simulate.runner import run
 
 
 def main(rounds: int, driver: str) -> None:
-    """Measure and print: CPU for one run, its reset included."""
-    made: type[Driver] = PdmDriver if driver == "pdm" else Nothing
+    """Print the CPU time of one run with its reset."""
+    driver_class: type[Driver] = PdmDriver if driver == "pdm" else Nothing
     with tempfile.TemporaryDirectory() as folder:
         child = child_of(Path(folder))
-        run(child, made(), seed=0)
-        spent_s = min(cpu_of(lambda: run(child, made(), seed=0)) for _ in range(rounds))
+        run(child, driver_class(), seed=0)
+        spent_s = min(cpu_of(lambda: run(child, driver_class(), seed=0)) for _ in range(rounds))
     sys.stdout.write(json.dumps({"cpu_s": spent_s, "actors": len(child.scene.actors)}) + "\n")
 
 

@@ -1,4 +1,4 @@
-"""highway-env: its straight road with as many vehicles, which follow each other; 20 steps a second, nothing drawn.
+"""highway-env: its straight road with the same number of vehicles, which follow each other; 20 steps/s, no drawing.
 
 Arguments: steps, rounds, actors. Prints JSON.
 """
@@ -23,7 +23,7 @@ SETTINGS = {
 
 
 def main(steps: int, rounds: int, actors: int) -> None:
-    """Measure and print: CPU for one round, its reset included."""
+    """Print the CPU time of one round with its reset."""
     gymnasium.register_envs(highway_env)
     seen = {"type": "Kinematics", "vehicles_count": actors}
     env = gymnasium.make(
@@ -32,7 +32,7 @@ def main(steps: int, rounds: int, actors: int) -> None:
     spent_s = []
     for _ in range(rounds + 1):
         began_s, done = time.process_time(), 0
-        while done < steps:  # where the ego has a collision, it begins anew
+        while done < steps:  # restarts after a collision of the ego
             env.reset(seed=1 + done)
             for _ in range(done, steps):
                 _, _, ended, cut, _ = env.step(IDLE)

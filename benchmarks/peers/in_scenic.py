@@ -16,7 +16,7 @@ import scenic
 
 
 def main(folder: Path, steps: int, rounds: int, actors: int) -> None:
-    """Measure and print: CPU for one round; drawing the scene comes before it."""
+    """Print the CPU time of one round, without generating the scene."""
     random.seed(1)
     np.random.seed(1)
     scenario = scenic.scenarioFromFile(

@@ -1,4 +1,4 @@
-"""SUMO alone, through TraCI: the benchmark's state is loaded and stepped, and everybody is read in each step.
+"""SUMO alone, through TraCI: the benchmark's state is loaded and stepped, and all vehicles are read in each step.
 
 Arguments: the scene's folder, steps, rounds, `getters` or `subscriptions`. Prints JSON.
 """
@@ -18,7 +18,7 @@ from traci import constants
 
 
 def main(folder: Path, steps: int, rounds: int, how: str) -> None:
-    """Measure and print: CPU of this process and SUMO's, for one round."""
+    """Print the CPU time of this process and of SUMO for one round."""
     binary = shutil.which("sumo") or str(Path(sumo.SUMO_HOME) / "bin" / "sumo")
     files = ["-n", str(folder / "scene.net.xml"), "-a", str(folder / "types.xml")]
     traci.start([binary, *files, "--step-length", "0.05", "--collision.action", "none", "--no-step-log",
@@ -53,7 +53,7 @@ def _round(folder: Path, steps: int, how: str) -> int:
 
 
 def _cpu_s(pid: int) -> float:
-    """Return the CPU time of a process so far."""
+    """Return the CPU time of a process so far, s."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 

@@ -1,4 +1,4 @@
-"""The benchmark's scene as files for others: SUMO's network, state and routes, and the network as OpenDRIVE."""
+"""Writes the benchmark's scene as files for other tools: SUMO's network, state and routes, and an OpenDRIVE map."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ def write_scene(folder: Path) -> SumoBundle:
 
 
 def _vehicles() -> list[dict[str, object]]:
-    """Return where everybody is in the state that SUMO has now; who is inside a junction begins behind it."""
-    found: list[dict[str, object]] = []
+    """Return the places of all vehicles in SUMO's current state; a vehicle inside a junction starts behind it."""
+    vehicles: list[dict[str, object]] = []
     vehicle = libsumo.vehicle
     for name in vehicle.getIDList():
         edges = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]
         inside = vehicle.getRoadID(name).startswith(":")
         ahead = edges[1:] if inside and len(edges) > 1 else edges
-        found.append({
+        vehicles.append({
             "id": name,
             "at_m": "base" if inside else round(vehicle.getLanePosition(name), 2),
             "edges": " ".join(ahead),
         })  # fmt: skip
-    return found
+    return vehicles

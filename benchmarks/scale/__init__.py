@@ -1,1 +1,2 @@
-"""How the cost grows: with actors in a scene, test cases in a campaign, and workers (`python -m benchmarks.scale`)."""
+"""Measures how costs grow with actors in a scene, test cases in a campaign, and workers (`python -m
+benchmarks.scale`)."""

@@ -1,6 +1,6 @@
-"""`python -m benchmarks.scale [NAME ...] [--write]`: measures how the cost grows; `--write` puts it into the docs.
+"""`python -m benchmarks.scale [NAME ...] [--write]`: measures how costs grow; `--write` puts the tables into the docs.
 
-`schedule` reads the times of a finished campaign: `make campaign` before it.
+`schedule` reads the durations of a finished campaign, so run `make campaign` first.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ NAMES = ("parts", "actors", "cases", "cluster", "schedule")
 
 
 def main(words: list[str]) -> int:
-    """Measure what is named (all without any), print each table, and write it where that is asked for."""
+    """Run the named measurements (all by default), print their tables, and with `--write` put them into the docs."""
     wanted = [word for word in words if not word.startswith("--")] or list(NAMES)
     unknown = [word for word in words if word != "--write" and word not in NAMES]
     if unknown:

@@ -1,4 +1,5 @@
-"""What a step costs by part with 10, 100 and 1,000 actors, and with which power of their number each part grows."""
+"""Measures the cost of a step by part with 10, 100 and 1,000 actors, and the power of their number with which it
+grows."""
 
 from __future__ import annotations
 
@@ -16,19 +17,19 @@ from foresee_dsl.measuring import Part
 
 NUMBERS = (10, 100, 1000)
 A_BLOCK = 10
-"""Actors of one block of the row: the density is the same, whatever their number."""
+"""Number of actors per block of the row, so that the density does not depend on their number."""
 BLOCK_M = 200
 MOST = 500
-"""As many actors may one `traffic` have."""
+"""Maximum number of actors of one `traffic` statement."""
 SIMULATED_S = 5.0
 LINEAR = 1.1
-"""A part grows faster than the number of actors where its power is above this (ours: they differ by 0.1 a repeat)."""
+"""A part grows faster than the number of actors if its power is above this (ours: repeats differ by 0.1)."""
 ROUNDS = 3
 
 
 def scene(actors: int) -> str:
-    """Return a scenario with so many actors on a row of crossings: of ten, seven drive in traffic, two walk, and one
-    brakes when the ego comes near."""
+    """Return a scenario with a number of actors on a row of crossings: of ten, seven drive in traffic, two walk, and
+    one brakes when the ego approaches."""
     blocks = max(1, round(actors / A_BLOCK))
     joints, roads = [], []
     for k in range(blocks + 2):
@@ -65,30 +66,30 @@ def scene(actors: int) -> str:
 
 
 def costs(actors: int) -> tuple[int, float, Mapping[Part, float]]:
-    """Return how many actors there are, the milliseconds of CPU before the first frame, and the cost of a step."""
+    """Return the number of actors, the CPU time before the first frame, ms, and the cost of a step by part, us."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "row.foresee"
         file.write_text(scene(actors), encoding="utf-8")
         bundle = compile_test_case(load_test_case(str(file)))
-        found = measured(bundle, ROUNDS)
-    return len(bundle.scene.actors), found.spent[Part.PLACING].cpu_ns / 1e6, microseconds_a_step(found)
+        measurement = measured(bundle, ROUNDS)
+    return len(bundle.scene.actors), measurement.spent[Part.PLACING].cpu_ns / 1e6, microseconds_a_step(measurement)
 
 
 def power(few: float, many: float, times: float) -> float:
-    """Return with which power of something that grew so many times a cost grew."""
+    """Return the power with which a cost grew when a quantity grew by the factor `times`."""
     return math.log(many / few) / math.log(times) if few > 0 and many > 0 else math.nan
 
 
 def text() -> str:
     """Measure, and return the table."""
-    found = [costs(number) for number in NUMBERS]
-    counts = [count for count, _, _ in found]
+    results = [costs(number) for number in NUMBERS]
+    counts = [count for count, _, _ in results]
     rows = []
     worse = []
-    parts = [part for part in found[-1][2] if part in found[0][2]]
-    named = [(part.title, [steps[part] for _, _, steps in found]) for part in parts]
-    named.append(("a step", [sum(steps.values()) for _, _, steps in found]))
-    named.append(("placing everybody (ms a run)", [before for _, before, _ in found]))
+    parts = [part for part in results[-1][2] if part in results[0][2]]
+    named = [(part.title, [steps[part] for _, _, steps in results]) for part in parts]
+    named.append(("a step", [sum(steps.values()) for _, _, steps in results]))
+    named.append(("placing all actors (ms a run)", [before for _, before, _ in results]))
     for title, each in named:
         powers = [power(a, b, m / n) for (a, b), (n, m) in zip(pairwise(each), pairwise(counts), strict=True)]
         rows.append((title, *(f"{value:.1f}" for value in each), *(f"{value:.2f}" for value in powers)))

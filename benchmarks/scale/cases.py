@@ -1,4 +1,4 @@
-"""A campaign of 1,000 test cases drawn from the library: memory of its processes over time; plan, resume and report."""
+"""Measures a campaign of 1,000 test cases from the library: memory over time, and CPU of plan, resume and report."""
 
 from __future__ import annotations
 
@@ -57,25 +57,25 @@ scenario many extends "{library}" {{
 
 
 class Memory(Listener):
-    """Notes how much memory the campaign's process and its largest worker have in use, as results come in."""
+    """Records the memory of the campaign's process and of its largest worker as results arrive."""
 
     def __init__(self, every: int) -> None:
         self._every = every
         self._done = 0
         self.pool: WorkerPool | None = None
-        self.found: list[tuple[int, float, float]] = []
-        """Results until then; MB of this process; MB of the largest worker."""
+        self.samples: list[tuple[int, float, float]] = []
+        """Samples: number of results, MB of this process, MB of the largest worker."""
 
-    def done(self, row: Row, *, new: bool = True) -> None:  # noqa: ARG002 - as a listener is told
-        """Note it every so many results."""
+    def done(self, row: Row, *, new: bool = True) -> None:  # noqa: ARG002 - the interface of listeners
+        """Take a sample after each `every` results."""
         self._done += 1
         if self._done % self._every == 0 and self.pool is not None:
             workers = max((resident_mb(str(pid)) for pid in self.pool.pids), default=0.0)
-            self.found.append((self._done, resident_mb(), workers))
+            self.samples.append((self._done, resident_mb(), workers))
 
 
 def resident_mb(pid: str = "self") -> float:
-    """Return the memory of a process now; 0 where the system does not tell."""
+    """Return the current memory of a process, MB; 0 if the system does not report it."""
     try:
         status = Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace")
     except OSError:
@@ -85,15 +85,15 @@ def resident_mb(pid: str = "self") -> float:
 
 
 def measure(count: int) -> dict[str, Any]:
-    """Run a campaign of so many test cases, and then all that needs no run; return seconds, and memory over time."""
+    """Run a campaign of `count` test cases, then plan, resume and report it; return seconds, and memory over time."""
     library = data_folder("scenarios") / "scenario7" / "from_the_side.foresee"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         file, out = folder / "many.foresee", folder / "out"
         file.write_text(_SHORT.format(library=library.as_posix(), count=count), encoding="utf-8")
-        took, began = {}, time.process_time()
+        seconds, began = {}, time.process_time()
         cases = load_test_cases([file], allow_outside=True)
-        took["load_s"] = time.process_time() - began
+        seconds["load_s"] = time.process_time() - began
         memory = Memory(max(1, 5 * count // SAMPLES))
 
         def pool(options: RunOptions) -> WorkerPool:
@@ -103,48 +103,52 @@ def measure(count: int) -> dict[str, Any]:
         with Store(out / "store") as store:
             began = time.process_time()
             plan_campaign(Stages(cases, SETTINGS, store, out), store, jobs=JOBS)
-            took["plan_before_s"] = time.process_time() - began
+            seconds["plan_before_s"] = time.process_time() - began
             started, began = time.perf_counter(), time.process_time()
             options = RunOptions(jobs=JOBS, executor=pool)
             result = run_campaign(cases, SETTINGS, out=out, store=store, listeners=[memory], options=options)
-            wall_s, took["parent_s"] = time.perf_counter() - started, time.process_time() - began
+            wall_s, seconds["parent_s"] = time.perf_counter() - started, time.process_time() - began
             if result.broken:
                 raise RuntimeError(f"the campaign did not go through: {result.broken[:3]}")
             began = time.process_time()
             plan_campaign(Stages(cases, SETTINGS, store, out), store, jobs=JOBS)
-            took["plan_after_s"] = time.process_time() - began
+            seconds["plan_after_s"] = time.process_time() - began
             began = time.process_time()
             run_campaign(cases, SETTINGS, out=out, store=store, options=options)
-            took["resume_s"] = time.process_time() - began
+            seconds["resume_s"] = time.process_time() - began
         began = time.process_time()
         write_report([out], folder / "report.html")
-        took["report_s"] = time.process_time() - began
+        seconds["report_s"] = time.process_time() - began
     runs = len(result.seeds) + len(result.clips) + result.row().children
-    return {"cases": count, "runs": runs, "wall_s": wall_s, "took": took, "memory": memory.found}
+    return {"cases": count, "runs": runs, "wall_s": wall_s, "took": seconds, "memory": memory.samples}
 
 
 def _alone(count: int) -> dict[str, Any]:
-    """Measure in a process of its own."""
+    """Run `measure` in a process of its own, and return its result."""
     command = [sys.executable, "-m", "benchmarks.scale.cases", str(count)]
     done = subprocess.run(command, stdout=subprocess.PIPE, check=True)  # noqa: S603 - ourselves
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
 
 
 def text(most: int = CASES) -> str:
     """Measure, and return the tables."""
-    found = [_alone(count) for count in (most // 4, most // 2, most)]
+    results = [_alone(count) for count in (most // 4, most // 2, most)]
     memory = table(
-        (f"campaign of {most:,} test cases, {found[-1]['runs']:,} runs", "campaign's process MB", "largest worker MB"),
-        ((f"after {done:,} results", f"{own:.0f}", f"{worker:.0f}") for done, own, worker in found[-1]["memory"]),
+        (
+            f"campaign of {most:,} test cases, {results[-1]['runs']:,} runs",
+            "campaign's process MB",
+            "largest worker MB",
+        ),
+        ((f"after {done:,} results", f"{own:.0f}", f"{worker:.0f}") for done, own, worker in results[-1]["memory"]),
     )
     names = {"load_s": "loading", "plan_before_s": "plan, nothing run yet", "parent_s": "the campaign's own process",
              "plan_after_s": "plan of what is done", "resume_s": "resume", "report_s": "report page"}  # fmt: skip
     rows = []
     for key, title in names.items():
-        each = [one["took"][key] for one in found]
+        each = [result["took"][key] for result in results]
         rows.append((title, *(f"{value:.2f}" for value in each), f"{power(each[0], each[-1], 4):.2f}"))
-    headings = ("s of CPU", *(f"{one['cases']:,} test cases" for one in found), "power")
+    headings = ("s of CPU", *(f"{result['cases']:,} test cases" for result in results), "power")
     return f"{memory}\n{table(headings, rows)}"
 
 

@@ -1,4 +1,4 @@
-"""The bundled campaign's runs on a Dask cluster of this machine, with 1 to 8 workers, beside worker processes."""
+"""Measures the bundled campaign's runs on a local Dask cluster with 2 to 8 workers, compared with worker processes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SETTINGS = CampaignSettings(repeat=2, against=())
 
 
 def measure(executor: str, jobs: int) -> tuple[float, int]:
-    """Run the campaign; return seconds (the cluster's start included) and runs."""
+    """Run the campaign; return its wall time (with the start of the cluster), s, and the number of runs."""
     with tempfile.TemporaryDirectory() as name, Store(Path(name) / "store") as store:
         began = time.perf_counter()
         options = RunOptions(jobs=jobs, executor=dask() if executor == "dask" else local)

@@ -1,7 +1,7 @@
-"""A campaign's schedule on 1 to 1,000 workers, worked out from the times of a real one's steps.
+"""Computes the duration of a campaign on 1 to 1,000 workers from the durations of a real campaign's steps.
 
-List scheduling: a worker that is free takes the first task that can be done, in the campaign's order. The campaign's
-own process handles one result after the other, and only then are the tasks known that follow from it.
+It uses list scheduling: a free worker takes the first ready task in the campaign's order. The campaign's own process
+handles the results one after the other; the tasks that follow from a result are ready only after that.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from benchmarks.sections import table
 
 WORKERS = (1, 2, 10, 100, 1000)
 REPEAT = 29
-"""As often as `make study` mutates each clip."""
+"""Number of repeats of each clip's mutation in `make study`."""
 WORTH = 0.5
-"""A number of workers is of use while they are busy for so large a share of the time (ours)."""
+"""A number of workers is useful if they are busy for at least this share of the time (ours)."""
 STORE = Path("out/store")
-"""Where `make campaign` keeps its results."""
+"""The store of the results of `make campaign`."""
 _LATEST = Path(__file__).parents[1] / "latest.json"
 
 
 @dataclass(eq=False)
 class Task:
-    """What a worker does at once.
+    """The work that a worker does without interruption.
 
     Attributes:
-        took_s: by the store. results: rows that the campaign's process stores. order: smaller ones go first.
-        then: tasks that are known when its results are stored. kind: of its first step.
+        took_s: duration by the store, s. results: number of rows that the campaign's process stores.
+        order: priority; smaller values are first. then: tasks that follow when its results are stored.
+        kind: kind of its first step.
     """
 
     took_s: float
@@ -45,7 +46,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Work:
-    """A campaign: what it begins with, and what is known when all that follows from these is done."""
+    """A campaign: its first tasks, and the tasks that are ready after all that follow from these."""
 
     first: tuple[Task, ...]
     last: tuple[Task, ...]
@@ -61,25 +62,27 @@ class Work:
 def work_of(store: Path, repeat: int = 1) -> Work:
     """Return the tasks of the campaign in a store; each child counts `repeat` times, as with other seeds."""
     with sqlite3.connect(f"file:{store / 'runs.sqlite'}?mode=ro", uri=True) as rows:
-        found: defaultdict[str, dict[str, float]] = defaultdict(dict)
+        durations: defaultdict[str, dict[str, float]] = defaultdict(dict)
         for kind, name, took_s in rows.execute("SELECT kind, name, wall_s FROM runs ORDER BY kind, name"):
-            found[kind][name] = took_s
-    seeds = {n: Task(t + found["forecast"].get(n, 0.0), 2, (0, 0), [], "test case") for n, t in found["seed"].items()}
+            durations[kind][name] = took_s
+    seeds = {
+        n: Task(t + durations["forecast"].get(n, 0.0), 2, (0, 0), [], "test case") for n, t in durations["seed"].items()
+    }
     clips, children, small = {}, {}, {}
-    for name, took_s in found["clip"].items():
+    for name, took_s in durations["clip"].items():
         case, _, rank = name.rpartition("_p")
-        clips[name] = Task(took_s + found["mutants"].get(name, 0.0), 2, (int(rank), 1), [], "clip")
+        clips[name] = Task(took_s + durations["mutants"].get(name, 0.0), 2, (int(rank), 1), [], "clip")
         seeds[case].then.append(clips[name])
-    for name, took_s in found["child"].items():
+    for name, took_s in durations["child"].items():
         clip = name.rpartition("_m")[0]
         clip = clip if clip in clips else clip.rpartition("_s")[0]
         children[name] = Task(took_s, 1, (clips[clip].order[0], 2), [], "child")
         clips[clip].then += [children[name], *(Task(took_s, 1, children[name].order) for _ in range(repeat - 1))]
-    for name, took_s in found["minimise"].items():
+    for name, took_s in durations["minimise"].items():
         small[name] = Task(took_s, 1, (1000, 3), [], "minimising")
     above = {"reference": children, "case_reference": seeds, "minimised_reference": small}
     for kind, by_name in above.items():
-        for name, took_s in found[kind].items():
+        for name, took_s in durations[kind].items():
             failure = next(n for n in (name[:k] for k in range(len(name), 0, -1)) if n in by_name)
             by_name[failure].then.append(Task(took_s, 1, (by_name[failure].order[0], 3), [], "reference driver"))
     return Work(tuple(seeds.values()), tuple(small.values()))
@@ -87,18 +90,18 @@ def work_of(store: Path, repeat: int = 1) -> Work:
 
 @dataclass(frozen=True)
 class Own:
-    """What the campaign's own process takes for a result, s: when it comes, and at the end, to write it out."""
+    """Time of the campaign's own process per result, s: on its arrival, and for the report at the end."""
 
     comes_s: float
     ends_s: float
 
     def of(self, work: Work) -> float:
-        """Return what it takes for all."""
+        """Return the time for all results, s."""
         return sum(task.results for task in work.tasks()) * (self.comes_s + self.ends_s)
 
 
 def scheduled_s(work: Work, workers: int, own: Own) -> float:
-    """Return how long a campaign takes on so many workers."""
+    """Return the duration of a campaign on a number of workers, s."""
     now_s = _run(work.first, workers, own.comes_s, 0.0)
     now_s = _run(work.last, workers, own.comes_s, now_s)
     return now_s + sum(task.results for task in work.tasks()) * own.ends_s
@@ -108,9 +111,9 @@ def _run(first: tuple[Task, ...], workers: int, result_s: float, now_s: float) -
     ready = [(task.order, k, task) for k, task in enumerate(first)]
     heapq.heapify(ready)
     number = len(ready)
-    under_way: list[tuple[float, int, Task]] = []  # when it is done
+    under_way: list[tuple[float, int, Task]] = []  # with the time at which the task ends
     free = workers
-    handled_s = now_s  # until when the campaign's process is busy
+    handled_s = now_s  # time until which the campaign's process is busy
     while ready or under_way:
         while ready and free:
             _, k, task = heapq.heappop(ready)
@@ -119,7 +122,7 @@ def _run(first: tuple[Task, ...], workers: int, result_s: float, now_s: float) -
         done_s, _, task = heapq.heappop(under_way)
         free += 1
         handled_s = max(handled_s, done_s) + task.results * result_s
-        # A worker that has nothing to do waits for what follows; the others go on meanwhile.
+        # A worker without a ready task waits for one; the others continue.
         now_s = done_s if ready else max(done_s, handled_s)
         for new in task.then:
             number += 1
@@ -128,7 +131,7 @@ def _run(first: tuple[Task, ...], workers: int, result_s: float, now_s: float) -
 
 
 def longest_chain(work: Work) -> list[Task]:
-    """Return the tasks that follow from each other and take longest: no number of workers makes that shorter."""
+    """Return the longest chain of tasks that follow from each other; more workers cannot shorten it."""
 
     def chain(task: Task) -> list[Task]:
         return [task, *max(map(chain, task.then), key=_took_s, default=[])]

@@ -39,7 +39,9 @@ def joined_way(
         for lane in network.edges[edge].for_kind(kind):
             s, beside_m = lane.line.project(*end)
             if abs(beside_m) <= BESIDE_M and -BESIDE_M <= s <= lane.line.length_m:
-                nearest = min(network.edges[edge].for_kind(kind), key=lambda lane_: abs(lane_.line.project(*end)[1]))
+                nearest = min(
+                    network.edges[edge].for_kind(kind), key=lambda candidate: abs(candidate.line.project(*end)[1])
+                )
                 return way[k:], network.line(way[k:], start_lane=nearest.id, after_m=max(s, 0.0), kind=kind)
     raise RouteError(f"the path ends on no lane of {way[0]}", f"end it on the middle of a lane of {way[0]}")
 
