@@ -1,1 +1,1 @@
-"""The software under test: the driver protocol, the bundled drivers, and the registry that finds others."""
+"""The software under test: the driver protocol, the bundled drivers, and the registry of installed drivers."""

@@ -1,4 +1,4 @@
-"""What the drivers `pdm`, `idm` and `frenetix` share: all they know begins with `reset`."""
+"""The base of the drivers `pdm`, `idm` and `frenetix`, whose whole state is created by `reset`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from foresee_dsl.errors import DriverError
 
 
 class Steps(Protocol):
-    """What lasts from one `reset` to the next."""
+    """The state of a driver from one `reset` to the next."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None: ...
 
@@ -19,7 +19,7 @@ class Steps(Protocol):
         ...
 
     def explain(self) -> Sequence[Reason]:
-        """Say why it gave the last answer."""
+        """Return the reasons for the last answer."""
         ...
 
 
@@ -32,7 +32,7 @@ class BundledDriver(Generic[S]):
     name: str
     version: str
     state_type: type[S]
-    """Made at each `reset` from the mission and the vehicle."""
+    """Type of the state, which each `reset` creates from the mission and the vehicle."""
 
     _state: S | None = None
 
@@ -50,12 +50,12 @@ class BundledDriver(Generic[S]):
         return (self.state if state is None else state).step(observation)
 
     def explain(self) -> Sequence[Reason]:
-        """Return the reasons for the last answer, the strongest first; they are computed now."""
+        """Return the reasons for the last answer, the strongest first; they are computed in this call."""
         return self.state.explain()
 
     @property
     def state(self) -> S:
-        """What the driver knows since `reset`."""
+        """The driver's state since `reset`."""
         if self._state is None:
             raise DriverError(f"the driver {self.name} was stepped before reset")
         return self._state

@@ -1,10 +1,10 @@
-"""Programs that files name as drivers start only with the user's consent: an option, or a line in the configuration.
+"""Starts a program that a file names as a driver only with the user's consent: an option, or the configuration file.
 
-A file that somebody sends must not run a command by being looked at. A driver in another program is recognised by the
-colon in its address (`external:python3 mine.py`); other drivers are packages that the user has installed.
+Opening a file from someone else must not run a command. A driver in another program has a colon in its address
+(`external:python3 mine.py`); other drivers are packages that the user has installed.
 
-`drivers.registry.load_driver` makes no program that is not allowed here, so that no command can forget to ask. A task
-takes along to its process what was allowed when it was made.
+`drivers.registry.load_driver` starts no program that is not allowed here, so that no command can forget the check. A
+task takes the programs that were allowed at its creation along to its process.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ VARIABLE = "FORESEE_CONFIG"
 """The environment variable that names another configuration file."""
 KEY = "run-programs-in"
 IDEAL = "+ideal"
-"""Follows the name of a driver that gets ideal sensors; its program is the same."""
+"""Suffix of the name of a driver that gets ideal sensors; its program is the same."""
 _SHOWN = 5
 _ALLOWED: ContextVar[frozenset[str]] = ContextVar("_ALLOWED", default=frozenset())
 
@@ -43,7 +43,7 @@ def allow(*addresses: str) -> None:
 
 @contextmanager
 def allowing(addresses: Iterable[str]) -> Iterator[None]:
-    """Allow programs within; what is allowed within in addition ends with it, too."""
+    """Allow programs within this block; programs that are allowed inside it also end with it."""
     token = _ALLOWED.set(_ALLOWED.get())
     try:
         allow(*addresses)
@@ -58,7 +58,7 @@ def allowed() -> frozenset[str]:
 
 
 def may_start(address: str) -> bool:
-    """Whether a driver is allowed to be made: it is an installed package, or a program that the user consented to."""
+    """Return whether a driver may be created: it is an installed package, or a program with the user's consent."""
     return not _is_program(address) or _program(address) in _ALLOWED.get()
 
 
@@ -66,7 +66,7 @@ def ask(address: str) -> None:
     """Refuse a program that is not allowed.
 
     Raises:
-        DriverError: it is not; the message says how to allow it.
+        DriverError: the program is not allowed; the message explains how to allow it.
     """
     if not may_start(address):
         raise DriverError(
@@ -76,7 +76,7 @@ def ask(address: str) -> None:
 
 
 def without_parent(address: str) -> str:
-    """Return the note on a mutant's trace whose parent is not shown, as running it would start a program."""
+    """Return the note on a mutant's trace whose parent is not shown because running it would start a program."""
     return (
         "its parent is not shown: running it would start the program that the trace names as its driver; "
         f"--driver {shlex.quote(address)} allows it"
@@ -84,24 +84,24 @@ def without_parent(address: str) -> str:
 
 
 def refuse_programs(named: Iterable[tuple[str, Path]], instead: str, *, unless: bool = False) -> None:
-    """Refuse programs that files name as drivers, and allow those in folders for which the user's configuration does.
+    """Raise unless every program that a file names as a driver lies in a folder that the user has allowed.
 
     Args:
-        named: drivers' addresses, each with the file that names it. instead: what the user can do.
-        unless: the user has consented to all of them (`--run-programs`).
+        named: addresses of drivers, each with the file that names it. instead: what the user can do, for the message.
+        unless: whether the user has consented to all of them (`--run-programs`).
 
     Raises:
-        DriverError: there are programs among the drivers, or the configuration cannot be read.
+        DriverError: a program is not allowed, or the configuration cannot be read.
     """
     programs = dict.fromkeys((address, file) for address, file in named if not may_start(address))
     if not programs:
         return
     refused = set() if unless else _not_granted(programs)
     if refused:
-        shown = sorted(refused)
-        more = f"; and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""
+        addresses = sorted(refused)
+        more = f"; and {len(addresses) - _SHOWN} more" if len(addresses) > _SHOWN else ""
         raise DriverError(
-            f"the files name programs as drivers: {'; '.join(shown[:_SHOWN])}{more}. {instead}; or write "
+            f"the files name programs as drivers: {'; '.join(addresses[:_SHOWN])}{more}. {instead}; or write "
             f'`{KEY} = ["FOLDER"]` in {configuration()} if you trust all files of a folder'
         )
     allow(*(address for address, _ in programs))
@@ -126,20 +126,20 @@ def _lies_in(file: Path, folder: Path) -> bool:
 
 
 def _granted() -> tuple[Path, ...]:
-    """Return the folders, links followed, whose files may name programs."""
+    """Return the folders, with links resolved, whose files may name programs."""
     import tomllib
 
     file = configuration()
     try:
-        found = tomllib.loads(read_outside_text(file)).get(KEY, [])
+        entries = tomllib.loads(read_outside_text(file)).get(KEY, [])
     except FileNotFoundError:
         return ()
     except (OSError, ValueError) as err:
         raise DriverError(f"the configuration {file} cannot be read: {err}") from err
-    if not isinstance(found, list) or not all(isinstance(folder, str) for folder in found):
+    if not isinstance(entries, list) or not all(isinstance(folder, str) for folder in entries):
         raise DriverError(f'the configuration {file}: {KEY} is a list of folders: {KEY} = ["/home/me/scenarios"]')
-    folders = [Path(folder).expanduser() for folder in found]
+    folders = [Path(folder).expanduser() for folder in entries]
     for folder in folders:
         if not folder.is_absolute():
-            raise DriverError(f"the configuration {file}: {KEY} needs whole paths, and {str(folder)!r} is none")
+            raise DriverError(f"the configuration {file}: {KEY} needs absolute paths, and {str(folder)!r} is not one")
     return tuple(folder.resolve() for folder in folders)

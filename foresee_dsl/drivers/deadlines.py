@@ -1,9 +1,9 @@
-"""How much wall time a driver may take: for its reset, for a step, for a whole run.
+"""Limits of the wall time of a driver: for its reset, for a step, for a whole run.
 
-A driver that takes longer hangs, and its run ends as `timeout`. That must never happen to a driver that is only slow on
-a busy machine, so the defaults are hundreds of times what drivers take. Measured on 14 cases of the library with two
-cores, both busy: the slowest step was 6 ms (`pdm`), 14 ms (`idm`) and 37 ms (`frenetix`), the slowest reset 67 ms, the
-slowest run 0.17 s of wall time for a simulated second (all `frenetix`).
+A driver that takes longer counts as hanging, and its run ends as `timeout`. This must never happen to a driver that is
+only slow on a busy machine, so the defaults are hundreds of times the usual values. Measured on 14 cases of the library
+with two busy cores: the slowest step was 6 ms (`pdm`), 14 ms (`idm`) and 37 ms (`frenetix`), the slowest reset 67 ms,
+the slowest run 0.17 s of wall time per simulated second (the last two: `frenetix`).
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from dataclasses import dataclass
 from foresee_dsl.errors import DriverError
 
 STEP_S = 10.0
-"""Ours: 270 times the slowest step that was measured. The driver `external` has a shorter one of its own."""
+"""Wall time of a step, s. Ours: 270 times the slowest measured step. The driver `external` has a shorter limit."""
 RESET_S = 60.0
-"""Ours: of the reset and the first step, in which a driver may load its weights or compile its functions; 900 times the
-slowest that was measured."""
+"""Wall time of the reset and of the first step, in which a driver may load weights or compile functions, s. Ours: 900
+times the slowest measured reset."""
 STEADY_S = 60.0
-"""Ours: a worker starts, builds its network and imports a framework for learned models in far less."""
+"""Part of the wall time of a run that does not depend on its length, s. Ours: a worker starts, builds its network and
+imports a framework for learned models in far less."""
 SLOWEST = 20.0
-"""So much slower than real time may a driver be. Ours: a second of wall time for a step; 110 times the slowest run that
-was measured."""
+"""Wall time of a run per simulated second. Ours: one second for a step; 110 times the slowest measured run."""
 STEP_VARIABLE, RESET_VARIABLE = "FORESEE_STEP_DEADLINE_S", "FORESEE_RESET_DEADLINE_S"
 
 
 @dataclass(frozen=True)
 class Deadlines:
-    """Wall times.
+    """Limits of wall time.
 
     Attributes:
-        step_s: for an answer; None: FORESEE_STEP_DEADLINE_S, or `STEP_S`.
-        run_s: for a whole run; None: `STEADY_S` and `SLOWEST` times what is simulated.
+        step_s: of a step; None: FORESEE_STEP_DEADLINE_S, or `STEP_S`.
+        run_s: of a whole run; None: `STEADY_S` plus `SLOWEST` times the simulated time.
     """
 
     step_s: float | None = None
@@ -41,33 +41,33 @@ class Deadlines:
 
     @property
     def for_step_s(self) -> float:
-        """The wall time for a step."""
+        """The wall time of a step, s."""
         return seconds_of(STEP_VARIABLE, STEP_S) if self.step_s is None else self.step_s
 
     @property
     def for_reset_s(self) -> float:
-        """The wall time for the reset."""
+        """The wall time of the reset, s."""
         return max(seconds_of(RESET_VARIABLE, RESET_S), self.for_step_s)
 
     @property
     def for_first_step_s(self) -> float:
-        """The wall time for the first step: that of the reset, unless one for a step was given."""
+        """The wall time of the first step, s: that of the reset, unless `step_s` is set."""
         return self.for_reset_s if self.step_s is None else self.step_s
 
     def for_run_s(self, simulated_s: float) -> float:
-        """The wall time of a run of so many simulated seconds."""
+        """Return the wall time of a run with this simulated time, s."""
         return STEADY_S + SLOWEST * simulated_s if self.run_s is None else self.run_s
 
 
 DEADLINES = Deadlines()
-"""Those of a driver of which nothing else is known."""
+"""The default limits."""
 
 
 def seconds_of(variable: str, default: float) -> float:
     """Return the time that an environment variable sets.
 
     Raises:
-        DriverError: it is no time.
+        DriverError: the variable does not contain a time.
     """
     text = os.environ.get(variable)
     if not text:

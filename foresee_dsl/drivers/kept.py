@@ -1,7 +1,7 @@
-"""What a driver keeps from one run to the next in one process: weights, a session, a program that stays.
+"""Keeps values of drivers from one run to the next in one process: weights, a session, a program that stays.
 
-Nothing that is kept may change what a driver does. So a run that took something from an earlier one is driven again
-with nothing kept, at first and from time to time, and must give the same trace (`campaign.driving`).
+A kept value must not change a driver's behaviour. Therefore some of the runs that use a value of an earlier run are
+repeated without kept values, and must give the same trace (`campaign.driving`).
 """
 
 from __future__ import annotations
@@ -13,31 +13,32 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 CHECKED_EVERY = 20
-"""Of the runs that take something from an earlier one, the first and every such one are driven twice. Ours: a twentieth
-of the time; a driver that remembers nearly always shows it in its second run."""
+"""Of the runs that use a value of an earlier run, the first and then one in this number are driven twice. Ours: it
+costs a twentieth of the time; a driver with hidden memory nearly always differs in its second run."""
 
 
 class _Kept:
-    """Values of this process by key, and what runs took of them."""
+    """The kept values of this process by key, and their use by runs."""
 
     def __init__(self) -> None:
         self.values: dict[Hashable, Any] = {}
         self.taken: set[Hashable] = set()
-        """Keys of what the run under way took that an earlier run had left."""
+        """Keys of the values of earlier runs that the current run uses."""
         self.new: set[Hashable] = set()
-        """Keys of what the run under way made itself."""
+        """Keys of the values that the current run has created."""
         self.times: Counter[Hashable] = Counter()
-        """How many runs took the value of a key."""
+        """Number of runs that used the value of a key."""
 
 
 _HERE = _Kept()
 
 
 def keep(key: Hashable, make: Callable[[], T]) -> T:
-    """Return what `make` returns, made once in this process: for weights and the like, which no run changes.
+    """Return the result of `make`, created once in this process: for values that no run changes, such as weights.
 
     Args:
-        key: of the value, such as `("my_driver", "weights.pt")`; it names all that the value depends on.
+        key: key of the value, such as `("my_driver", "weights.pt")`; it must contain everything that the value depends
+            on.
     """
     if key not in _HERE.values:
         _HERE.values[key] = make()
@@ -48,8 +49,8 @@ def keep(key: Hashable, make: Callable[[], T]) -> T:
     return value
 
 
-def take(key: Hashable) -> Any:  # noqa: ANN401 - what was left
-    """Return what an earlier run left under a key, which is no longer kept then; None where there is nothing."""
+def take(key: Hashable) -> Any:  # noqa: ANN401 - a value of any type
+    """Return, and stop keeping, the value that an earlier run left under a key; None without one."""
     value = _HERE.values.pop(key, None)
     if value is not None:
         _HERE.taken.add(key)
@@ -57,18 +58,18 @@ def take(key: Hashable) -> Any:  # noqa: ANN401 - what was left
 
 
 def leave(key: Hashable, value: object) -> None:
-    """Leave something for a later run, which takes it."""
+    """Keep a value for a later run, which gets it with `take`."""
     _HERE.values[key] = value
 
 
 def values() -> tuple[Any, ...]:
-    """Return all that is kept in this process now."""
+    """Return all values that this process keeps now."""
     return tuple(_HERE.values.values())
 
 
 @contextmanager
 def one_run() -> Iterator[Callable[[], bool]]:
-    """Note what a run takes; yield a function that says, after the run, whether it is to be driven again to check."""
+    """Record the values that a run uses; yield a function that returns, after the run, whether it must be repeated."""
     _HERE.taken, _HERE.new = set(), set()
 
     def to_be_checked() -> bool:
@@ -80,7 +81,7 @@ def one_run() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def nothing_kept() -> Iterator[None]:
-    """Within, nothing is kept from before, and nothing that is left within stays."""
+    """Hide all kept values within this block, and drop values that are kept inside it."""
     before, _HERE.values = _HERE.values, {}
     try:
         yield
@@ -90,7 +91,7 @@ def nothing_kept() -> Iterator[None]:
 
 
 def forget() -> None:
-    """Keep nothing any more of what was kept until now."""
+    """Drop all kept values."""
     _drop(_HERE.values)
     _HERE.values = {}
     _HERE.times.clear()

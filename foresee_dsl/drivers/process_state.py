@@ -1,8 +1,7 @@
-"""What a driver may not change of the process that runs it: found after a run, put back, and said in words.
+"""Detects forbidden changes of a driver to its process after a run, undoes them, and describes them in words.
 
-A driver runs in the same process as the simulator. When it leaves its folder, clears the environment or replaces a
-function of numpy, what the tool does next in this process would break, and the next run would begin otherwise than this
-one did.
+A driver runs in the same process as the simulator. If it changes the working folder, clears the environment or replaces
+a function of numpy, the tool's next steps in this process would break, and the next run would begin differently.
 """
 
 from __future__ import annotations
@@ -24,16 +23,16 @@ from typing import Any
 import numpy as np
 
 _MODULES: tuple[ModuleType, ...] = (builtins, math, os, random, time, np, np.random)
-"""Modules whose functions the simulator, the forecaster and the mutator call. Ours."""
+"""Modules whose functions are checked: the simulator, the forecaster and the mutator call them. Ours."""
 _NAMED = 5
-"""Names that a sentence has at most. Ours."""
+"""Maximum number of names in a sentence. Ours."""
 _SEEDS = 2**32
-"""numpy's old global generator takes seeds below this."""
+"""Upper bound of the seeds of numpy's old global generator."""
 
 
 @dataclass(frozen=True)
 class ProcessState:
-    """The state of this process that a driver may not change. New variables and new functions are no change."""
+    """The state of this process that a driver must not change. New variables and new functions are allowed."""
 
     folder: Path | None
     environment: dict[str, str]
@@ -44,18 +43,18 @@ class ProcessState:
 
     @classmethod
     def now(cls) -> ProcessState:
-        """Return the state as it is."""
+        """Return the current state."""
         return cls(
             _folder(), dict(os.environ), tuple(map(_public, _MODULES)), dict(np.geterr()), tuple(warnings.filters),
             locale.setlocale(locale.LC_NUMERIC),
         )  # fmt: skip
 
     def put_back(self) -> tuple[str, ...]:
-        """Put back what was changed since, and return it as phrases that follow "the driver"."""
+        """Undo the changes since then, and return them as phrases that follow "the driver"."""
         return tuple(
             phrase
             for phrase in (
-                self._put_back_names(),  # first: what follows calls these functions
+                self._put_back_names(),  # first: the next methods call these functions
                 self._put_back_folder(),
                 self._put_back_environment(),
                 self._put_back_errors(),
@@ -98,14 +97,17 @@ class ProcessState:
         return "changed what numpy does about floating-point errors (numpy.seterr)"
 
     def _put_back_filters(self) -> str:
-        """A filter that turns warnings into errors breaks code that only warns; others are no harm."""
-        added = [one for one in warnings.filters if one[0] == "error" and one not in self.filters]
-        for one in added:
-            warnings.filters.remove(one)  # type: ignore[attr-defined]  # a list
+        """Remove filters that turn warnings into errors, which break code that only warns; others are harmless."""
+        added = [entry for entry in warnings.filters if entry[0] == "error" and entry not in self.filters]
+        for entry in added:
+            warnings.filters.remove(entry)  # type: ignore[attr-defined]  # a list
         return "turned warnings into errors" if added else ""
 
     def _put_back_locale(self) -> str:
-        """Libraries in C, SUMO too, read and write `0,5` in some locales. SUMO itself sets the locale's other parts."""
+        """Restore the locale of numbers: in some locales C libraries, such as SUMO, read and write `0,5`.
+
+        SUMO itself sets other parts of the locale.
+        """
         now = locale.setlocale(locale.LC_NUMERIC)
         if now == self.locale:
             return ""
@@ -115,20 +117,20 @@ class ProcessState:
 
 _GONE = object()
 _changes: list[str] = []
-"""What drivers have changed in this process."""
+"""Changes of drivers to this process so far."""
 
 
 def changes_here() -> tuple[str, ...]:
-    """Return what drivers have changed in this process so far, as phrases that follow "the driver"."""
+    """Return the changes of drivers to this process so far, as phrases that follow "the driver"."""
     return tuple(dict.fromkeys(_changes))
 
 
 @contextlib.contextmanager
 def put_back(seed: int) -> Iterator[list[str]]:
-    """Give a driver a process that it may spoil: yield a list that holds, at the end, what it changed.
+    """Undo a driver's changes to the process at the end of this block; yield a list that then contains them.
 
-    Python's and numpy's global random generators begin with the run's seed, so that a driver which draws from them
-    drives the same whatever ran before in this process; their states, too, are put back.
+    Python's and numpy's global random generators begin with the run's seed, so that a driver that uses them drives the
+    same, regardless of earlier runs in this process; their states are restored too.
     """
     before = ProcessState.now()
     python, numpy = random.getstate(), np.random.get_state()
@@ -144,13 +146,13 @@ def put_back(seed: int) -> Iterator[list[str]]:
 
 
 def seed_globals(seed: int) -> None:
-    """Let the global random generators begin with a run's seed."""
+    """Seed the global random generators with a run's seed."""
     random.seed(seed)
     np.random.seed(seed % _SEEDS)
 
 
 def _folder() -> Path | None:
-    """Return the working folder, None where it is deleted."""
+    """Return the working folder, None if it was deleted."""
     try:
         return Path.cwd()
     except OSError:
@@ -163,5 +165,5 @@ def _public(module: ModuleType) -> dict[str, Any]:
 
 def _named(names: list[str], what: str) -> str:
     """Return `3 environment variables (HOME, PATH, USER)`."""
-    shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
-    return f"{len(names)} {what}{'' if len(names) == 1 else 's'} ({shown})"
+    listed = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    return f"{len(names)} {what}{'' if len(names) == 1 else 's'} ({listed})"

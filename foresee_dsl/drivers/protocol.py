@@ -1,4 +1,4 @@
-"""The driver protocol: what a driver is told, what it sees each step, and what it answers.
+"""The driver protocol: a driver's mission, its observation at each step, and its answer.
 
 Coordinates are SUMO's: x east, y north, metres; headings counter-clockwise from east, radians; speeds m/s. Positions
 are the centre of the footprint unless stated otherwise.
@@ -21,12 +21,12 @@ ActorClass = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "ped
 
 @dataclass(frozen=True, slots=True)
 class VehicleLimits:
-    """What a vehicle can do (from its catalogue entry and the weather).
+    """The limits of a vehicle (from its catalogue entry and the weather).
 
     Attributes:
-        steer_max_rad: largest front-wheel angle. steer_rate_rad_s: how fast it turns.
-        friction: tyre-road coefficient after weather; bounds |acceleration| and v * yaw rate to friction * 9.81.
-        front_overhang_m: from the front axle to the front bumper.
+        steer_max_rad: largest front-wheel angle. steer_rate_rad_s: largest rate of change of this angle.
+        friction: tyre-road coefficient in this weather; limits |acceleration| and v * yaw rate to friction * 9.81.
+        front_overhang_m: distance from the front axle to the front bumper.
     """
 
     model: str
@@ -50,11 +50,11 @@ class Foe:
     Attributes:
         path: [N, 2] centreline of the other movement through the junction, with 60 m of its approach in front of it.
         entry_s: length along `path` where it enters the junction.
-        conflict_s: (first, last) length along the EGO's route that the other movement overlaps.
+        conflict_s: first and last length along the EGO's route at which the other movement overlaps it.
         conflict_path_s: the same along `path`.
-        has_priority: True where the ego must yield to it while both may go (permissive left, minor road, crossing
+        has_priority: whether the ego must yield to it while both may go (permissive left, minor road, crossing
             pedestrians).
-        pedestrian: True for a crossing.
+        pedestrian: whether it is a pedestrian crossing.
     """
 
     path: FloatArray
@@ -82,13 +82,13 @@ class JunctionPassage:
 
 @dataclass(frozen=True)
 class Mission:
-    """What the driver is asked to do, given once.
+    """The task of the driver, passed once at `reset`.
 
     Attributes:
         centreline: [N, 2] the lane centres to follow, at most 1 m apart, from behind the start to beyond the goal.
-        s: [N] length along it. speed_limit_mps: [N].
-        left_m, right_m: [N] free width on either side of the centreline that belongs to lanes of the ego's direction.
-        start_s, goal_s: lengths along it.
+        s: [N] length along the centreline. speed_limit_mps: [N].
+        left_m, right_m: [N] free width on both sides of the centreline within lanes of the ego's direction.
+        start_s, goal_s: lengths of start and goal along the centreline.
     """
 
     centreline: FloatArray
@@ -104,7 +104,7 @@ class Mission:
 
 @dataclass(frozen=True, slots=True)
 class EgoState:
-    """What the vehicle knows of itself (x, y: centre of the footprint; steer: front-wheel angle, left positive)."""
+    """The ego's measured state (x, y: centre of the footprint; steer: front-wheel angle, left positive)."""
 
     x: float
     y: float
@@ -117,7 +117,8 @@ class EgoState:
 
 @dataclass(frozen=True, slots=True)
 class SeenActor:
-    """Another road user as seen now. `track` is a number that it keeps while it is seen; it has no other meaning."""
+    """A measurement of another road user. It keeps its number `track` while it is seen; the number has no other
+    meaning."""
 
     track: int
     kind: ActorClass
@@ -130,7 +131,7 @@ class SeenActor:
 
 
 class Window(NamedTuple):
-    """A part of a picture: its first row and column, and how many."""
+    """A part of a picture: its first row and column, and the numbers of rows and columns."""
 
     top: int
     left: int
@@ -140,14 +141,15 @@ class Window(NamedTuple):
 
 class Views(Protocol):
     """Pictures of one step for learned drivers, drawn on request by packages that add views (docs/reference/rasters.md
-    has the layout); each raises a `ForeseeError` where no installed package draws it."""
+    has the layout); each raises a `ForeseeError` if no installed package draws it."""
 
     def birds_eye(self, window: Window | None = None) -> NDArray[np.uint8]:
-        """Return the map, the seen actors and the signals from above, [channels, rows, columns]; or a part of it."""
+        """Return the map, the measured actors and the signals from above, [channels, rows, columns]; or a part of
+        it."""
         ...
 
     def forward(self) -> NDArray[np.uint8]:
-        """Return what a camera behind the windscreen shows (near objects hide far ones), [channels, rows, columns]."""
+        """Return the view of a camera behind the windscreen (near objects hide far ones), [channels, rows, columns]."""
         ...
 
     def draw(self, view: str) -> NDArray[np.uint8]:
@@ -157,14 +159,15 @@ class Views(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What the driver sees at one step.
+    """The driver's input at one step.
 
     Attributes:
-        time_s: now. ego: its own state, as its localisation measures it.
-        actors: the object list of the sensors, as they were at `measured_s`.
-        signals: a colour for the ego's movement by `JunctionPassage.signal`; what is out of range or view is absent.
-        measured_s: when the actors were measured; sensors and fusion take time, so it lies before `time_s`. None: now.
-        views: rasters; None where none are drawn.
+        time_s: current time. ego: the ego's state, as its localisation measures it.
+        actors: object list of the sensors, measured at `measured_s`.
+        signals: colour for the ego's movement, by `JunctionPassage.signal`; signals out of range or view are absent.
+        measured_s: time at which the actors were measured; sensors and fusion take time, so it is before `time_s`.
+            None: `time_s`.
+        views: pictures; None if none are drawn.
     """
 
     time_s: float
@@ -177,7 +180,7 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """steer: -1 (right) to 1 (left) of the largest angle; throttle and brake: 0 to 1 of what the vehicle can do."""
+    """A driver's answer. steer: -1 (right) to 1 (left) of the largest angle; throttle, brake: 0 to 1 of the maximum."""
 
     steer: float
     throttle: float
@@ -202,14 +205,14 @@ class Driver(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One reason for what a driver does at a step.
+    """A reason for a driver's answer at a step.
 
     Attributes:
-        rule: in a word or two: `signal`, `right of way`, `pedestrian`, `distance`, ...
-        text: in words, without naming the object: `has priority at mill_oak`.
+        rule: a word or two: `signal`, `right of way`, `pedestrian`, `distance`, ...
+        text: the reason in words, without the object's name: `has priority at mill_oak`.
         track, signal: the object's number in the object list, the key of a signal; None: it is about neither.
-        acceleration_mps2: what this reason alone asks for, m/s^2. distance_m: from the ego's front to the object, or
-            to where it waits; None: not known.
+        acceleration_mps2: acceleration for this reason alone, m/s^2. distance_m: distance from the ego's front to the
+            object, or to the place where the ego waits; None: unknown.
     """
 
     rule: str
@@ -222,7 +225,7 @@ class Reason:
 
 @runtime_checkable
 class Explaining(Protocol):
-    """A driver that can say why it did what it did; optional. A run never asks, `foresee show --step` does."""
+    """A driver that can explain its answers; optional. A run does not call it, `foresee show --step` does."""
 
     def explain(self) -> Sequence[Reason]:
         """Return the reasons for the last answer of `step`, the strongest first; it must change no later answer."""
@@ -231,23 +234,23 @@ class Explaining(Protocol):
 
 @runtime_checkable
 class OwnDeadline(Protocol):
-    """A driver that waits for something else, such as a process, and has a deadline of its own for each answer."""
+    """A driver that waits for something else, such as a process, and has its own deadline for each answer."""
 
     step_deadline_s: float
 
 
 @runtime_checkable
 class WatchesFirst(Protocol):
-    """A driver that remembers, and drives a clip as its parent's run only after it has watched for so long, s; at a
-    clip's beginning it watches while the ego follows its recorded states."""
+    """A driver with a memory, which must watch for `handover_s` (s) before it drives a clip as in the parent's run; at
+    a clip's beginning it watches while the ego follows its recorded states."""
 
     handover_s: float
 
 
 @runtime_checkable
 class Closing(Protocol):
-    """A driver with a resource of its own, such as a process, which it must release after each run."""
+    """A driver with its own resource, such as a process, which it must release after each run."""
 
     def close(self) -> None:
-        """Release it; called once after each run, however that ended."""
+        """Release the resource; called once after each run, regardless of its outcome."""
         ...

@@ -1,6 +1,6 @@
-"""The installed drivers, found through the entry-point group `foresee_dsl.drivers`.
+"""Finds and loads the installed drivers, the entry points of the group `foresee_dsl.drivers`.
 
-A driver's address is its name (`pdm`); one that is made from a text has the text after a colon
+A driver's address is its name (`pdm`); a driver that takes an argument has it after a colon
 (`external:python3 my_driver.py`). A name with `+ideal` (`pdm+ideal`) is the same driver with ideal sensors.
 """
 
@@ -23,23 +23,23 @@ from foresee_dsl.plugins import PluginGroup, package_of
 DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError, DriverUnavailableError)
 _ADDRESS = re.compile(r"(.*? via )?(?P<address>[\w+]+:.*)", re.S)
 _OURS = "foresee_"
-"""How the modules of this package and of the plug-ins beside it begin: their drivers are cheap to import, and may have
+"""Prefix of the modules of this package and of the plug-ins beside it: their drivers are cheap to import, and may have
 a class method `check` that raises a `DriverError`."""
 REFERENCES = ("idm", "frenetix", "pdm")
-"""Ours: the planners that come along."""
+"""Names of the bundled planners, with which a driver's failures are driven again. Ours."""
 _NOT_IN_TEXTS = ('"', "\n", "\r")
-"""Signs that a text of the language cannot contain."""
+"""Characters that a text of the language cannot contain."""
 _ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
-"""Characters that a text of the language cannot contain, and how they are written."""
+"""Characters that a text of the language cannot contain, and their escapes."""
 
 
 @dataclass(frozen=True)
 class DriverInfo:
-    """What a list of drivers shows.
+    """An entry of the list of drivers.
 
     Attributes:
-        version: empty where it cannot be made; `doc` says why. unavailable: nothing is broken, it needs a package or
-            weights that are not installed.
+        version: empty if the driver cannot be created; `doc` then has the reason. unavailable: whether it only needs a
+            package or weights that are not installed.
     """
 
     name: str
@@ -52,10 +52,10 @@ class DriverInfo:
 
 
 def reference_drivers(address: str) -> tuple[str, ...]:
-    """Return the drivers that a driver's failures are driven with where nobody names others.
+    """Return the default drivers with which a driver's failures are driven again.
 
-    They are those of `REFERENCES` that are installed, but for the driver itself, which comes with ideal sensors: where
-    that one passes, perception failed, not decision.
+    These are the installed drivers of `REFERENCES` except the driver itself, and the driver with ideal sensors: if the
+    latter passes, the perception failed, not the decision.
     """
     others = (name for name in REFERENCES if name != name_in(address) and _can_be_made(name))
     return (*others, *(() if sees_all(address) else (with_ideal_sensors(address),)))
@@ -70,17 +70,17 @@ def _can_be_made(name: str) -> bool:
 
 
 def driver_names() -> tuple[str, ...]:
-    """Return the names of all installed drivers, sorted; nothing is imported."""
+    """Return the sorted names of all installed drivers, without importing them."""
     return DRIVERS.names()
 
 
 def name_in(address: str) -> str:
-    """Return the name of the driver that an address means."""
+    """Return the name of the driver in an address."""
     return address.partition(":")[0].removesuffix(IDEAL)
 
 
 def sees_all(address: str) -> bool:
-    """Whether the driver of this address is given ideal sensors."""
+    """Return whether the driver of this address gets ideal sensors."""
     return address.partition(":")[0].endswith(IDEAL)
 
 
@@ -91,10 +91,11 @@ def with_ideal_sensors(address: str) -> str:
 
 
 def find_driver(address: str) -> None:
-    """Check that there is a driver of this name, before anything runs; drivers of other packages are not imported.
+    """Check before a run that the driver of an address exists; drivers of other packages are not imported.
 
     Raises:
-        DriverError: there is none (the message has close names and the list), or one of ours lacks what it needs.
+        DriverError: there is no such driver (the message has similar names and the list), or a driver of ours lacks a
+            requirement.
     """
     entry = DRIVERS.find(name_in(address))
     if entry.module.startswith(_OURS):
@@ -107,22 +108,22 @@ def load_driver(address: str) -> Driver:
     """Import and create a driver.
 
     Args:
-        address: its name, or its name, a colon, and the text that it is made from.
+        address: its name, or its name, a colon, and its argument.
 
     Raises:
-        DriverError: no such driver (the message has close names and the list), its package is broken, it wants a text
-            and there is none (or the other way round), or it is a program that was not allowed (`drivers.consent`).
+        DriverError: there is no such driver (the message has similar names and the list), its package is broken, its
+            argument is missing or not allowed, or it is a program without consent (`drivers.consent`).
     """
     name = name_in(address)
     _, colon, argument = address.partition(":")
     entry = DRIVERS.find(name)
     ask(address)
     with DRIVERS.loading(entry):
-        made = entry.load()
-        from_text = getattr(made, "from_argument", None)
+        factory = entry.load()
+        from_text = getattr(factory, "from_argument", None)
         if colon and from_text is None:
             raise DriverError(f"driver {name!r} takes nothing after its name, so {address!r} means no driver")
-        driver = made() if from_text is None else from_text(argument)
+        driver = factory() if from_text is None else from_text(argument)
     if not isinstance(driver, Driver) or not all(isinstance(v, str) for v in (driver.name, driver.version)):
         raise DriverError(
             f"driver {name!r} of package {package_of(entry)} is not a driver: {entry.value} needs the texts `name` and "
@@ -138,10 +139,10 @@ def load_driver(address: str) -> Driver:
 
 
 def handover_of(driver: Driver, longest_s: float) -> float:
-    """Return how long a driver wants to watch at a clip's beginning, s, at most `longest_s`; most want 0.
+    """Return the time that a driver needs to watch at a clip's beginning, s, at most `longest_s`; usually 0.
 
     Raises:
-        DriverError: it wants what is no number, or less than 0.
+        DriverError: the driver's value is negative or not a number.
     """
     wanted = driver.handover_s if isinstance(driver, WatchesFirst) else 0.0
     if isinstance(wanted, bool) or not isinstance(wanted, int | float) or not 0 <= wanted < math.inf:
@@ -152,15 +153,16 @@ def handover_of(driver: Driver, longest_s: float) -> float:
 
 
 def recorded_driver(address: str, version: str) -> str:
-    """Return how a mutant's file records its driver: `pdm 1`, `keeper 2 via external:python3 keeper.py`.
+    """Return the text with which a mutant's file records its driver: `pdm 1`, `keeper 2 via external:python3
+    keeper.py`.
 
-    A text of the language has no double quotes: words of a command are quoted with single ones, and any other double
-    quote is written as in a web address (`%22`).
+    A text of the language cannot contain double quotes: words of a command are quoted with single quotes, and any other
+    double quote is written as in a web address (`%22`).
     """
     name, colon, argument = address.partition(":")
     if not colon:
         return f"{name} {version}".strip()
-    with contextlib.suppress(ValueError):  # no command line: recorded as it is
+    with contextlib.suppress(ValueError):  # not a command line: recorded unchanged
         argument = shlex.join(shlex.split(argument))
     for sign, written in _ESCAPES:
         argument = argument.replace(sign, written)
@@ -168,14 +170,14 @@ def recorded_driver(address: str, version: str) -> str:
 
 
 def recorded_address(recorded: str) -> str:
-    """Return the address in a text of `recorded_driver`, which loads the same driver again."""
-    found = _ADDRESS.fullmatch(recorded.strip())
-    return unquote(found["address"]) if found else (recorded.split() or [""])[0]
+    """Return the address in a text of `recorded_driver`, with which the same driver can be loaded."""
+    match = _ADDRESS.fullmatch(recorded.strip())
+    return unquote(match["address"]) if match else (recorded.split() or [""])[0]
 
 
 def describe_drivers() -> list[DriverInfo]:
-    """Return name, version, first line of the documentation and package of all installed drivers and of those of
-    plug-ins beside this package that are missing, sorted by name."""
+    """Return name, version, first line of the documentation and package of all installed drivers, and of the drivers of
+    our plug-ins that are not installed, sorted by name."""
     return [_describe(name) for name in sorted((*driver_names(), *DRIVERS.missing()))]
 
 
@@ -194,9 +196,9 @@ def _describe(name: str) -> DriverInfo:
 
 
 def _made_from_text(entry: EntryPoint) -> Any:  # noqa: ANN401  a driver's class, or None
-    """Return the class of a driver that is made from a text, which cannot be made to be described."""
+    """Return the class of a driver that takes an argument, which cannot be created for a description; else None."""
     try:
-        made = entry.load()
-    except Exception:  # load_driver says why
+        kind = entry.load()
+    except Exception:  # load_driver reports the reason
         return None
-    return made if hasattr(made, "from_argument") else None
+    return kind if hasattr(kind, "from_argument") else None

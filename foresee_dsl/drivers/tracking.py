@@ -1,8 +1,9 @@
-"""What drivers remember of the others and of signals: smooth tracks from noisy and late object lists, and colours.
+"""The memory of drivers: smooth tracks of the others from noisy and late object lists, and the colours of signals.
 
-Each object has a filter of its own with the gains of a Kalman filter: heading with yaw rate, speed with acceleration,
-and the position, which both move on. The gains come from tables, by how often an object was seen: no covariance is
-kept. All objects are moved on together, in arrays. Tracks are a function of the observations since `reset`.
+Each object has its own filter with the gains of a Kalman filter: heading with yaw rate, speed with acceleration, and
+the position, which these advance. The gains come from tables, by the number of measurements of the object: no
+covariance is stored. All objects are advanced together, in arrays. Tracks are a function of the observations since
+`reset`.
 """
 
 from __future__ import annotations
@@ -21,49 +22,49 @@ from foresee_dsl.kernels import tracks as kernel
 from foresee_dsl.kernels.arrays import Records
 
 COAST_S = 1.5
-"""Ours: an object that is not seen any more is predicted for this long. The sensors give it its old number within 1 s;
-after that a new number may be the same object."""
+"""Time for which an object that is not seen any more is predicted, s. Ours: within 1 s the sensors give it its old
+number; after that a new number may be the same object."""
 STANDING_COAST_S = 4.0
-"""Ours: the same for an object that stood when it was last seen, such as a parked car behind a passing lorry."""
+"""The same for an object that stood when it was last seen, such as a parked car behind a passing lorry, s. Ours."""
 JERK_MPS3 = 4.0
-"""Ours: how fast accelerations change, as a standard deviation of each step; of 2, 3, 4 and 8 this has the least error
-over constant speed, setting off and braking with 6 m/s^2."""
+"""Standard deviation of the rate of change of accelerations, m/s^3. Ours: of 2, 3, 4 and 8 it has the least error over
+constant speed, setting off and braking with 6 m/s^2."""
 START_ACCELERATION_MPS2 = 1.0
-"""Ours: standard deviation of an object's acceleration at first sight, that of traffic in town."""
+"""Standard deviation of an object's acceleration at its first measurement, m/s^2. Ours: that of traffic in town."""
 YAW_CHANGE_RAD_S2 = 0.7
-"""Ours: how fast yaw rates change; entering a turn with 7 m radius at 5 m/s in 1.5 s."""
+"""Rate of change of yaw rates, rad/s^2. Ours: entering a turn with a radius of 7 m at 5 m/s in 1.5 s."""
 START_YAW_RAD_S = 0.1
-"""Ours: standard deviation of yaw rates at first sight; nearly all objects move straight."""
+"""Standard deviation of yaw rates at the first measurement, rad/s. Ours: nearly all objects move straight."""
 DRIFT_MPS = 0.4
-"""Ours: the difference between the true velocity of the centre and the filtered speed along the filtered heading."""
+"""Difference between the true velocity of the centre and the filtered speed along the filtered heading, m/s. Ours."""
 STANDING_DRIFT_MPS = 0.02
-"""Ours: the same while it stands, so that the positions of parked cars settle."""
+"""The same while the object stands, m/s. Ours: so that the positions of parked cars settle."""
 STANDING_TURN_RAD_S = 0.03
-"""Ours: how fast a standing object turns."""
+"""Turning rate of a standing object, rad/s. Ours."""
 WALKER_TURN_RAD_S = 0.7
-"""Ours: how fast pedestrians turn; a quick turn of over 60 degrees makes the filter start again."""
+"""Turning rate of pedestrians, rad/s. Ours: a quick turn by more than 60 degrees makes the filter start again."""
 SIZE_GAIN = 0.05
-"""Ours: sizes do not change, but what is visible of an object may."""
+"""Least gain of sizes. Ours: sizes do not change, but the visible part of an object may."""
 SAME_PLACE_M = 1.5
 SAME_PLACE_MPS = 1.5
-"""Ours: a new number is a lost object if it is within this (plus this much per second that it was lost) of where that
-should be: less than the distance between two cars in a queue."""
+"""Distance (m), plus speed (m/s) times the time it was lost, within which a new number is the lost object predicted
+there. Ours: less than the distance between two cars in a queue."""
 SAME_SIZE = 0.3
-"""Ours: and if its length differs by less than this share; ten times the noise."""
+"""Difference of lengths below which it is the same object, as a share. Ours: ten times the noise."""
 FADES_S = 0.5
-"""Ours: acceleration and yaw rate of objects that are not seen decay with this time constant."""
+"""Time constant with which acceleration and yaw rate of unseen objects decay, s. Ours."""
 
 SAME_TIME_S = 1e-6
 COLOUR_KEPT_S = 1.0
-"""Ours: how long a colour that is not seen any more is used; a third of the shortest amber time (3 s), so that no
-driver relies on a green that has become red."""
+"""Time for which a colour is used after its last sighting, s. Ours: a third of the shortest amber time (3 s), so that
+no driver relies on a green light that has become red."""
 
 _MEASURED = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
 _KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
 
 
 class ObjectTable(NamedTuple):
-    """An object list as numbers, in its order.
+    """An object list as arrays, in its order.
 
     Attributes:
         numbers: the objects' track numbers. kinds: their classes.
@@ -76,7 +77,7 @@ class ObjectTable(NamedTuple):
 
 
 def object_table(observation: Observation) -> ObjectTable:
-    """Return the object list of an observation as numbers; the simulator's observations have it so."""
+    """Return the object list of an observation as arrays, which the simulator's observations provide directly."""
     own: Callable[[], ObjectTable | None] | None = getattr(observation, "object_table", None)
     if own is not None and (table := own()) is not None:
         return table
@@ -87,10 +88,10 @@ def object_table(observation: Observation) -> ObjectTable:
 
 
 class Tracks(NamedTuple):
-    """The others at `time_s`; every array is [A].
+    """The tracked others at the current time; every array is [A].
 
     Attributes:
-        table: [A] `foresee_dsl.kernels.tracks.Track`s. numbers: the object list's numbers. kinds: their classes.
+        table: [A] `foresee_dsl.kernels.tracks.Track`s. numbers: their numbers in the object list. kinds: their classes.
         x, y, heading, speed, length, width, acceleration, yaw_rate, lost_s: the columns of `table`.
     """
 
@@ -101,13 +102,13 @@ class Tracks(NamedTuple):
     def __getattr__(self, column: str) -> FloatArray:
         """Return a column of the table."""
         try:
-            found: FloatArray = self.table[column]
+            values: FloatArray = self.table[column]
         except ValueError as err:
             raise AttributeError(column) from err
-        return found
+        return values
 
     def seen(self) -> tuple[SeenActor, ...]:
-        """Return them as an observation has them."""
+        """Return the tracks as an observation's actors."""
         columns = (self.x, self.y, self.heading, self.speed, self.length, self.width)
         return tuple(map(SeenActor, self.numbers, self.kinds, *(column.tolist() for column in columns)))
 
@@ -131,9 +132,10 @@ class Tracker:
         self._some_lost = False
 
     def update(self, observation: Observation) -> Tracks:
-        """Take in an observation, and return all tracks at its `time_s`.
+        """Process an observation, and return all tracks at its `time_s`.
 
-        An object list with the time of the last one is ignored; an earlier one means a new run: all is forgotten.
+        An object list with the time of the last one is ignored; an earlier time means a new run, which resets the
+        tracker.
         """
         time_s = observation.time_s
         measured_s = time_s if observation.measured_s is None else observation.measured_s
@@ -145,15 +147,15 @@ class Tracker:
             return self._present(time_s, measured_s)
         self._measured_s = measured_s
         seen, ego, places = object_table(observation), observation.ego, self._places
-        found = [places.get(number, -1) for number in seen.numbers]
-        if -1 in found:
-            return self._with_new(found, seen, observation, passed_s, measured_s)
-        self._some_lost = len(found) < len(self._numbers)
+        rows = [places.get(number, -1) for number in seen.numbers]
+        if -1 in rows:
+            return self._with_new(rows, seen, observation, passed_s, measured_s)
+        self._some_lost = len(rows) < len(self._numbers)
         if not self._numbers:
             return self._present(time_s, measured_s)
-        # All that mostly happens, in one call.
+        # The common case, without new objects, is one call.
         self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, math.exp(-passed_s / FADES_S)
-        which, gains = np.array(found, dtype=np.int64), _gains(round(passed_s, 3))
+        which, gains = np.array(rows, dtype=np.int64), _gains(round(passed_s, 3))
         table, lost_s = kernel.follow(self._state, self._sightings, which, seen.measured, self._scan, gains)
         if lost_s <= COAST_S:
             return Tracks(table, *self._named)
@@ -165,27 +167,27 @@ class Tracker:
         return Tracks(table, *self._named)
 
     def _with_new(
-        self, found: list[int], seen: ObjectTable, observation: Observation, passed_s: float, measured_s: float
+        self, rows: list[int], seen: ObjectTable, observation: Observation, passed_s: float, measured_s: float
     ) -> Tracks:
-        """Take in an object list with new numbers; `found`: the rows of the objects that are known, -1 of the rest."""
-        knew, ego, time_s = bool(self._numbers), observation.ego, observation.time_s
-        if knew:
+        """Process an object list with new numbers; `rows`: rows of the tracked objects, -1 for new numbers."""
+        had_tracks, ego, time_s = bool(self._numbers), observation.ego, observation.time_s
+        if had_tracks:
             kernel.move(self._state, passed_s)
-        found = self._begin(seen, found, measured_s)
-        if knew:
+        rows = self._begin(seen, rows, measured_s)
+        if had_tracks:
             self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, math.exp(-passed_s / FADES_S)
-            which, gains = np.array(found, dtype=np.int64), _gains(round(passed_s, 3))
+            which, gains = np.array(rows, dtype=np.int64), _gains(round(passed_s, 3))
             kernel.correct(self._state, self._sightings, which, seen.measured, self._scan, gains)
-        self._some_lost = len(found) < len(self._numbers)
+        self._some_lost = len(rows) < len(self._numbers)
         if self._some_lost and kernel.fade(self._state, self._sightings, self._scan) > COAST_S:
             self._drop(measured_s)
         return self._present(time_s, measured_s)
 
-    def _begin(self, seen: ObjectTable, found: list[int], measured_s: float) -> list[int]:
-        """Give a row to each new number: that of an object that was lost there, else one at the end."""
-        taken, fresh = set(found), []
+    def _begin(self, seen: ObjectTable, rows: list[int], measured_s: float) -> list[int]:
+        """Assign a row to each new number: that of an object that was lost at its place, else a new row."""
+        taken, fresh = set(rows), []
         for k, number in enumerate(seen.numbers):
-            if found[k] >= 0:
+            if rows[k] >= 0:
                 continue
             place = self._lost_there(seen, k, taken, measured_s)
             if place < 0:
@@ -197,21 +199,21 @@ class Tracker:
                 self._places.pop(self._numbers[place], None)
                 self._numbers[place] = number
                 taken.add(place)
-            found[k] = self._places[number] = place
+            rows[k] = self._places[number] = place
         if fresh:
             more = np.zeros((len(fresh), 8))
             more[:, : kernel.MEASURED] = seen.measured[fresh, : kernel.MEASURED]
             self._state = np.concatenate([self._state, more])
-            # np.concatenate would make a new dtype object each time, which numba (0.68.1) would analyse anew.
+            # np.concatenate would create a new dtype object each time, which numba (0.68.1) would analyse again.
             sightings = np.empty(len(self._numbers), kernel.SIGHTING)
             sightings[: -len(fresh)] = self._sightings
             sightings[-len(fresh) :] = [(1, measured_s, _KINDS.get(seen.kinds[k], kernel.OTHER)) for k in fresh]
             self._sightings = sightings
         self._named = tuple(self._numbers), tuple(self._kinds)
-        return found
+        return rows
 
     def _lost_there(self, seen: ObjectTable, new: int, taken: set[int], measured_s: float) -> int:
-        """Return the nearest lost object of the same class and about the same size at a new one's place, or -1."""
+        """Return the row of the nearest lost object with the same class and about the same size as a new one, or -1."""
         best, nearest, kind = -1, math.inf, seen.kinds[new]
         new_x, new_y, new_length = seen.measured[new, [kernel.X, kernel.Y, kernel.LENGTH]].tolist()
         for k in range(len(self._state)):
@@ -236,27 +238,27 @@ class Tracker:
 
 
 class SignalMemory:
-    """The colours of the signals, remembered for `COLOUR_KEPT_S` where a lorry or a bend hides one."""
+    """The colours of the signals, remembered for `COLOUR_KEPT_S` while a lorry or a bend hides a signal."""
 
     def __init__(self) -> None:
-        self._known: dict[str, tuple[float, SignalColour]] = {}
+        self._colours: dict[str, tuple[float, SignalColour]] = {}
 
     def update(self, observation: Observation) -> Mapping[str, SignalColour]:
-        """Take in an observation; return the colours by signal that are seen or still remembered."""
-        now_s, seen, known = observation.time_s, observation.signals, self._known
+        """Process an observation; return the colours, by signal, that are seen or still remembered."""
+        now_s, seen, colours = observation.time_s, observation.signals, self._colours
         for signal, colour in seen.items():
-            known[signal] = now_s, colour
-        if len(known) > len(seen):
-            self._known = {k: last for k, last in known.items() if 0.0 <= now_s - last[0] <= COLOUR_KEPT_S}
-            return {signal: colour for signal, (_, colour) in self._known.items()}
+            colours[signal] = now_s, colour
+        if len(colours) > len(seen):
+            self._colours = {k: last for k, last in colours.items() if 0.0 <= now_s - last[0] <= COLOUR_KEPT_S}
+            return {signal: colour for signal, (_, colour) in self._colours.items()}
         return seen
 
 
 @cache
 def _gains(dt: float) -> FloatArray:
-    """Return the gains of each row of the state for measurements `dt` apart, s: [row, mode, bins, count].
+    """Return the gains of each row of the state for measurements `dt` (s) apart, [row, mode, bins, count].
 
-    `count` is how often the object was seen before. The rates get theirs from what was measured of their values.
+    `count`: number of earlier measurements of the object. A rate is corrected by the measurement of its value.
     """
     table = np.empty((8, 3, kernel.BINS, kernel.SETTLED))
     pace = _pair_gains(kernel.SPEED_NOISE_MPS, 0.0, START_ACCELERATION_MPS2, JERK_MPS3 * dt, dt)
@@ -276,11 +278,11 @@ def _gains(dt: float) -> FloatArray:
 
 
 def _pair_gains(noise: float, drift: float, start_rate: float, rate_change: float, dt: float) -> FloatArray:
-    """Return the gains of a Kalman filter of a value and its rate, by how often it was measured before: [count, 2].
+    """Return the gains of a Kalman filter of a value and its rate, by the number of earlier measurements, [count, 2].
 
     Args:
-        noise: standard deviation of a measurement of the value. drift: by which the value strays in a step besides.
-        start_rate: of the rate before anything is known. rate_change: of the rate from step to step. dt: s.
+        noise: standard deviation of a measurement of the value. drift: additional drift of the value in a step.
+        start_rate: standard deviation of the rate at the beginning. rate_change: of its change in a step. dt: step, s.
     """
     value, both, rate = noise * noise, 0.0, start_rate * start_rate  # after the first measurement
     gains = [(1.0, 0.0)]

@@ -1,8 +1,8 @@
-"""The driver `external`: any program in any language that speaks JSON lines over its standard input and output.
+"""The driver `external`: a program in any language that exchanges JSON lines over its standard input and output.
 
 docs/reference/external.md describes the protocol. The program is started at `reset` and ended at `close`, so that
-nothing of one run can reach the next; one that says so stays for the next run (`drivers.kept`). Messages have the
-fields of the protocol's dataclasses, so that a new field is sent without a change here.
+no state of one run can reach the next; a program that declares `stays` is kept for the next run (`drivers.kept`).
+Messages have the fields of the protocol's dataclasses, so that a new field is sent without a change here.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from foresee_dsl.errors import DriverError, DriverLateError
 from foresee_dsl.measuring import Part
 
 STEP_DEADLINE_S = 1.0
-"""Wall time for an answer, unless FORESEE_STEP_DEADLINE_S is set. Ours: twenty times real time, so that a busy machine
-changes no verdict."""
+"""Wall time of an answer, unless FORESEE_STEP_DEADLINE_S is set, s. Ours: twenty times real time, so that a busy
+machine does not change a verdict."""
 RESET_DEADLINE_S = 10.0
-"""Wall time from the start of the program to its first line, unless FORESEE_RESET_DEADLINE_S is set. Ours: an
+"""Wall time from the start of the program to its first line, unless FORESEE_RESET_DEADLINE_S is set, s. Ours: an
 interpreter that imports a framework for learned models takes some seconds."""
 T = TypeVar("T")
 USAGE = 'write external:COMMAND, such as --driver "external:python3 my_driver.py"'
 PROTOCOL_VERSION = 1
 LONGEST_ARRAY = 20_000
-"""Ours: larger arrays (and all with three or more dimensions) are pictures and are not sent; 10,000 points of a
-centreline, 1 m apart, are under it, a raster of 150 by 150 pixels is not."""
+"""Maximum number of elements of an array that is sent; larger arrays, and all with three or more dimensions, are
+treated as pictures. Ours: above a centreline of 10,000 points, below a raster of 150 by 150 pixels."""
 SHOWN = 80
-"""Ours: how many characters of an invalid answer a message shows."""
+"""Maximum number of characters of an invalid answer in a message. Ours."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
 _LEFT_OUT = object()
 
@@ -54,10 +54,11 @@ class ExternalDriver:
     version = "1"
 
     def __init__(self, command_line: str) -> None:
-        """Check a command line, which is split as a shell would do it; nothing is started yet, and no shell ever.
+        """Check a command line and split it like a shell; nothing is started yet, and a shell is never used.
 
         Raises:
-            DriverError: it is empty or cannot be split, there is no such program, or a deadline's setting is no time.
+            DriverError: the command line is empty or cannot be split, there is no such program, or the setting of a
+                deadline is not a time.
         """
         if os.name != "posix":
             raise DriverError("external drivers need process groups, which this system has not")
@@ -72,11 +73,11 @@ class ExternalDriver:
 
     @classmethod
     def from_argument(cls, argument: str) -> ExternalDriver:
-        """Make the driver that `external:ARGUMENT` names."""
+        """Create the driver of the address `external:ARGUMENT`."""
         return cls(argument)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Give the program its mission, starting it unless it stayed; `version` is then its name and version."""
+        """Start the program unless it stayed, and send it the mission; sets `version` to its name and version."""
         self.close()
         stayed = take(self._key)
         if stayed is not None and not stayed.waits:
@@ -92,7 +93,7 @@ class ExternalDriver:
         return self._exchange(step_line(observation), self.step_deadline_s, read_control)
 
     def close(self) -> None:
-        """Tell the program that the run is over, and end it, unless it stays for the next run."""
+        """Send the program the end of the run, and end it unless it stays for the next run."""
         if self._program is not None and self._stays and self._program.stays(end_line()):
             if (other := take(self._key)) is not None:
                 other.kill()
@@ -106,12 +107,13 @@ class ExternalDriver:
         return "external", str(Path.cwd()), *self._command
 
     def _exchange(self, line: bytes, deadline_s: float, read: Callable[[bytes], T]) -> T:
-        """Return what `read` makes of the answer to a line; a program that breaks the protocol is ended and named."""
+        """Return `read` of the answer to a line; a program that breaks the protocol is ended, and the error names
+        it."""
         if self._program is None:
             raise DriverError("an external driver was stepped before reset, or after it broke")
         try:
             return read(self._program.exchange(line, deadline_s))
-        except BaseException as err:  # Ctrl-C too: the program may still answer the last line, so it can take no other
+        except BaseException as err:  # also for Ctrl-C: a late answer makes the program unusable
             self._program.kill()
             self._forget()
             if isinstance(err, DriverLateError):
@@ -168,7 +170,7 @@ class Ready(NamedTuple):
 
 
 def read_ready(line: bytes) -> Ready:
-    """Return what the program's first line of a run says."""
+    """Return the content of the program's first line of a run."""
     answer = _object(line)
     if answer.get("type") != "ready":
         raise DriverError(f'its first line must be {{"type": "ready", ...}}, not {_shown(line)}')
@@ -180,18 +182,18 @@ def read_ready(line: bytes) -> Ready:
 
 @Part.PIPE.measured
 def read_control(line: bytes) -> Control:
-    """Return the control that a program answered; the simulator clips values out of range."""
+    """Return the control in a program's answer; the simulator clips values out of range."""
     answer = _object(line)
     return Control(*(_number(answer, key, line) for key in ("steer", "throttle", "brake")))
 
 
-def plain(value: object) -> Any:  # noqa: ANN401  what JSON can say
-    """Return a value as dicts, lists, texts, finite numbers, booleans and None; what JSON cannot express is left out.
+def plain(value: object) -> Any:  # noqa: ANN401  a JSON value
+    """Return a value as dicts, lists, texts, finite numbers, booleans and None, without parts that JSON cannot express.
 
     Dataclasses become objects with a key for each field, arrays lists, numbers that are not finite None.
     """
-    found = _plain(value)
-    return None if found is _LEFT_OUT else found
+    result = _plain(value)
+    return None if result is _LEFT_OUT else result
 
 
 def _plain(value: object) -> object:  # noqa: PLR0911  one return a kind
@@ -225,16 +227,16 @@ def _line(message: dict[str, object]) -> bytes:
 
 def _object(line: bytes) -> dict[str, Any]:
     try:
-        found = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
-    except (ValueError, RecursionError) as err:  # ValueError: no UTF-8, no JSON, a number with too many digits
-        raise DriverError(f"its line is no JSON: {_shown(line)}") from err
-    if not isinstance(found, dict):
-        raise DriverError(f"its line is no JSON object: {_shown(line)}")
-    return found
+        answer = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as err:  # ValueError: not UTF-8, not JSON, or a number with too many digits
+        raise DriverError(f"its line is not JSON: {_shown(line)}") from err
+    if not isinstance(answer, dict):
+        raise DriverError(f"its line is not a JSON object: {_shown(line)}")
+    return answer
 
 
 def _no_constant(word: str) -> float:
-    raise ValueError(f"{word} is no JSON")
+    raise ValueError(f"{word} is not JSON")
 
 
 def _number(answer: dict[str, Any], key: str, line: bytes) -> float:
@@ -242,7 +244,7 @@ def _number(answer: dict[str, Any], key: str, line: bytes) -> float:
         raise DriverError(f"its answer has no {key}: {_shown(line)}")
     value = answer[key]
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise DriverError(f"its {key} is no number: {_shown(line)}")
+        raise DriverError(f"its {key} is not a number: {_shown(line)}")
     try:
         number = float(value)
     except OverflowError:

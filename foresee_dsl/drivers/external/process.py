@@ -1,7 +1,8 @@
-"""A program in a process group of its own, which exchanges lines with deadlines and surely ends.
+"""Runs a program in a process group of its own: exchanges lines with deadlines, and ends the program in any case.
 
-The group is led by a guard: a shell that waits for its input to end and then kills the group, itself included. Its
-input is a pipe that only this process holds, so that the program ends with this process even after a SIGKILL.
+The leader of the group is a guard: a shell that waits for the end of its input and then kills the group, itself
+included. Its input is a pipe that only this process holds, so that the program ends with this process even after a
+SIGKILL.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from foresee_dsl.drivers.kept import values
 from foresee_dsl.errors import DriverError, DriverLateError
 
 LONGEST_LINE = 65_536
-"""Bytes of a line from the program. Ours: an answer needs under 100."""
+"""Maximum length of a line from the program, bytes. Ours: an answer needs less than 100."""
 FAREWELL_S = 1.0
-"""How long a program may take to end after the line `end`. Ours: time to close a log file."""
+"""Time that a program has to end after the line `end`, s. Ours: time to close a log file."""
 LAST_WORDS_S = 0.2
-"""Ours: how long to wait for the exit code and the rest of stderr once the program has closed its output."""
+"""Time to wait for the exit code and the rest of stderr after the program has closed its output, s. Ours."""
 LAST_WORDS = 400
-"""Ours: how many characters of stderr's end a message has: the last line of a traceback, and its place."""
+"""Maximum number of characters from the end of stderr in a message. Ours: the last line of a traceback and its
+place."""
 _STDERR_KEPT = 4096
 _CHUNK = 65_536
 _TICK_S = 0.05
@@ -33,7 +35,7 @@ _GUARD = ("/bin/sh", "-c", 'trap "" HUP INT TERM; read -r _; kill -KILL 0')
 
 
 def kept_programs() -> tuple[int, ...]:
-    """Return the processes of programs that stay for the next run."""
+    """Return the process ids of programs that stay for the next run."""
     return tuple(pid for value in values() if isinstance(value, Program) for pid in value.pids)
 
 
@@ -41,7 +43,7 @@ class Program:
     """A running program. `exchange` sends a line and returns the one that answers it."""
 
     def __init__(self, command: Sequence[str]) -> None:
-        """Start the program with its arguments in the working folder; no shell sees them."""
+        """Start the program with its arguments in the working folder, without a shell."""
         self._guard = subprocess.Popen(  # noqa: S603  a constant
             _GUARD, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0
         )
@@ -76,7 +78,7 @@ class Program:
 
     @property
     def pids(self) -> tuple[int, int]:
-        """The numbers of the guard and of the program."""
+        """The process ids of the guard and of the program."""
         return self._guard.pid, self._process.pid
 
     def stays(self, farewell: bytes) -> bool:
@@ -88,20 +90,20 @@ class Program:
 
     @property
     def waits(self) -> bool:
-        """Whether the program runs and has written nothing since its last answer."""
+        """Whether the program runs and has not written anything since its last answer."""
         self._read(self._out)
         return self._process.poll() is None and not self._silent and not self._received
 
     def exchange(self, line: bytes, deadline_s: float) -> bytes:
-        """Send a line and return the program's next one, without its newline.
+        """Send a line and return the program's answer, without its newline.
 
         Raises:
-            DriverError: it is too late, too long, not the only one, or the program has ended. The program is to be
-                killed then.
+            DriverError: the answer is late, too long, or more than one line, or the program has ended. The caller must
+                then kill the program.
         """
         self._read(self._out)
         if self._received:
-            raise DriverError(f"it wrote a line that nobody asked for{self._last_words()}")
+            raise DriverError(f"it wrote a line without a message to answer{self._last_words()}")
         until = time.monotonic() + deadline_s
         unsent = self._send(memoryview(line), until)
         while not unsent:
@@ -118,12 +120,12 @@ class Program:
         if self._silent or self._process.poll() is not None:
             raise DriverError(f"it ended ({self._exit()}) without an answer{self._last_words()}")
         if len(self._received) > LONGEST_LINE:
-            raise DriverError(f"it wrote {len(self._received)} bytes that nobody asked for{self._last_words()}")
+            raise DriverError(f"it wrote {len(self._received)} bytes without a message to answer{self._last_words()}")
         doing = "read its line" if unsent else "answer"
         raise DriverLateError(f"it did not {doing} within {deadline_s:g} s{self._last_words()}", deadline_s)
 
     def end(self, farewell: bytes) -> None:
-        """Send a last line, wait up to `FAREWELL_S` for the program to end, then kill what is left. Never raises."""
+        """Send a last line, wait up to `FAREWELL_S` for the program to end, then kill the group. Never raises."""
         until = time.monotonic() + FAREWELL_S
         with contextlib.suppress(OSError):
             self._send(memoryview(farewell), until)
@@ -135,10 +137,10 @@ class Program:
         self.kill()
 
     def kill(self) -> None:
-        """End the program and all of its group now, and leave no zombie. Never raises; may be called again."""
+        """Kill the program and its group, and leave no zombie. Never raises; may be called again."""
         self._selector.close()
         self._end_guard()
-        if self._process.poll() is None:  # it had left the group
+        if self._process.poll() is None:  # it has left the group
             self._process.kill()
         self._process.wait()
         for stream in (self._in, self._out, self._err):
@@ -148,7 +150,7 @@ class Program:
     def _end_guard(self) -> None:
         if self._guard.returncode is not None:
             return
-        # Not waited for yet, so that the number is still the group's, even where the guard is dead.
+        # The guard was not waited for yet, so its id still belongs to the group, even if the guard is dead.
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self._guard.pid, signal.SIGKILL)
         self._guard.wait()
@@ -156,7 +158,7 @@ class Program:
             _pipe(self._guard.stdin).close()
 
     def _send(self, data: memoryview, until: float) -> memoryview:
-        """Write, reading meanwhile (two full pipes would wait for each other); return the bytes that were not read."""
+        """Write data, and read meanwhile so that two full pipes do not block each other; return the unsent bytes."""
         self._selector.register(self._in, selectors.EVENT_WRITE)
         try:
             while data:
@@ -171,7 +173,7 @@ class Program:
         return data
 
     def _wait(self, until: float) -> bool:
-        """Wait for input or output, `_TICK_S` at most, and read it; False when the time is over."""
+        """Wait at most `_TICK_S` for input or output, and read it; return False when the deadline has passed."""
         left = until - time.monotonic()
         if left <= 0:
             return False
@@ -181,7 +183,7 @@ class Program:
         return True
 
     def _read(self, stream: IO[bytes]) -> None:
-        """Read one chunk, if there is any."""
+        """Read one chunk if data is available."""
         if not self._open(stream):
             return
         try:

@@ -1,11 +1,12 @@
 """The driver `idm`: follows its route with the Intelligent Driver Model, gives way, and brakes in an emergency.
 
-The lower bound that other drivers are compared with: it never changes lanes, and predicts constant speeds only. Route,
-tracker, signals and the steering are those of `pdm`.
+It is the baseline for other drivers: it never changes lanes, and predicts constant speeds only. Route, tracker, signals
+and steering are those of `pdm`.
 
 The model is that of Treiber, Hennecke, Helbing 2000, Physical Review E 62, equations 2 and 3. Its constants are ours,
-for city traffic: those of the paper (table I) are for motorways, where 0.73 m/s^2 take half a minute to 50 km/h. They
-are meant to be those of Treiber and Kesting 2013, Traffic Flow Dynamics, table 11.2, which could not be looked up.
+for city traffic: those of the paper (table I) are for motorways, where acceleration to 50 km/h with 0.73 m/s^2 takes
+half a minute. They are meant to be those of Treiber and Kesting 2013, Traffic Flow Dynamics, table 11.2, which could
+not be looked up.
 """
 
 from __future__ import annotations
@@ -27,18 +28,19 @@ MINIMUM_GAP_M = 2.0
 BRAKING_MPS2 = 1.5
 EXPONENT = 4
 LEAST_GAP_M = 0.1
-"""Ours: nearer than this counts as this, so that nothing is divided by zero."""
+"""Lowest gap in the model, m. Ours: avoids a division by zero."""
 
 EMERGENCY_TTC_S = 1.5
-"""FHWA-HRT-08-051 (the Surrogate Safety Assessment Model): the time to collision under which it is a conflict."""
+"""Time to collision below which it brakes in emergency, s: FHWA-HRT-08-051 (the Surrogate Safety Assessment Model)
+counts a lower one as a conflict."""
 PREVIEW_S = 0.5
-"""Ours: the speed profile is met this much ahead; drivetrain and brakes lag by 0.2 s."""
+"""Preview time of the speed profile, s. Ours: drivetrain and brakes lag by 0.2 s."""
 SLOWEST_MPS = 0.5
-"""Ours: least desired speed, so that nothing is divided by zero."""
+"""Lowest desired speed, m/s. Ours: avoids a division by zero."""
 
 
 class _State:
-    """What lasts from one `reset` to the next."""
+    """The state from one `reset` to the next."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
         self._route, self._vehicle = build_route(mission, vehicle), vehicle
@@ -46,7 +48,7 @@ class _State:
         self._last: tuple[Situation, Tracks] | None = None
 
     def step(self, observation: Observation) -> Control:
-        """Hold the middle of the lane, and accelerate as the model says."""
+        """Keep the middle of the lane, with the acceleration of the model."""
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
         self._last = situation, tracks
@@ -55,7 +57,7 @@ class _State:
 
     def explain(self) -> Sequence[Reason]:
         """Decide once more for each signal and object alone; see `drivers.pdm.reasons`."""
-        from foresee_dsl.drivers.pdm.reasons import Wish, reasons_alone, situation_of  # here: driving does without
+        from foresee_dsl.drivers.pdm.reasons import Wish, reasons_alone, situation_of  # not for driving
 
         if self._last is None:
             return ()
@@ -70,7 +72,7 @@ class _State:
 class IdmDriver(BundledDriver[_State]):
     """Follows its lane with the Intelligent Driver Model, gives way, emergency brake (the floor).
 
-    Its answer is a function of the observations since `reset`, the mission and the vehicle; `seed` changes nothing.
+    Its answer is a function of the observations since `reset`, the mission and the vehicle; `seed` has no effect.
     """
 
     name = "idm"
@@ -79,16 +81,16 @@ class IdmDriver(BundledDriver[_State]):
 
 
 def _acceleration(situation: Situation) -> float:
-    """Return the acceleration asked for, m/s^2."""
+    """Return the desired acceleration, m/s^2."""
     ego, route = situation.ego, situation.route
     speed, others = ego.forward, traffic.read_others(situation)
     if speed > traffic.STANDS_MPS and traffic.time_to_collision(others, speed) < EMERGENCY_TTC_S:
         return -ego.strongest
     allowed = float(route.between("profile", ego.s + PREVIEW_S * speed))
     desired = max(allowed, SLOWEST_MPS)
-    # It brakes for bends in time: the IDM's free term knows one desired speed and would brake too late.
+    # Brake for bends in time: the IDM's free term has only one desired speed and would brake too late.
     wish = min(free_acceleration(speed, desired), (allowed - speed) / PREVIEW_S)
-    # A place to wait at counts as a standing leader, farther ahead by the gap that the IDM keeps to it.
+    # A waiting place is treated as a standing leader, farther ahead by the gap that the IDM keeps.
     waits = (
         (traffic.walkers(situation, others), 0.0),
         (traffic.stop_line(situation), MINIMUM_GAP_M),
@@ -107,8 +109,7 @@ def free_acceleration(speed_mps: float, desired_mps: float) -> float:
 
 
 def desired_gap(speed_mps: float, closing_mps: float) -> float:
-    """Return the desired gap, m: s0 + max(0, v T + v dv / (2 sqrt(a b))); dv: by how much it is faster than the
-    leader."""
+    """Return the desired gap, m: s0 + max(0, v T + v dv / (2 sqrt(a b))); dv: its speed minus the leader's."""
     dynamic = speed_mps * (TIME_GAP_S + closing_mps / (2.0 * math.sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)))
     return MINIMUM_GAP_M + max(0.0, dynamic)
 

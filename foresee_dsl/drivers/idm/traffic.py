@@ -1,7 +1,7 @@
-"""What the `idm` driver reads from the others: which are in its corridor, which enter it, which have priority.
+"""Evaluates the other actors for the `idm` driver: those in its corridor, those entering it, those with priority.
 
-All are predicted with constant speed in a straight line of the route's own coordinates (length along it and offset from
-it), so that they follow its bends; nothing else is predicted.
+All are predicted at constant speed on a straight line in the route's coordinates (length along it and offset from it),
+so that they follow its bends; there is no other prediction.
 """
 
 from __future__ import annotations
@@ -21,40 +21,44 @@ from foresee_dsl.kernels.pdm.route import stops_before
 ACCELERATION_MPS2 = 1.0
 """See the package's docstring."""
 CORRIDOR_MARGIN_M = 0.3
-"""Ours: an actor this near to the ego's side counts as in its corridor; a lane of 3.3 m has 0.7 m beside a car."""
+"""Distance to the ego's side within which an actor is in its corridor, m. Ours: a lane of 3.3 m has 0.7 m beside a
+car."""
 TOUCH_MARGIN_M = 0.15
-"""Ours: the same for the time to collision, where a false alarm means full braking."""
+"""The same for the time to collision, m. Ours: smaller, as a false alarm causes full braking."""
 STANDS_MPS = 0.5
 STILL_MPS = 0.1
-"""Ours: below this relative speed a distance is taken to be constant."""
+"""Relative speed below which a distance counts as constant, m/s. Ours."""
 STOP_MARGIN_M = 0.5
-"""Ours: the front bumper stops this far before a stop line."""
+"""Distance of the front bumper before a stop line when the ego stops, m. Ours."""
 JUNCTION_REACH_M = 80.0
-"""Ours: junctions nearer than this are considered; the stopping distance from 50 km/h at 1.5 m/s^2, and 15 m."""
+"""Distance within which junctions are considered, m. Ours: the stopping distance from 50 km/h at 1.5 m/s^2, plus 15
+m."""
 CONFLICT_MARGIN_M = 1.0
-"""Ours: it waits this far before a conflict (the front corners swing out in a turn)."""
+"""Distance before a conflict at which it waits, m. Ours: the front corners swing out in a turn."""
 YIELD_BRAKING_MPS2 = 4.0
-"""Ours: an ego that would need more braking than this does not give way any more."""
+"""Braking up to which the ego gives way, m/s^2. Ours."""
 GAP_MARGIN_S = 1.5
-"""Ours: a gap is accepted when the vehicle with priority arrives this long after the ego has cleared the conflict."""
+"""Least time between the ego clearing a conflict and the arrival of a vehicle with priority, s. Ours."""
 WALKER_AIR_M = 0.8
-"""Ours: about to step on the lane: within a stride of it."""
+"""Distance to the lane within which a pedestrian is about to step on it, m. Ours: one stride."""
 WALKER_MARGIN_S = 1.0
-"""Ours: least time between the ego and a pedestrian at the same place."""
+"""Least time between the ego and a pedestrian at the same place, s. Ours."""
 WALKER_REACH_S = 6.0
-"""Ours: pedestrians that enter the corridor later than this are ignored; 6 s are a comfortable stop from 50 km/h."""
+"""Time after which pedestrians that enter the corridor are ignored, s. Ours: a comfortable stop from 50 km/h takes 6
+s."""
 LEAST_ARRIVAL_MPS = 3.0
-"""Ours: a slow or standing ego is assumed to arrive with this speed: else, as it never arrives, it would set off."""
+"""Lowest assumed speed of the ego's arrival, m/s. Ours: without it a standing ego would never arrive, and would set
+off."""
 
 
 @dataclass(frozen=True)
 class Others:
-    """The others in the route's coordinates; every array is [A].
+    """The other actors in the route's coordinates; every array is [A].
 
     Attributes:
-        ahead: m from the ego's front bumper to their near end, below 0 where it is beside or behind.
-        far: m from the ego's rear bumper to their far end. d: offset of their centre, m, left positive.
-        speed_s, speed_d: m/s along and across the route. side: m, half of both widths.
+        ahead: distance from the ego's front bumper to their near end, m; negative beside or behind it.
+        far: distance from the ego's rear bumper to their far end, m. d: offset of their centre, m, left positive.
+        speed_s, speed_d: speeds along and across the route, m/s. side: half the sum of both widths, m.
     """
 
     ahead: FloatArray
@@ -67,14 +71,14 @@ class Others:
 
 @dataclass(frozen=True)
 class Leader:
-    """What the ego must stay behind: the gap (m) to its front bumper, and the speed along the route (m/s)."""
+    """The actor that the ego must stay behind: the gap to it (m), and its speed along the route (m/s)."""
 
     gap_m: float
     speed_mps: float
 
 
 def read_others(situation: Situation) -> Others:
-    """Return the others in the route's coordinates."""
+    """Return the other actors in the route's coordinates."""
     ego, actors = situation.ego, situation.actors
     road = situation.route.points[actors["point"]]
     along = actors["cos"] * road["cos"] + actors["sin"] * road["sin"]
@@ -110,24 +114,24 @@ def time_to_collision(others: Others, speed_mps: float) -> float:
 
 
 def walkers(situation: Situation, others: Others) -> float | None:
-    """Return the gap, m, to the nearest pedestrian that is, or will be, in the corridor when the ego is there."""
+    """Return the gap (m) to the nearest pedestrian who is in the corridor now or when the ego arrives; None: none."""
     if not situation.actors["pedestrian"].any():
         return None
     comes, goes = _sideways(others, WALKER_AIR_M)
     moving = np.abs(others.speed_d) > STILL_MPS
-    comes, goes = np.maximum(comes, 0.0), np.where(moving, goes, -np.inf)  # a standing one waits
+    comes, goes = np.maximum(comes, 0.0), np.where(moving, goes, -np.inf)  # a standing pedestrian waits
     speed = max(situation.ego.forward, LEAST_ARRIVAL_MPS)
     enters, leaves = np.maximum(others.ahead, 0.0) / speed, others.far / speed
     meets = (enters < goes + WALKER_MARGIN_S) & (comes < leaves + WALKER_MARGIN_S) & (goes > 0)
-    # The ego passes in front of a pedestrian that comes after it if it cannot stop any more.
+    # If the ego cannot stop any more, it passes in front of a pedestrian who arrives later.
     stops_in = situation.ego.forward**2 / (2 * situation.ego.strongest)
     meets &= (comes < leaves) | (others.ahead > stops_in)
-    found = situation.actors["pedestrian"] & meets & (others.ahead > -0.5) & (comes < WALKER_REACH_S)
-    return float(others.ahead[found].min()) if found.any() else None
+    in_way = situation.actors["pedestrian"] & meets & (others.ahead > -0.5) & (comes < WALKER_REACH_S)
+    return float(others.ahead[in_way].min()) if in_way.any() else None
 
 
 def stop_line(situation: Situation) -> float | None:
-    """Return the distance to the first stop line whose signal asks to stop and where the ego can, m."""
+    """Return the distance (m) to the first stop line at which the ego must stop for a signal, and can; None: none."""
     ego = situation.ego
     for k in np.flatnonzero(_near_junctions(situation)).tolist():
         passage = situation.route.passages[k]
@@ -140,7 +144,7 @@ def stop_line(situation: Situation) -> float | None:
 
 
 def giving_way(situation: Situation) -> float | None:
-    """Return the distance to where the ego waits for a gap in a stream with priority, m; None: it may go."""
+    """Return the distance (m) to the place where the ego waits for a gap in a stream with priority; None: it may go."""
     ego, route = situation.ego, situation.route
     yields = route.foes["has_priority"] & ~route.foes["walking"]
     ahead = route.foes["own_s"] - CONFLICT_MARGIN_M > ego.front_s - STOP_MARGIN_M
@@ -160,13 +164,14 @@ def giving_way(situation: Situation) -> float | None:
 
 
 def _near_junctions(situation: Situation) -> BoolArray:
-    """Tell which junctions the ego is in or near, [J]."""
+    """Return, for each junction, whether the ego is in or near it, [J]."""
     ego, junctions = situation.ego, situation.route.junctions
     return np.asarray((ego.rear_s < junctions["end_s"]) & (junctions["stop_s"] - ego.front_s < JUNCTION_REACH_M))
 
 
 def _waiting_places(foes: Records, ego: Ego) -> list[float]:
-    """Return where along the route the ego waits for each: before the first of those that leave it no room between."""
+    """Return the ego's waiting place for each stream, along the route: before the first of the conflicts that have no
+    room for the ego between them."""
     length = ego.front_s - ego.rear_s
     conflicts = list(zip(foes["own_s"].tolist(), foes["own_until_s"].tolist(), strict=True))
     places = [0.0] * len(foes)
@@ -181,9 +186,9 @@ def _waiting_places(foes: Records, ego: Ego) -> list[float]:
 
 
 def _no_gap(ego: Ego, actors: Records, foe: np.void, matches: Records) -> bool:
-    """Tell whether an actor of a stream arrives before the ego has cleared the conflict, and leaves after it enters.
+    """Return whether an actor of a stream is in the conflict zone at the same time as the ego, with a margin.
 
-    `matches` are the actors' [A] with this stream.
+    `matches`: [A] the actors' matches with this stream.
     """
     enters = _travel_time(float(foe["own_s"]) - ego.front_s, ego.speed)
     clears = _travel_time(float(foe["own_until_s"]) - ego.rear_s, ego.speed)
@@ -196,12 +201,12 @@ def _no_gap(ego: Ego, actors: Records, foe: np.void, matches: Records) -> bool:
 
 
 def _travel_time(distance_m: float, speed_mps: float) -> float:
-    """Return how long the ego takes for a distance, accelerating as the IDM does on a free road, s."""
+    """Return the time (s) that the ego takes for a distance with the IDM's acceleration on a free road."""
     return (math.sqrt(speed_mps**2 + 2 * ACCELERATION_MPS2 * max(distance_m, 0.0)) - speed_mps) / ACCELERATION_MPS2
 
 
 def _span(ahead: FloatArray, far: FloatArray, closing: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return from when to when the ego is level with each, s; an empty span (inf, -inf): never."""
+    """Return the interval in which the ego is level with each actor, s; an empty one (inf, -inf): never."""
     level = (ahead <= 0) & (far >= 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         near, last = ahead / closing, far / closing
@@ -212,6 +217,6 @@ def _span(ahead: FloatArray, far: FloatArray, closing: FloatArray) -> tuple[Floa
 
 
 def _sideways(others: Others, margin_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return from when to when each is in the ego's corridor, s; an empty span (inf, -inf): never."""
+    """Return the interval in which each actor is in the ego's corridor, s; an empty one (inf, -inf): never."""
     width = others.side + margin_m
     return _span(others.d - width, others.d + width, -others.speed_d)

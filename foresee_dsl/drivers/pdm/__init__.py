@@ -1,8 +1,8 @@
-"""The bundled driver `pdm`: proposals of the Intelligent Driver Model, rolled out, scored, and the best one tracked.
+"""The bundled driver `pdm`: rolls out proposals of the Intelligent Driver Model, scores them, and tracks the best one.
 
-In the manner of PDM-Closed (Dauner et al. 2023), on sensed objects. Between steps it keeps its tracker (the others'
-places and speeds, smoothed) and the colours of signals for a second. A decision depends on no earlier one: a run that
-is resumed in the middle continues in the same way as soon as the tracker has settled.
+It follows PDM-Closed (Dauner et al. 2023), on sensed objects. Between steps it keeps its tracker (the smoothed
+positions and speeds of the others) and, for a second, the colours of signals. A decision does not depend on earlier
+ones: a run resumed in the middle continues in the same way as soon as the tracker has settled.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from foresee_dsl.kernels.pdm.decision import decide, hold
 
 
 class _Plan(NamedTuple):
-    """What was decided on an object list of `measured_s`: the offset to steer for, m, and the acceleration."""
+    """The decision on the object list of `measured_s`: the lateral offset to reach, m, and the acceleration."""
 
     measured_s: float
     offset_m: float
@@ -29,7 +29,7 @@ class _Plan(NamedTuple):
 
 
 class _Basis(NamedTuple):
-    """What the last decision was made on."""
+    """The input of the last decision."""
 
     observation: Observation | None = None
     tracks: Tracks | None = None
@@ -37,7 +37,8 @@ class _Basis(NamedTuple):
 
 
 class _State:
-    """What lasts from one `reset` to the next: the route, the ego's record [1] and that as floats, tracks, signals."""
+    """The state from one `reset` to the next: the route, the ego's record [1] and its view as floats, tracks,
+    signals."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
         route = self._route = build_route(mission, vehicle)
@@ -51,8 +52,8 @@ class _State:
         self._explained: tuple[_Basis | None, tuple[Reason, ...]] = (None, ())
 
     def step(self, observation: Observation) -> Control:
-        """Decide when the object list is new (the standard sensors make one every second step, and PDM plans at 10 Hz);
-        else hold the last decision."""
+        """Decide if the object list is new (the standard sensors give one every second step, and PDM plans at 10 Hz);
+        otherwise continue the last decision."""
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
         route, egos, plan = self._route, self._egos, self._plan
         write_state(self._numbers, observation.ego)
@@ -68,12 +69,12 @@ class _State:
 
     def explain(self) -> Sequence[Reason]:
         """Decide once more for each signal and object alone; see `reasons`."""
-        from foresee_dsl.drivers.pdm.reasons import Wish, ego_now, reasons_alone  # here: driving does without
+        from foresee_dsl.drivers.pdm.reasons import Wish, ego_now, reasons_alone  # not for driving
 
         observation, tracks, signals = self._basis
         if observation is None or tracks is None:
             return ()
-        if self._explained[0] is self._basis:  # it holds the decision of the step before
+        if self._explained[0] is self._basis:  # the decision of the previous step is still in force
             return self._explained[1]
         route = self._route
         now = read_situation(route, self._vehicle, observation, tracks, signals)
@@ -90,7 +91,7 @@ class _State:
 class PdmDriver(BundledDriver[_State]):
     """IDM proposals along the route, scored against constant-velocity predictions (after PDM-Closed, 2023).
 
-    Its answer is a function of the observations since `reset`, the mission and the vehicle; `seed` changes nothing.
+    Its answer is a function of the observations since `reset`, the mission and the vehicle; `seed` has no effect.
     """
 
     name = "pdm"

@@ -1,8 +1,8 @@
-"""Why a bundled driver does what it does: what each signal and each object alone would make it do.
+"""Explains the decisions of a bundled driver by the effect of each signal and each object alone.
 
-Nothing of this is computed while it drives. Asked for its reasons, a driver decides again: with nobody in sight and all
-signals green, then with one signal or one object at a time. What makes it slower, or drive elsewhere in its lane, is a
-reason. Where it brakes harder than for any of them alone, each object is left out in turn.
+This is computed only on request, not while driving. The driver then decides again: without actors and with all signals
+green, then with one signal or one object at a time. A signal or object that makes it slower, or changes its place in
+the lane, is a reason. If it brakes harder than for any of them alone, each object is left out in turn.
 """
 
 from __future__ import annotations
@@ -22,50 +22,52 @@ from foresee_dsl.kernels.pdm.right_of_way import find_wall
 from foresee_dsl.kernels.pdm.route import near_foes
 
 LEAST_MPS2 = 0.2
-"""An object or a signal that changes the acceleration by less is no reason. Ours: a tenth of everyday braking."""
+"""Least change of the acceleration by an object or a signal that is a reason, m/s^2. Ours: a tenth of everyday
+braking."""
 STANDS_MPS = 0.5
 LEAST_M = 0.3
-"""The same for the place in the lane."""
+"""The same for the lateral place in the lane, m."""
 
 
 FREE_ROAD = "free road"
-"""The rule where there is no reason to be slower."""
+"""The rule of a decision without a reason to be slower."""
 
 
 class Wish(NamedTuple):
-    """What a driver decides: an acceleration, and the offset from the middle of its lane (left positive), m."""
+    """A driver's decision: an acceleration, and the offset from the middle of its lane (left positive), m."""
 
     acceleration_mps2: float
     offset_m: float = 0.0
 
 
 Decide = Callable[[Tracks, Mapping[str, SignalColour]], Wish]
-"""A driver's decision at the present step for other tracks and colours; it must remember nothing of it."""
+"""Returns a driver's decision at the current step for other tracks and colours; it must not change the driver's
+state."""
 
 
 def reasons_alone(now: Situation, tracks: Tracks, decide: Decide) -> tuple[Reason, ...]:
-    """Return the signals and objects that alone make a driver slower or drive elsewhere, the strongest first; `tracks`:
-    what `now` was read from."""
+    """Return the signals and objects that alone make a driver slower or change its place in the lane, the strongest
+    first; `tracks`: the tracks from which `now` was read."""
     green: dict[str, SignalColour] = {key: "green" for _, key in now.route.signals}
-    nobody = only(tracks, None)
-    free, real = decide(nobody, green), decide(tracks, now.signals)
-    found = [*_signals(now, nobody, green, free, decide), *_objects(now, tracks, green, free, decide)]
-    strongest = min([free.acceleration_mps2, *(reason.acceleration_mps2 or 0.0 for reason in found)])
+    empty = only(tracks, None)
+    free, real = decide(empty, green), decide(tracks, now.signals)
+    reasons = [*_signals(now, empty, green, free, decide), *_objects(now, tracks, green, free, decide)]
+    strongest = min([free.acceleration_mps2, *(reason.acceleration_mps2 or 0.0 for reason in reasons)])
     if real.acceleration_mps2 < strongest - LEAST_MPS2:
-        found += _together(now, tracks, real, decide)
-    if not found:
-        found.append(_free(now, free))
-    return tuple(sorted(found, key=lambda reason: reason.acceleration_mps2 or 0.0))
+        reasons += _together(now, tracks, real, decide)
+    if not reasons:
+        reasons.append(_free(now, free))
+    return tuple(sorted(reasons, key=lambda reason: reason.acceleration_mps2 or 0.0))
 
 
 def _signals(
-    now: Situation, nobody: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
+    now: Situation, empty: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
 ) -> Iterator[Reason]:
-    """Yield the signals that alone make it slower."""
+    """Yield the signals that alone make the driver slower."""
     for index, key in now.route.signals:
         alone: dict[str, SignalColour] = {name: c for name, c in green.items() if name != key}
         colour = now.signals.get(key)
-        wish = decide(nobody, alone if colour is None else {**alone, key: colour})
+        wish = decide(empty, alone if colour is None else {**alone, key: colour})
         if wish.acceleration_mps2 < free.acceleration_mps2 - LEAST_MPS2:
             passage = now.route.passages[index]
             text = f"{colour or 'not seen, so it is ready to stop'} at {passage.junction}"
@@ -75,7 +77,7 @@ def _signals(
 def _objects(
     now: Situation, tracks: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
 ) -> Iterator[Reason]:
-    """Yield the objects that alone make it slower, or drive elsewhere in its lane."""
+    """Yield the objects that alone make the driver slower, or change its place in the lane."""
     for k in range(len(tracks.table)):
         wish = decide(only(tracks, k), green)
         slower = wish.acceleration_mps2 < free.acceleration_mps2 - LEAST_MPS2
@@ -90,52 +92,52 @@ def _objects(
 
 
 def _together(now: Situation, tracks: Tracks, real: Wish, decide: Decide) -> list[Reason]:
-    """Return the objects without which it would be faster; they matter with others only."""
-    found = []
+    """Return the objects without which the driver would be faster; they have an effect only together with others."""
+    reasons = []
     for k in range(len(tracks.table)):
         wish = decide(_without(tracks, k), now.signals)
         if wish.acceleration_mps2 > real.acceleration_mps2 + LEAST_MPS2:
             rule, text = _rule(now, k)
             text = f"{text}, together with others"
-            found.append(Reason(rule, text, tracks.numbers[k], None, real.acceleration_mps2, _room(now, k)))
+            reasons.append(Reason(rule, text, tracks.numbers[k], None, real.acceleration_mps2, _room(now, k)))
     text = "several objects or signals together; none of them alone, and no single one could be left out"
-    return found or [Reason("several", text, acceleration_mps2=real.acceleration_mps2)]
+    return reasons or [Reason("several", text, acceleration_mps2=real.acceleration_mps2)]
 
 
 def _free(now: Situation, free: Wish) -> Reason:
-    """Return the reason where nobody and no signal holds it up."""
+    """Return the reason if no actor and no signal slows the ego down."""
     if free.acceleration_mps2 >= -LEAST_MPS2:
-        return Reason(FREE_ROAD, "nobody and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
+        return Reason(FREE_ROAD, "no actor and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
     stands = now.ego.speed < STANDS_MPS
     text = "none of its own proposals may set off" if stands else "for its route: a bend, a limit, or its own lanes"
-    return Reason("own plan", f"{text}; nobody and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
+    return Reason("own plan", f"{text}; no actor and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
 
 
 def only(tracks: Tracks, k: int | None) -> Tracks:
-    """Return the tracks of one object, or (None) of none."""
+    """Return the tracks with object `k` only, or (None) without objects."""
     rows = slice(0, 0) if k is None else slice(k, k + 1)
     return Tracks(tracks.table[rows], tracks.numbers[rows], tracks.kinds[rows])
 
 
 def _without(tracks: Tracks, k: int) -> Tracks:
-    """Return the tracks of all objects but one."""
+    """Return the tracks of all objects except `k`."""
     rest = [row for row in range(len(tracks.table)) if row != k]
     numbers, kinds = (tuple(values[row] for row in rest) for values in (tracks.numbers, tracks.kinds))
     return Tracks(tracks.table[rest], numbers, kinds)  # type: ignore[arg-type]
 
 
 def situation_of(now: Situation, tracks: Tracks, signals: Mapping[str, SignalColour]) -> Situation:
-    """Return the same step with other tracks and colours."""
+    """Return the situation of the same step with other tracks and colours."""
     return read_situation(now.route, now.vehicle, now.observation, tracks, signals)
 
 
 def _room(now: Situation, k: int) -> float:
-    """Return the way from the ego's front to an object, along the route, m; 0 where it is beside or behind."""
+    """Return the distance from the ego's front to an object along the route, m; 0 beside or behind it."""
     return max(float(now.actors["s"][k] - now.actors["half_length"][k]) - now.ego.front_s, 0.0)
 
 
 def _rule(now: Situation, k: int) -> tuple[str, str]:
-    """Return which rule makes the ego mind an object, and what that means here, in words."""
+    """Return the rule that makes the ego react to an object, and its meaning here, in words."""
     route, actors, egos = now.route, now.actors[k : k + 1].copy(), now.egos.copy()
     foes = near_foes(egos, route.foes, route.junctions)
     matches = match(actors, foes, route.paths)
@@ -160,16 +162,16 @@ def _rule(now: Situation, k: int) -> tuple[str, str]:
 def _priorities(
     now: Situation, egos: Records, actors: Records, foes: Records, matches: Records
 ) -> Iterator[tuple[str, int]]:
-    """Yield the streams in which an actor makes the ego wait: the junction's name, the stream."""
+    """Yield the streams in which an actor makes the ego wait: the junction's name, and the stream's index."""
     free = np.full(len(now.route.passages), -1.0)
     for f in range(len(foes)):
-        one, with_it = foes[f : f + 1], np.ascontiguousarray(matches[:, f : f + 1])
-        if find_wall(egos, actors, one, with_it, now.route.junctions, free, now.route.points) < np.inf:
+        foe, with_foe = foes[f : f + 1], np.ascontiguousarray(matches[:, f : f + 1])
+        if find_wall(egos, actors, foe, with_foe, now.route.junctions, free, now.route.points) < np.inf:
             yield now.route.passages[int(foes["junction"][f])].junction, f
 
 
 def ego_now(now: Situation) -> Records:
-    """Return a copy of the ego's record [1], which a decision may write its place into."""
-    found = ego_record(now.vehicle)
-    found[:] = now.egos
-    return found
+    """Return a copy of the ego's record [1], into which a decision may write the ego's position."""
+    egos = ego_record(now.vehicle)
+    egos[:] = now.egos
+    return egos

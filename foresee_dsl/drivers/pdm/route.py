@@ -1,5 +1,5 @@
-"""What the bundled drivers derive from their mission: a smooth centreline on a fine grid with its speed profile, the
-junctions, and the paths of the streams that cross or join the ego's route."""
+"""Derives the route of the bundled drivers from their mission: a smooth centreline on a fine grid with a speed profile,
+the junctions, and the paths of the streams that cross or join the ego's route."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from foresee_dsl.kernels.pdm.route import COARSE, GRID_M
 
 BEFORE_M = 40.0
 AFTER_M = 120.0
-"""Straight prolongations, so that look-ups need no bounds: 4 s at 100 km/h after the end."""
+"""Lengths of the straight prolongations, so that look-ups need no bounds, m: 4 s at 100 km/h after the end."""
 SMOOTH_M = 1.3
-"""Ours: standard deviation of the smoothing; moves an arc of radius 6 m inwards by 0.05 m, and turns the corners of
-the lanes' polylines into curvature that the steering rate can follow."""
+"""Standard deviation of the smoothing, m. Ours: it moves an arc with a radius of 6 m inwards by 0.05 m, and turns the
+corners of the lanes' polylines into a curvature that the steering rate can follow."""
 KEPT_ROUTES = 8
-"""Ours: a worker runs the mutants of a clip one after the other, and they have one mission."""
+"""Maximum number of cached routes. Ours: a worker runs the mutants of a clip one after the other, with one mission."""
 
 
 @dataclass(frozen=True)
 class Route:
-    """The mission, ready for look-ups.
+    """The mission, prepared for look-ups.
 
     Attributes:
         points: [N] `RoutePoint`s on an even grid.
-        coarse: [5, N / COARSE] x, y, cos and sin of every `COARSE`th one, and how far two neighbours are apart at most.
-        columns: [N] each field of `points` once more, in one piece, from which numpy reads many places in less time.
-        passages: the junctions as the mission has them. junctions: [J] the same as `Junction`s.
-        foes: [F] `Foe`s, in the order of their junctions. paths: the `PathPoint`s of one foe after the other.
-        signals: of each junction with one, its index and key.
+        coarse: [5, N / COARSE] x, y, cos and sin of every `COARSE`th point, and the largest distance of two neighbours.
+        columns: [N] each field of `points` as a contiguous array, from which numpy reads many places faster.
+        passages: the junctions of the mission. junctions: [J] the same as `Junction`s.
+        foes: [F] `Foe`s, in the order of their junctions. paths: the `PathPoint`s of all foes.
+        signals: index of each junction with a signal, and the signal's key.
     """
 
     points: Records
@@ -49,15 +49,15 @@ class Route:
 
     @property
     def origin_s(self) -> float:
-        """The length along the route where its grid begins."""
+        """The length along the route at which its grid begins, m."""
         return float(self.columns["s"][0])
 
     def index(self, s: float) -> int:
-        """Return the grid point at a length along the route, held within it."""
+        """Return the grid point at a length along the route, clamped to the route."""
         return min(max(int((s - self.origin_s) / GRID_M), 0), len(self.points) - 1)
 
     def indices(self, s: FloatArray) -> IntArray:
-        """Return the grid points at lengths along the route, held within it."""
+        """Return the grid points at lengths along the route, clamped to the route."""
         k = ((s - self.origin_s) * (1.0 / GRID_M)).astype(np.int64)
         return np.minimum(np.maximum(k, 0), len(self.points) - 1)
 
@@ -71,7 +71,7 @@ class Route:
 
 @dataclass(frozen=True)
 class _Task:
-    """A mission for a vehicle; two are the same if a driver would see no difference."""
+    """A mission for a vehicle; two tasks are equal if a driver would see no difference."""
 
     content: tuple[object, ...]
     vehicle: VehicleLimits
@@ -79,9 +79,9 @@ class _Task:
 
 
 def build_route(mission: Mission, vehicle: VehicleLimits) -> Route:
-    """Return the route of a mission, a function of mission and vehicle alone, so that a restarted driver has the same.
+    """Return the route of a mission, a function of mission and vehicle only, so that a restarted driver gets the same.
 
-    The last `KEPT_ROUTES` are kept: the runs of a clip and of its mutants have the same mission, up to its end.
+    The last `KEPT_ROUTES` routes are cached: a clip and its mutants have the same mission, up to its end.
     """
     m = mission
     arrays = [np.asarray(a, float) for a in (m.s, m.centreline, m.speed_limit_mps, m.left_m, m.right_m)]
@@ -144,7 +144,7 @@ def _coarse(columns: dict[str, FloatArray]) -> FloatArray:
 
 
 def _smooth(values: FloatArray) -> FloatArray:
-    """Average with a Gaussian of `SMOOTH_M`; both ends are prolonged straight."""
+    """Return values averaged with a Gaussian of `SMOOTH_M`; both ends are prolonged straight."""
     reach = int(4 * SMOOTH_M / GRID_M)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * GRID_M / SMOOTH_M) ** 2)
     padded = np.pad(values, reach, mode="reflect", reflect_type="odd")
@@ -152,7 +152,7 @@ def _smooth(values: FloatArray) -> FloatArray:
 
 
 def _speed_profile(limit: FloatArray, curvature: FloatArray, vehicle: VehicleLimits) -> FloatArray:
-    """Return the fastest comfortable speed at each point: limit, lateral comfort, then braking in time (backwards)."""
+    """Return the highest comfortable speed at each point: the limit, lateral comfort, then braking in time."""
     friction = cfg.FRICTION_SHARE * vehicle.friction * cfg.GRAVITY_MPS2
     lateral = min(cfg.LATERAL_COMFORT_MPS2, friction)
     braking = min(cfg.PROFILE_BRAKING_MPS2, friction)
@@ -183,8 +183,8 @@ def _bytes_of(path: FloatArray) -> bytes:
 
 @lru_cache(maxsize=512)  # a town's junctions: their lanes are the same in every run
 def _even_path(path: bytes, pedestrian: bool) -> tuple[Records, float, float]:
-    """Return a path's points on an even grid, prolonged straight at both ends (crossings are not), what was put before
-    it, and its own length, m."""
+    """Return a path's points on an even grid, prolonged straight at both ends (crossings are not), the length of the
+    prolongation before it, and its own length, m."""
     points = np.frombuffer(path).reshape(-1, 2)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     keep = np.concatenate([[True], np.diff(lengths) > 1e-6])
@@ -194,13 +194,13 @@ def _even_path(path: bytes, pedestrian: bool) -> tuple[Records, float, float]:
     x, y = _prolonged(s, lengths, points[:, 0]), _prolonged(s, lengths, points[:, 1])
     tx, ty = np.gradient(x), np.gradient(y)
     norm = np.maximum(np.hypot(tx, ty), 1e-9)
-    found = np.empty(len(s), PATH_POINT)
-    found["x"], found["y"], found["cos"], found["sin"] = x, y, tx / norm, ty / norm
-    return found, added, float(lengths[-1])
+    even = np.empty(len(s), PATH_POINT)
+    even["x"], even["y"], even["cos"], even["sin"] = x, y, tx / norm, ty / norm
+    return even, added, float(lengths[-1])
 
 
 def _prolonged(at_s: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
-    """Interpolate, and extrapolate in a straight line at both ends."""
+    """Return values interpolated at lengths, extrapolated in a straight line at both ends."""
     first = (values[1] - values[0]) / (s[1] - s[0])
     last = (values[-1] - values[-2]) / (s[-1] - s[-2])
     beyond = np.minimum(at_s - s[0], 0.0) * first + np.maximum(at_s - s[-1], 0.0) * last

@@ -1,4 +1,5 @@
-"""An observation as the kernels take it: the ego and the others on the route, and the braking that signals ask for.
+"""Converts an observation to the input of the kernels: the ego and the others on the route, and the braking for
+signals.
 
 `pdm` does all of this within one kernel (`kernels.pdm.decision`); `idm` and `frenetix` call the same kernels in turn.
 """
@@ -25,7 +26,7 @@ _STATE = slice(Ego._fields.index("x"), Ego._fields.index("s"))
 
 @dataclass(frozen=True)
 class Situation:
-    """One step's input: egos: [1] `Ego`; actors: [A] `Actor`s; signals: the colours that are known."""
+    """The input of one step: egos: [1] `Ego`; actors: [A] `Actor`s; signals: the known colours."""
 
     route: Route
     vehicle: VehicleLimits
@@ -36,7 +37,7 @@ class Situation:
 
     @cached_property
     def ego(self) -> Ego:
-        """The ego as plain numbers."""
+        """The ego's record as a named tuple."""
         return Ego(*self.egos[0].item())
 
 
@@ -49,8 +50,8 @@ def read_situation(
 ) -> Situation:
     """Read an observation of this step.
 
-    `tracks`: the others as they were tracked; None: as a new tracker reads them from the observation. `signals`: the
-    colours that are known; None: those of the observation.
+    `tracks`: the tracked others; None: those of a new tracker on this observation. `signals`: the known colours; None:
+    those of the observation.
     """
     egos, tracks = ego_record(vehicle), Tracker().update(observation) if tracks is None else tracks
     write_state(egos.view(np.float64), observation.ego)
@@ -67,9 +68,9 @@ def to_centre(vehicle: VehicleLimits) -> float:
 
 
 def ego_record(vehicle: VehicleLimits) -> Records:
-    """Return [1] an `Ego` of a vehicle, its state and place still zero."""
+    """Return an `Ego` record [1] of a vehicle, with a state and position of zero."""
     grip = cfg.FRICTION_SHARE * vehicle.friction * cfg.GRAVITY_MPS2
-    known = {
+    values = {
         "length": vehicle.length_m,
         "width": vehicle.width_m,
         "wheelbase": vehicle.wheelbase_m,
@@ -83,19 +84,21 @@ def ego_record(vehicle: VehicleLimits) -> Records:
         "strongest": min(vehicle.emergency_braking_mps2, grip),
     }
     egos = np.zeros(1, EGO)
-    for name, value in known.items():
+    for name, value in values.items():
         egos[name] = value
     return egos
 
 
 def write_state(numbers: FloatArray, state: EgoState) -> None:
-    """Write the vehicle's present state into its record, given as a view of floats (all its fields are floats): one
-    assignment takes a third of the time of five to fields."""
+    """Write the vehicle's current state into its record; `numbers`: the record's view as floats.
+
+    One assignment to the view takes a third of the time of five assignments to fields.
+    """
     numbers[_STATE] = state.x, state.y, state.heading_rad, state.speed_mps, state.acceleration_mps2
 
 
 def signal_brakings(route: Route, strongest_mps2: float, signals: Mapping[str, SignalColour]) -> FloatArray:
-    """Return `signal_braking` of each junction, negative where the ego may go: [J]."""
+    """Return `signal_braking` of each junction, [J] m/s^2, negative where the ego may go."""
     braking = [-1.0] * len(route.passages)
     for k, _ in route.signals:
         wish = signal_braking(route.passages[k], strongest_mps2, signals)
@@ -109,7 +112,7 @@ def signal_braking(
 ) -> float | None:
     """Return the braking up to which the ego stops at a junction's line, m/s^2; None: the signal lets it go.
 
-    It is ready to stop at a signal that it does not see.
+    For a signal that it does not see it is ready to stop.
     """
     if passage.signal is None:
         return None

@@ -1,4 +1,4 @@
-"""Does searching near misses pay? The paper's questions: which campaigns each needs, what they gave, tables, figures.
+"""The study: runs the campaigns for each of the paper's questions, and writes tables and figures of their results.
 
-Beside them: `fuzz` (DriveFuzz), `selforacle` (the rankers), `faults` (seeded faults), `commands`.
+Other packages: `fuzz` (DriveFuzz), `selforacle` (the rankers), `faults` (seeded faults), `commands`.
 """

@@ -1,4 +1,4 @@
-"""The paper's figures beside ours, as a table, and in words where they differ."""
+"""Compares the paper's figures with ours, as a table and in sentences."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from foresee_study.results import TOGETHER, Results
 from foresee_study.tables.table import Column, Row, Table, Value
 
 NEAR = 1.25
-"""Ours: figures within this factor of each other are called close."""
+"""Factor within which two figures are called close. Ours."""
 
 
 def beside(results: Results, question: str) -> Table:
-    """Return the paper's figures of a question beside ours."""
+    """Return a table of the paper's figures and ours for a question."""
     drivers = (*results.drivers, *((TOGETHER,) if len(results.drivers) > 1 else ()))
     figures = [figure for figure in FIGURES if figure.question == question]
     ours = {driver: [figure.ours(results, driver) for figure in figures] for driver in drivers}
-    asked = [driver for driver in drivers if any(ours[driver])]
-    if asked[1:] == [TOGETHER]:
-        asked.pop()  # one driver alone
-    columns = [Column(title, (driver,)) for driver in asked for title in ("paper", "ours", "95 %")]
+    compared = [driver for driver in drivers if any(ours[driver])]
+    if compared[1:] == [TOGETHER]:
+        compared.pop()  # one driver alone
+    columns = [Column(title, (driver,)) for driver in compared for title in ("paper", "ours", "95 %")]
     rows: list[Row] = []
     for k, figure in enumerate(figures):
         values: list[Value] = []
-        for driver in asked:
-            found = ours[driver][k]
-            values += [figure.of(driver)[1], found.value if found else None, _ends(found)]
+        for driver in compared:
+            own = ours[driver][k]
+            values += [figure.of(driver)[1], own.value if own else None, _ends(own)]
         if any(value is not None for value in values[1::3]):
             rows.append(Row(f"{figure.what}{_behind(figure)} ({figure.section})", tuple(values)))
     names = [f"{driver} stands for {STANDS_FOR[driver]}" for driver in results.drivers if driver in STANDS_FOR]
@@ -38,14 +38,14 @@ def beside(results: Results, question: str) -> Table:
 
 
 def _behind(figure: PaperFigure) -> str:
-    """Return the unit that is added to a figure's words where these do not say it."""
+    """Return the unit to append to a figure's description if the description does not contain it."""
     return {Unit.SHARE: ", %", Unit.MORE: ", %", Unit.TIMES: ", times"}.get(figure.unit, "")
 
 
-def _ends(found: Ours | None) -> Value:
-    if found is None or found.interval is None or math.isnan(found.interval.low):
+def _ends(ours: Ours | None) -> Value:
+    if ours is None or ours.interval is None or math.isnan(ours.interval.low):
         return None
-    return f"{_short(found.interval.low)} to {_short(found.interval.high)}"
+    return f"{_short(ours.interval.low)} to {_short(ours.interval.high)}"
 
 
 def _short(value: float) -> str:
@@ -54,7 +54,7 @@ def _short(value: float) -> str:
 
 
 def in_words(results: Results, question: str) -> tuple[str, ...]:
-    """Return a sentence for each figure of a question that the paper has, too."""
+    """Return a sentence for each figure of a question that the paper also has."""
     return tuple(
         sentence
         for figure in FIGURES
@@ -68,39 +68,39 @@ def in_words(results: Results, question: str) -> tuple[str, ...]:
 
 
 def _sentences(results: Results, figure: PaperFigure, driver: str) -> Iterator[str]:
-    found, (name, paper) = figure.ours(results, driver), figure.of(driver)
-    if found is None:
+    ours, (name, paper) = figure.ours(results, driver), figure.of(driver)
+    if ours is None:
         return
     who = "all drivers together" if driver == TOGETHER else f"`{driver}`"
     unit = {Unit.SHARE: " %", Unit.MORE: " %", Unit.TIMES: " times"}.get(figure.unit, "")
-    text = f"{figure.what[0].upper()}{figure.what[1:]}, {who}: {_short(found.value)}{unit}, " \
+    text = f"{figure.what[0].upper()}{figure.what[1:]}, {who}: {_short(ours.value)}{unit}, " \
            f"the paper's {name} {_short(paper)}{unit}"  # fmt: skip
-    yield f"{text}. {_judged(found, paper, figure.unit)}{_why(results, figure, driver)}"
+    yield f"{text}. {_judged(ours, paper, figure.unit)}{_why(results, figure, driver)}"
 
 
-def _judged(found: Ours, paper: float, unit: Unit) -> str:
-    inside = found.interval is not None and found.interval.low <= paper <= found.interval.high
+def _judged(ours: Ours, paper: float, unit: Unit) -> str:
+    inside = ours.interval is not None and ours.interval.low <= paper <= ours.interval.high
     neutral = unit.neutral
     if inside:
         judged = "The paper's value lies within our interval"
-    elif paper > 0 and found.value > 0 and 1 / NEAR <= found.value / paper <= NEAR:
+    elif paper > 0 and ours.value > 0 and 1 / NEAR <= ours.value / paper <= NEAR:
         judged = "The two are close"
     else:
-        judged = f"Ours is {'larger' if found.value > paper else 'smaller'}"
+        judged = f"Ours is {'larger' if ours.value > paper else 'smaller'}"
     if math.isnan(neutral):
         return f"{judged}."
-    same = (found.value - neutral) * (paper - neutral) > 0
-    certain = found.interval is not None and not found.interval.low <= neutral <= found.interval.high
+    same = (ours.value - neutral) * (paper - neutral) > 0
+    certain = ours.interval is not None and not ours.interval.low <= neutral <= ours.interval.high
     direction = "the direction is the same" if same else "the direction is the opposite"
-    if found.value == neutral:
+    if ours.value == neutral:
         return f"{judged}; here there is no difference."
-    if found.interval is None or math.isnan(found.interval.low):
+    if ours.interval is None or math.isnan(ours.interval.low):
         return f"{judged}; {direction}."
     return f"{judged}; {direction}, and {'it is more than chance' if certain else 'it may be chance'} by its interval."
 
 
 def _why(results: Results, figure: PaperFigure, driver: str) -> str:
-    """Say for a comparison with a ranker whose rate makes the difference to the paper's."""
+    """Return, for a comparison of two rankers, a sentence on the rate that causes the difference to the paper."""
     if figure.question != "rq2" or figure.unit is not Unit.MORE:
         return ""
     other = figure.what.rpartition(" ")[2]
@@ -109,15 +109,15 @@ def _why(results: Results, figure: PaperFigure, driver: str) -> str:
     if shares is None or own_paper is None or theirs_paper is None:
         return ""
     own, theirs = shares
-    said = (
+    rates = (
         f" A child collides in {100 * own:.1f} % of foresee's runs (paper: {100 * own_paper:.1f} %) and in "
         f"{100 * theirs:.1f} % of {other}'s (paper: {100 * theirs_paper:.1f} %)"
     )
     if not own or not theirs:
-        return f"{said}."
+        return f"{rates}."
     by_own, by_theirs = math.log(own / own_paper), math.log(theirs / theirs_paper)
     if abs(by_own) > 2 * abs(by_theirs):
-        return f"{said}: the difference to the paper is mostly foresee's own rate."
+        return f"{rates}: the difference to the paper is mostly foresee's own rate."
     if abs(by_theirs) > 2 * abs(by_own):
-        return f"{said}: the difference to the paper is mostly the rate of {other}."
-    return f"{said}: both rates differ from the paper's."
+        return f"{rates}: the difference to the paper is mostly the rate of {other}."
+    return f"{rates}: both rates differ from the paper's."

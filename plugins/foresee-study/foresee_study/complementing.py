@@ -1,8 +1,8 @@
-"""rq4: two iterations of DriveFuzz, and the forecast where that found nothing.
+"""Runs rq4: two iterations of DriveFuzz, each followed by the forecast on the test cases without a failure.
 
-A test case that failed is not tried again: what is counted are failing test cases. In each iteration DriveFuzz comes
-first, then the forecast, on the unmutated test cases that DriveFuzz did not make fail. Those that neither made fail go
-into the second iteration, with other seeds.
+Failing test cases are counted, so a test case that has failed is not used again. In each iteration DriveFuzz comes
+first, then the forecast, on the unmutated test cases in which DriveFuzz found no failure. Test cases without a failure
+by either go into the second iteration, with other seeds.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from foresee_study.questions import campaigns
 from foresee_study.settings import SECOND_ITERATION, StudySettings, Wanted
 
 Forecasts = Callable[[Wanted, Sequence[TestCase]], Measured | None]
-"""Runs a campaign on test cases; None where it was stopped."""
+"""Runs a campaign on test cases; returns None if it was stopped."""
 Fuzzes = Callable[[FuzzSettings, Sequence[TestCase], int, int], Fuzzed | None]
-"""Fuzzes test cases, in a repetition and an iteration; None where it was stopped."""
+"""Fuzzes test cases, in a repetition and an iteration; returns None if it was stopped."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """Which test cases each technique made fail in one iteration, and which are left, by their names."""
+    """Names of the test cases that failed with each technique in one iteration, and of the remaining ones."""
 
     fuzzed: frozenset[str]
     forecast: frozenset[str]
@@ -34,7 +34,7 @@ class Split:
 
 
 def split(names: Iterable[str], fuzzing: Fuzzed, forecasts: Measured) -> Split:
-    """Divide test cases by who found a failure; DriveFuzz comes first."""
+    """Divide test cases by the technique that found a failure; DriveFuzz takes precedence."""
     all_names = frozenset(names)
     by_fuzzing = fuzzing.failed & all_names
     by_forecast = frozenset(case.name for case in forecasts.usable if case.fails) & (all_names - by_fuzzing)
@@ -42,7 +42,7 @@ def split(names: Iterable[str], fuzzing: Fuzzed, forecasts: Measured) -> Split:
 
 
 def complement(settings: StudySettings, cases: Sequence[TestCase], *, fuzzes: Fuzzes, forecasts: Forecasts) -> bool:
-    """Go through both iterations of every driver and repetition; return whether they were done to the end."""
+    """Run both iterations for every driver and repetition; return whether all were completed."""
     for first in campaigns(settings, ("foresee",)):
         if first.repetition >= settings.fuzz_repetitions:
             continue

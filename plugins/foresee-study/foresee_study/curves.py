@@ -1,4 +1,4 @@
-"""Cumulative failures over time: the runs of a campaign in the order in which it makes them, one after the other."""
+"""Curves of cumulative failures over time, with the runs of a campaign one after the other in their order."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from foresee_study.measured import Child, Measured, MeasuredClip
 from foresee_study.statistics.bootstrap import Interval, percentiles
 
 RESAMPLES = 1000
-"""How often the test cases are drawn anew. Ours: each draw takes 0.1 ms."""
+"""Number of resamples of the test cases. Ours: each takes 0.1 ms."""
 SEED = 20_26
 
 
 class Clock(StrEnum):
-    """What time is counted."""
+    """The kind of time that is counted."""
 
     SIMULATED = "simulated"
     WALL = "wall"
 
-    def of(self, took: Child | MeasuredClip | Measured) -> float:
-        """Return the time that something took, s."""
-        return took.simulated_s if self is Clock.SIMULATED else took.wall_s
+    def of(self, item: Child | MeasuredClip | Measured) -> float:
+        """Return the time of a campaign, clip or child, s."""
+        return item.simulated_s if self is Clock.SIMULATED else item.wall_s
 
 
 @dataclass(frozen=True)
@@ -34,18 +34,18 @@ class Curve:
     """Collisions over time.
 
     Attributes:
-        times_s: when each was found, rising. end_s: when the campaign was over.
+        times_s: times at which collisions were found, ascending. end_s: end of the campaign.
     """
 
     times_s: FloatArray
     end_s: float
 
     def area(self, end_s: float) -> float:
-        """Return the area under it up to a time, in collisions times seconds; after its end it stays flat."""
+        """Return the area under the curve up to a time, in collisions times seconds; after its end it is constant."""
         return float(np.maximum(end_s - self.times_s, 0.0).sum())
 
     def at(self, time_s: float) -> int:
-        """Return how many were found by then."""
+        """Return the number of collisions found up to a time."""
         return int(np.searchsorted(self.times_s, time_s, side="right"))
 
 
@@ -54,8 +54,8 @@ class _Parts:
     """The clips of a campaign with their children, in order.
 
     Attributes:
-        case: the number of each one's test case. took_s: how long it took. found_s: when its collisions were found,
-            from its beginning. count, sum_s: how many these are, and the sum of these times.
+        case: number of each clip's test case. took_s: its duration, s. found_s: times at which its collisions were
+            found, from its beginning, s. count, sum_s: number of these times, and their sum.
     """
 
     case: IntArray
@@ -65,21 +65,21 @@ class _Parts:
     sum_s: FloatArray
 
     def end_s(self, times: FloatArray) -> float:
-        """Return how long all of them take, each as many times as `times` says."""
+        """Return the total duration (s), with each clip repeated `times` times."""
         return float(times @ self.took_s)
 
     def area(self, times: FloatArray, end_s: float) -> float:
-        """Return the area under their curve up to a time, with each of them in a row as many times as `times` says."""
+        """Return the area under the curve up to a time, with each clip repeated `times` times in a row."""
         ends = np.cumsum(times * self.took_s)
         starts = ends - times * self.took_s
         whole = ends <= end_s
-        # A part that is there k times begins at its start, one length later, and so on.
+        # The repetitions of a clip begin at its start, one duration later, and so on.
         all_s = times * self.count * starts + self.count * self.took_s * times * (times - 1) / 2 + times * self.sum_s
         area = float((times * self.count * end_s - all_s)[whole].sum())
         for k in np.flatnonzero(~whole & (starts < end_s)):
             for again in range(int(times[k])):
-                found = starts[k] + again * self.took_s[k] + self.found_s[k]
-                area += float(np.maximum(end_s - found, 0.0).sum())
+                times_s = starts[k] + again * self.took_s[k] + self.found_s[k]
+                area += float(np.maximum(end_s - times_s, 0.0).sum())
         return area
 
 
@@ -92,34 +92,34 @@ def _parts(measured: Measured, clock: Clock) -> _Parts:
             collided = np.array([child.verdict.is_collision for child in clip.children], dtype=bool)
             rows.append((clip.position, number, float(ends[-1]), ends[1:][collided]))
     rows.sort(key=lambda row: row[:2])
-    found = tuple(row[3] for row in rows)
+    found_s = tuple(row[3] for row in rows)
     return _Parts(
         case=np.array([row[1] for row in rows], dtype=np.int64),
         took_s=np.array([row[2] for row in rows]),
-        found_s=found,
-        count=np.array([len(one) for one in found], dtype=float),
-        sum_s=np.array([one.sum() for one in found]),
+        found_s=found_s,
+        count=np.array([len(times) for times in found_s], dtype=float),
+        sum_s=np.array([times.sum() for times in found_s]),
     )
 
 
 def curve(measured: Measured, clock: Clock = Clock.SIMULATED) -> Curve:
     """Return the curve of a campaign: clips of first rank with their children, then those of second rank, and so on.
 
-    As in the paper, the clock begins after the test cases' own runs, which every ranker has in common. Within a rank
-    the test cases follow each other in the order of their names' hashes, so that no family is always the last.
+    As in the paper, time begins after the runs of the test cases themselves, which all rankers have in common. Within a
+    rank the test cases are in the order of their names' hashes, so that no family is always last.
     """
     parts = _parts(measured, clock)
     starts = np.concatenate([[0.0], np.cumsum(parts.took_s)])
-    times = [found + start for found, start in zip(parts.found_s, starts, strict=False)]
+    times = [part_s + start for part_s, start in zip(parts.found_s, starts, strict=False)]
     return Curve(np.concatenate(times) if times else np.zeros(0), float(starts[-1]))
 
 
 @dataclass(frozen=True)
 class Areas:
-    """The areas under two curves up to a common end, of all repetitions together.
+    """The areas under two curves up to a common end, summed over all repetitions.
 
     Attributes:
-        first, second: the areas, collisions times seconds. end_s: the mean of the ends. interval: of the ratio.
+        first, second: the areas, collisions times seconds. end_s: mean of the ends. interval: interval of the ratio.
     """
 
     first: float
@@ -129,16 +129,16 @@ class Areas:
 
     @property
     def ratio(self) -> float:
-        """The first area divided by the second; NaN where that is 0."""
+        """The first area divided by the second; NaN if the second is 0."""
         return self.first / self.second if self.second else float("nan")
 
 
 def compared_areas(
     first: Sequence[Measured], second: Sequence[Measured], clock: Clock = Clock.SIMULATED
 ) -> tuple[Areas, Areas]:
-    """Compare two rankers' areas, repetition by repetition: up to the earlier end, and up to the later one.
+    """Compare two rankers' areas by repetition: up to the earlier end, and up to the later one.
 
-    Up to the earlier of the two ends both had equal time; up to the later one the curve that ended first stays flat.
+    Up to the earlier end both had equal time; up to the later end the curve that ended first is constant.
     """
     sides = [(_parts(a, clock), _parts(b, clock)) for a, b in zip(first, second, strict=False)]
     count = max((int(parts.case.max(initial=-1)) + 1 for pair in sides for parts in pair), default=0)
@@ -157,8 +157,7 @@ def compared_areas(
 def _areas(
     sides: Sequence[tuple[_Parts, _Parts]], weights: FloatArray, end: Callable[[float, float], float]
 ) -> tuple[float, float, float]:
-    """Return the areas of both sides and the ends, summed over repetitions, with each test case counted the given
-    number of times."""
+    """Return the areas of both sides and the ends, summed over repetitions, with test cases weighted by `weights`."""
     sums = [0.0, 0.0, 0.0]
     for pair in sides:
         times = [weights[parts.case] for parts in pair]

@@ -14,4 +14,4 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "fuzz": FuzzResult,
     "study": ({"tables": list[Table]}, {"questions": list[Planned]}),
 })  # fmt: skip
-"""Every document by its name, as `foresee_dsl.documents.shape` takes them."""
+"""All documents by name, in the form that `foresee_dsl.documents.shape` takes."""

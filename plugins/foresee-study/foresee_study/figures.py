@@ -1,4 +1,5 @@
-"""Figures by matplotlib, as SVG and PDF: box plots, cumulative curves, heat maps; equal results give equal bytes."""
+"""Draws figures with matplotlib, as SVG and PDF: box plots, cumulative curves, heat maps; equal results, equal
+bytes."""
 
 from __future__ import annotations
 
@@ -28,16 +29,16 @@ _COLOURS = MappingProxyType({
     "foresee": "#0072b2", "random": "#999999", "selforacle": "#d55e00", "proximity": "#009e73", "careful": "#cc79a7",
     "exhaustive": "#000000",
 })  # fmt: skip
-"""Okabe and Ito 2008: told apart by people who see fewer colours."""
+"""Colours of Okabe and Ito 2008, which people with colour vision deficiency can distinguish."""
 _OTHERS = "#e69f00"
 _STEPS = 400
-"""Points of a curve."""
+"""Number of points of a curve."""
 _SETTINGS = MappingProxyType(
     {"svg.hashsalt": "foresee", "svg.fonttype": "none", "font.size": 8, "axes.spines.top": False,
      "axes.spines.right": False, "figure.dpi": 100, "pdf.fonttype": 42}
 )  # fmt: skip
 FORMATS = MappingProxyType({".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None, "Producer": None}})
-"""What is left out of each format, so that nothing in a file depends on when it was made."""
+"""Metadata that is left out of each format, so that a file does not depend on the time of writing."""
 
 
 class NoFiguresError(ForeseeError):
@@ -45,7 +46,7 @@ class NoFiguresError(ForeseeError):
 
 
 def write_figures(results: Results, folder: Path) -> tuple[str, ...]:
-    """Write every figure for which there are results, and return their names.
+    """Write every figure for which there are results, and return the names of the figures.
 
     Raises:
         NoFiguresError: matplotlib is not installed.
@@ -80,7 +81,7 @@ def _panels(rows: int, columns: int, *, width: float = 3.2, height: float = 2.4)
 
 
 def _boxes(results: Results) -> Figure | None:
-    """Collisions of a repetition, by ranker: resampled test cases as boxes, the repetitions as points."""
+    """Draw the collisions of a repetition by ranker: resampled test cases as boxes, the repetitions as points."""
     ways = [(clip_s, n) for clip_s in CLIPS_S for n in POINTS]
     drivers = [d for d in results.drivers if any(results.of_campaign(d, r) for r in shown_rankers(results))]
     if not drivers:
@@ -90,10 +91,10 @@ def _boxes(results: Results) -> Figure | None:
         rankers = shown_rankers(results)
         for place, (clip_s, n) in enumerate(ways):
             for k, ranker in enumerate(rankers):
-                found = results.of_campaign(driver, ranker, clip_s, points=n)
-                if found:
+                campaigns = results.of_campaign(driver, ranker, clip_s, points=n)
+                if campaigns:
                     at = place + (k - (len(rankers) - 1) / 2) * 0.8 / len(rankers)
-                    _box(axes, at, 0.7 / len(rankers), found, _COLOURS.get(ranker, _OTHERS))
+                    _box(axes, at, 0.7 / len(rankers), campaigns, _COLOURS.get(ranker, _OTHERS))
         axes.set_xticks(range(len(ways)), [f"{clip_s:g} s x {n}" for clip_s, n in ways])
         axes.set_ylabel("collisions")
         axes.set_title(driver)
@@ -103,21 +104,21 @@ def _boxes(results: Results) -> Figure | None:
     return figure
 
 
-def _box(axes: Axes, at: float, width: float, found: Sequence[Measured], colour: str) -> None:
-    names = sorted({case.name for m in found for case in m.usable})
-    counts = [{case.name: case.count(Counted.COLLISIONS) for case in m.usable} for m in found]
-    means = np.array([np.mean([one.get(name, 0) for one in counts]) for name in names])
+def _box(axes: Axes, at: float, width: float, campaigns: Sequence[Measured], colour: str) -> None:
+    names = sorted({case.name for m in campaigns for case in m.usable})
+    counts = [{case.name: case.count(Counted.COLLISIONS) for case in m.usable} for m in campaigns]
+    means = np.array([np.mean([by_case.get(name, 0) for by_case in counts]) for name in names])
     drawn = resamples(len(names)) @ means
     low, first, middle, third, high = np.percentile(drawn, [2.5, 25, 50, 75, 97.5])
     stats = [{"med": middle, "q1": first, "q3": third, "whislo": low, "whishi": high, "fliers": []}]
     style = {"color": colour}
     axes.bxp(stats, positions=[at], widths=[width], boxprops=style, whiskerprops=style, capprops=style,
              medianprops=style, manage_ticks=False)  # fmt: skip
-    axes.plot([at] * len(found), [m.count(Counted.COLLISIONS) for m in found], ".", color=colour, markersize=3)
+    axes.plot([at] * len(campaigns), [m.count(Counted.COLLISIONS) for m in campaigns], ".", color=colour, markersize=3)
 
 
 def _curves(results: Results) -> Figure | None:
-    """Cumulative collisions over simulated and wall time, the mean of the repetitions."""
+    """Draw the cumulative collisions over simulated and wall time, as the mean of the repetitions."""
     drivers = [d for d in results.drivers if any(results.of_campaign(d, r) for r in shown_rankers(results))]
     if not drivers:
         return None
@@ -127,9 +128,9 @@ def _curves(results: Results) -> Figure | None:
             others = [*shown_rankers(results), EXHAUSTIVE]
             ends = [_end(results.of_campaign(driver, ranker), clock) for ranker in others[:-1]]
             for ranker in others:
-                found = results.of_campaign(driver, ranker)
-                if found:
-                    _step(axes, found, clock, min(_end(found, clock), max(ends)), ranker)
+                campaigns = results.of_campaign(driver, ranker)
+                if campaigns:
+                    _step(axes, campaigns, clock, min(_end(campaigns, clock), max(ends)), ranker)
             axes.set_xlabel(f"{clock.value} hours")
             axes.set_ylabel("collisions")
             axes.set_title(driver)
@@ -137,18 +138,18 @@ def _curves(results: Results) -> Figure | None:
     return figure
 
 
-def _end(found: Sequence[Measured], clock: Clock) -> float:
-    return max((curve(m, clock).end_s for m in found), default=0.0)
+def _end(campaigns: Sequence[Measured], clock: Clock) -> float:
+    return max((curve(m, clock).end_s for m in campaigns), default=0.0)
 
 
-def _step(axes: Axes, found: Sequence[Measured], clock: Clock, end_s: float, ranker: str) -> None:
+def _step(axes: Axes, campaigns: Sequence[Measured], clock: Clock, end_s: float, ranker: str) -> None:
     times = np.linspace(0, end_s, _STEPS)
-    counts = np.mean([[one.at(t) for t in times] for one in (curve(m, clock) for m in found)], axis=0)
+    counts = np.mean([[line.at(t) for t in times] for line in (curve(m, clock) for m in campaigns)], axis=0)
     axes.step(times / 3600, counts, where="post", color=_COLOURS.get(ranker, _OTHERS), label=ranker)
 
 
 def _heat(results: Results) -> Figure | None:
-    """Collisions, findings and avoidable findings a clip of foresee, families by drivers."""
+    """Draw the collisions, findings and avoidable findings per clip of foresee, by family and driver."""
     drivers = [d for d in results.drivers if results.of_campaign(d, "foresee")]
     if not drivers or not results.families:
         return None
@@ -167,15 +168,15 @@ def _heat(results: Results) -> Figure | None:
 
 
 def _a_clip(results: Results, driver: str, family: str, what: Counted) -> float:
-    found = results.of_campaign(driver, "foresee", CHOSEN_S, family=family)
-    clips = sum(m.clips for m in found)
-    return sum(m.count(what) for m in found) / clips if clips else float("nan")
+    campaigns = results.of_campaign(driver, "foresee", CHOSEN_S, family=family)
+    clips = sum(m.clips for m in campaigns)
+    return sum(m.count(what) for m in campaigns) / clips if clips else float("nan")
 
 
 FIGURES: MappingProxyType[str, Callable[[Results], Figure | None]] = MappingProxyType(
     {"rq2_boxes": _boxes, "rq2_heat": _heat, "rq3_curves": _curves}
 )
-"""The figures by their names, which begin with that of the question."""
+"""The figures by name; a name begins with that of its question."""
 CAPTIONS = MappingProxyType({
     "rq2_boxes": "Collisions by ranker, length of the clips and number of risky points. Points: repetitions. Boxes: "
                  "resampled test cases, whiskers at 2.5 and 97.5 %.",
@@ -185,5 +186,5 @@ CAPTIONS = MappingProxyType({
 
 
 def figures_of(question: str, names: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield those of a question with their captions."""
+    """Yield the figures of a question with their captions."""
     yield from ((name, CAPTIONS[name]) for name in names if name.startswith(f"{question}_"))

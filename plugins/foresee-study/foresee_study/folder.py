@@ -1,4 +1,4 @@
-"""A study's folder: the store, what is kept of each campaign, and what is written for people."""
+"""A study's folder: the store, the records of each campaign, and the tables, figures and page of results."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _KINDS = {"study campaign": Measured, "study fuzzing": Fuzzed}
 
 
 @dataclass(frozen=True)
-class Took:
-    """What a question cost when it was last asked.
+class Cost:
+    """The cost of a question's last run.
 
     Attributes:
-        wall_s: None where its campaigns were run one by one, and joined. jobs: the number of workers.
+        wall_s: wall time, s; None if its campaigns were run in parts and joined. jobs: number of workers.
     """
 
     wall_s: float | None
@@ -33,46 +33,47 @@ class Took:
 
 @dataclass(frozen=True)
 class Record:
-    """What `study.json` holds.
+    """The content of `study.json`.
 
     Attributes:
-        settings: of the last run. asked: the questions that were asked, with what they took. notes: what was left out.
+        settings: settings of the last run. asked: the questions that were run, with their costs. notes: parts that were
+            left out.
     """
 
     settings: StudySettings
-    asked: dict[str, Took] = field(default_factory=dict)
+    asked: dict[str, Cost] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class StudyFolder:
-    """Where everything of a study is."""
+    """The files of a study, below the folder `at`."""
 
     at: Path
 
     @property
     def store(self) -> Path:
-        """The store, where `--store` names no other."""
+        """The store, unless `--store` names another one."""
         return self.at / "store"
 
     @property
     def tables(self) -> Path:
-        """Tables as Markdown, CSV and LaTeX."""
+        """Folder of the tables as Markdown, CSV and LaTeX."""
         return self.at / "tables"
 
     @property
     def figures(self) -> Path:
-        """Figures as SVG and PDF."""
+        """Folder of the figures as SVG and PDF."""
         return self.at / "figures"
 
     @property
     def page(self) -> Path:
-        """All of it as one page."""
+        """The page with all results."""
         return self.at / "results.md"
 
     @property
     def fuzzed(self) -> Path:
-        """What DriveFuzz did, of rq4: a file for each driver, repetition and iteration."""
+        """Folder of DriveFuzz's results for rq4: a file for each driver, repetition and iteration."""
         return self.at / "fuzzed"
 
     @property
@@ -80,11 +81,11 @@ class StudyFolder:
         return self.at / "measured"
 
     def keep(self, wanted: Wanted, measured: Measured) -> None:
-        """Write what a campaign gave."""
+        """Write the record of a campaign."""
         _save(self._measured / f"{wanted.name}.json", "study campaign", measured, "cases")
 
     def campaigns(self) -> tuple[Measured, ...]:
-        """Return what all its campaigns gave, in the order of their files.
+        """Return the records of all campaigns, in the order of their files.
 
         Raises:
             ForeseeError: there are none, or one cannot be read.
@@ -94,12 +95,12 @@ class StudyFolder:
             raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` makes one")
         return tuple(_load(file, "study campaign") for file in files)
 
-    def keep_fuzzed(self, found: Fuzzed) -> None:
-        """Write what DriveFuzz did in one iteration."""
-        _save(self.fuzzed / f"{found.name}.json", "study fuzzing", found, "seeds")
+    def keep_fuzzed(self, fuzzed: Fuzzed) -> None:
+        """Write the result of DriveFuzz in one iteration."""
+        _save(self.fuzzed / f"{fuzzed.name}.json", "study fuzzing", fuzzed, "seeds")
 
     def fuzzings(self) -> tuple[Fuzzed, ...]:
-        """Return what DriveFuzz did, in the order of the files."""
+        """Return the results of DriveFuzz, in the order of the files."""
         return tuple(_load(file, "study fuzzing") for file in sorted(self.fuzzed.glob("*.json")))
 
     def write(self, record: Record) -> None:
@@ -108,7 +109,7 @@ class StudyFolder:
         write_whole(self.at / "study.json", json.dumps(data, indent=2) + "\n")
 
     def read(self) -> Record:
-        """Return what `study.json` holds.
+        """Return the content of `study.json`.
 
         Raises:
             ForeseeError: there is none, or another version wrote it.
@@ -118,28 +119,28 @@ class StudyFolder:
             raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` makes one")
         try:
             data: dict[str, Any] = json.loads(read_outside(file, "results"))
-            given = data["settings"]
-            lists = {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
-            settings = StudySettings(**{**given, **lists, "half": Half(given["half"])})
-            asked = {name: Took(**took) for name, took in data["asked"].items()}
-            return Record(settings, asked, tuple(data["notes"]))
+            values = data["settings"]
+            lists = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
+            settings = StudySettings(**{**values, **lists, "half": Half(values["half"])})
+            costs = {name: Cost(**cost) for name, cost in data["asked"].items()}
+            return Record(settings, costs, tuple(data["notes"]))
         except (ValueError, KeyError, TypeError) as err:
-            raise ForeseeError(f"{file} is no study that this version reads ({err}): run the study again") from err
+            raise ForeseeError(f"{file} is not a study that this version reads ({err}): run the study again") from err
 
-    def noted(self, settings: StudySettings, asked: dict[str, Took], notes: tuple[str, ...]) -> Record:
-        """Write, and return, what was asked now beside what was asked before."""
+    def noted(self, settings: StudySettings, costs: dict[str, Cost], notes: tuple[str, ...]) -> Record:
+        """Add the costs of these questions to `study.json`; return its content."""
         try:
             before = self.read()
         except ForeseeError:
             before = Record(settings)
-        record = replace(before, settings=settings, asked={**before.asked, **asked}, notes=notes)
+        record = replace(before, settings=settings, asked={**before.asked, **costs}, notes=notes)
         self.write(record)
         return record
 
 
-def _save(file: Path, document: str, found: Any, rows: str) -> None:  # noqa: ANN401 - Measured or Fuzzed
+def _save(file: Path, document: str, record: Any, rows: str) -> None:  # noqa: ANN401 - Measured or Fuzzed
     """Write a document with a line for each element of its field `rows`."""
-    head = {"schema": SCHEMA, "document": document, **_adapter(document).dump_python(found, mode="json")}
+    head = {"schema": SCHEMA, "document": document, **_adapter(document).dump_python(record, mode="json")}
     lines = ",\n".join(f"  {json.dumps(row, separators=(',', ':'))}" for row in head.pop(rows))
     write_whole(file, f'{json.dumps(head, indent=1)[:-2]},\n "{rows}": [\n{lines}\n ]\n}}\n')
 
@@ -148,7 +149,7 @@ def _load(file: Path, document: str) -> Any:  # noqa: ANN401 - Measured or Fuzze
     """Read a document.
 
     Raises:
-        ForeseeError: it is none, or another version's.
+        ForeseeError: the file is not such a document, or has another version.
     """
     try:
         data = json.loads(read_outside(file, "results"))

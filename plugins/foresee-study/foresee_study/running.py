@@ -19,7 +19,7 @@ from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import load_ranker, ranker_names
 from foresee_dsl.language.project.document import TestCase
 from foresee_study.complementing import complement
-from foresee_study.folder import StudyFolder, Took
+from foresee_study.folder import Cost, StudyFolder
 from foresee_study.fuzz.engine import fuzz
 from foresee_study.fuzz.settings import FuzzSettings
 from foresee_study.fuzzed import Fuzzed, fuzzed
@@ -40,7 +40,7 @@ class StudyRun:
         asked: the questions that are answered wholly, with what they took. broken: what could not be run at all.
     """
 
-    asked: dict[str, Took]
+    asked: dict[str, Cost]
     interrupted: bool
     broken: tuple[str, ...]
 
@@ -126,7 +126,7 @@ class _Run:
         self._done: dict[Wanted, Measured] = {}
         budget_s = options.limits.budget_s
         self._ends_s = None if budget_s is None else time.monotonic() + budget_s
-        self.asked: dict[str, Took] = {}
+        self.asked: dict[str, Cost] = {}
         self.broken: list[str] = []
 
     def answered(self, name: str) -> bool:
@@ -140,7 +140,7 @@ class _Run:
             self._settings, self._cases[BUNDLED], fuzzes=self._fuzzed, forecasts=self._campaign
         ):
             return False
-        self.asked[name] = Took(round(time.monotonic() - started, 1), self._options.jobs)
+        self.asked[name] = Cost(round(time.monotonic() - started, 1), self._options.jobs)
         return True
 
     def _campaign(self, wanted: Wanted, cases: Sequence[TestCase], place: str = "rq4") -> Measured | None:

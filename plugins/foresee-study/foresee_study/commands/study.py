@@ -1,4 +1,4 @@
-"""The command `study`: the paper's questions, answered by campaigns of this tool."""
+"""The command `study`: answers the paper's questions with campaigns of this tool."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.language.project.document import TestCase
-    from foresee_study.folder import StudyFolder, Took
+    from foresee_study.folder import Cost, StudyFolder
     from foresee_study.halves import Half
     from foresee_study.running import Cases, StudyRun
     from foresee_study.settings import StudySettings
@@ -69,7 +69,7 @@ def study(
         ),
     ] = None,
     cases: Annotated[
-        int | None, typer.Option("--cases", min=1, help="So many test cases at most, of all families.")
+        int | None, typer.Option("--cases", min=1, help="Maximum number of test cases, from all families.")
     ] = None,
     only: OnlyOption = None,
     repetitions: Annotated[int, typer.Option(min=1, max=100, help="Repetitions, each with a seed of its own.")] = 3,
@@ -134,8 +134,8 @@ def study(
         return
     names = tuple(QUESTIONS) if question == ALL else names_in(question)
     if not names or not set(names) <= set(QUESTIONS):
-        known = ", ".join((*QUESTIONS, ALL, REPORT))
-        raise typer.BadParameter(f"{question!r} is not one of: {known}", param_hint="QUESTION")
+        choices = ", ".join((*QUESTIONS, ALL, REPORT))
+        raise typer.BadParameter(f"{question!r} is not one of: {choices}", param_hint="QUESTION")
     searched, searches = numbers_in(exhaustive, 2, "--exhaustive")
     fuzz_repetitions, cycles, mutations = numbers_in(fuzzing, 3, "--fuzzing")
     settings = StudySettings(
@@ -193,7 +193,7 @@ def _run(
     names: Sequence[str], settings: StudySettings, cases: Cases, folder: StudyFolder, store: Path, options: RunOptions,
     *, quiet: bool,
 ) -> StudyRun:  # fmt: skip
-    """Run the questions, saying what is left out and what each took; a signal ends the command with its exit code."""
+    """Run the questions, and print what is left out and the time of each; a signal ends the command with its code."""
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.cli.campaigns import StopSignal
@@ -234,15 +234,17 @@ def _run(
 def _report(
     folder: StudyFolder, half: Half | None, page: Path | None, *, json: bool, names: Sequence[str] = ()
 ) -> None:
-    """Write everything that the study's folder gives, and print the tables of the questions asked (or of all)."""
+    """Write all results of the study's folder, and print the tables of these questions (default: all)."""
     from foresee_study.report import write_report
 
     written = write_report(folder, half, page)
-    shown = [table for name, tables in written.tables.items() if name in (names or written.tables) for table in tables]
+    selected_tables = [
+        table for name, tables in written.tables.items() if name in (names or written.tables) for table in tables
+    ]
     if json:
-        print_json({"tables": shown}, "study")
+        print_json({"tables": selected_tables}, "study")
     else:
-        _print_tables(console(), shown)
+        _print_tables(console(), selected_tables)
     screen = console(error=True)
     for note in written.notes:
         screen.print(note, markup=False, soft_wrap=True)
@@ -282,24 +284,24 @@ def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Pa
     screen.print("What an earlier question runs is not counted again. Runs with reference drivers come on top.")
 
 
-def _print_took(screen: Console, folder: StudyFolder, asked: dict[str, Took]) -> None:
+def _print_took(screen: Console, folder: StudyFolder, costs: dict[str, Cost]) -> None:
     from foresee_dsl.report.terminal.tables import duration
 
-    for name, took in asked.items():
-        spent = "in parts" if took.wall_s is None else duration(took.wall_s)
-        screen.print(f"{name}: {spent} with {took.jobs} workers (in {folder.at})", markup=False)
+    for name, cost in costs.items():
+        spent = "in parts" if cost.wall_s is None else duration(cost.wall_s)
+        screen.print(f"{name}: {spent} with {cost.jobs} workers (in {folder.at})", markup=False)
 
 
 # ---- what the options mean -------------------------------------------------------------------------------------------
 
 
 def names_in(text: str | None) -> tuple[str, ...]:
-    """Return the names between commas, each once; none where there is no text."""
+    """Return the names between commas, each once; none without a text."""
     return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
 
 
 def half_named(text: str | None) -> Half | None:
-    """Return the half of this name; None where none is named."""
+    """Return the half with this name; None without a name."""
     from foresee_study.halves import Half
 
     if text is None:
@@ -311,7 +313,7 @@ def half_named(text: str | None) -> Half | None:
 
 
 def numbers_in(text: str, count: int, option: str) -> list[int]:
-    """Return so many whole numbers between commas."""
+    """Return `count` whole numbers between commas."""
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != count or not all(part.isascii() and part.isdigit() for part in parts):
         raise typer.BadParameter(f"{text!r}: write {count} whole numbers with commas", param_hint=option)
@@ -321,18 +323,18 @@ def numbers_in(text: str, count: int, option: str) -> list[int]:
 def cases_of(
     paths: list[str] | None, settings: StudySettings, only: list[str] | None, *, allow_outside: bool
 ) -> tuple[TestCase, ...]:
-    """Return the test cases of a study: of its half, so many at most."""
+    """Return the test cases of a study: those of its half, up to the maximum number."""
     from foresee_dsl.cli.options.case_selection import selected
     from foresee_dsl.files import data_folder
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_study.halves import of_half, sample
 
-    found = load_test_cases(paths or [str(data_folder("scenarios"))], allow_outside=allow_outside)
-    return sample(selected(of_half(found, settings.half), None, only), settings.first)
+    cases = load_test_cases(paths or [str(data_folder("scenarios"))], allow_outside=allow_outside)
+    return sample(selected(of_half(cases, settings.half), None, only), settings.first)
 
 
 def town_cases(folder: Path, settings: StudySettings, *, allow_outside: bool) -> tuple[TestCase, ...]:
-    """Return a town's test cases, all of both halves: no setting was chosen on them."""
+    """Return a town's test cases of both halves: no setting was chosen on them."""
     from foresee_dsl.language.project.loading import load_test_cases
 
     return tuple(load_test_cases([folder], allow_outside=allow_outside)[: settings.first])

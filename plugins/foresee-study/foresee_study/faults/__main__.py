@@ -1,4 +1,4 @@
-"""The command: `python -m foresee_study.faults`; `make faults` is the same with what is in its ARGS."""
+"""The command `python -m foresee_study.faults`; `make faults` runs it with the options in ARGS."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FEW = (
     "pdm/late_objects", "pdm/blind_to_walkers", "pdm/forgets_hidden", "pdm/weak_brakes", "pdm/overtrusts_signals",
     "pdm/small_gap_left",
 )  # fmt: skip
-"""What `make faults` seeds by default."""
+"""The faults that `make faults` seeds by default."""
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -35,8 +35,8 @@ def main(words: Sequence[str] | None = None) -> int:
     if args.list:
         sys.stdout.write(listed(KINDS) + "\n")
         return 0
-    known = all_kinds(KINDS)
-    faults = {"all": known, "few": FEW}.get(args.faults) or _named(args.faults.split(","))
+    kinds = all_kinds(KINDS)
+    faults = {"all": kinds, "few": FEW}.get(args.faults) or _named(args.faults.split(","))
     plan = Plan(
         faults=faults,
         strengths=tuple(sorted(float(text) for text in args.strengths.split(","))),
@@ -51,13 +51,13 @@ def main(words: Sequence[str] | None = None) -> int:
         ends_s=time.time() + 60 * args.minutes,
     )
 
-    def write(found: Benchmark) -> None:
+    def write(benchmark: Benchmark) -> None:
         args.out.mkdir(parents=True, exist_ok=True)
-        (args.out / "faults.md").write_text(as_markdown(found), encoding="utf-8")
-        (args.out / "faults.json").write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
+        (args.out / "faults.md").write_text(as_markdown(benchmark), encoding="utf-8")
+        (args.out / "faults.json").write_text(json.dumps(as_json(benchmark), indent=1) + "\n", encoding="utf-8")
 
-    found = measure(plan, lambda line: print(line, file=sys.stderr, flush=True), write)  # noqa: T201
-    sys.stdout.write(as_markdown(found))
+    benchmark = measure(plan, lambda line: print(line, file=sys.stderr, flush=True), write)  # noqa: T201
+    sys.stdout.write(as_markdown(benchmark))
     return 0
 
 
@@ -70,14 +70,14 @@ def listed(kinds: Mapping[str, Any]) -> str:
 
 
 def _named(names: Sequence[str]) -> tuple[str, ...]:
-    """Return faults by their names; a kind without a driver is one of `pdm`."""
+    """Return faults by their names; a kind without a driver is seeded into `pdm`."""
     from foresee_faults.catalogue import KINDS  # type: ignore[import-not-found, unused-ignore]
 
-    found = tuple(name if "/" in name else f"pdm/{name}" for name in names)
-    for name in found:
+    faults = tuple(name if "/" in name else f"pdm/{name}" for name in names)
+    for name in faults:
         if name.partition("/")[2] not in KINDS:
             sys.exit(f"no kind of fault is called {name!r}; there are {', '.join(KINDS)}")
-    return found
+    return faults
 
 
 def _chosen(names: Sequence[str]) -> Sequence[str]:

@@ -1,4 +1,4 @@
-"""The ways to search that are compared: a name, and the settings of a campaign."""
+"""The compared search approaches: a name and the settings of a campaign each."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ MANY_POINTS = 1000
 
 @dataclass(frozen=True)
 class Approach:
-    """A way to search.
+    """A search approach.
 
     Attributes:
-        name: of it. settings: those of a campaign that differ from the default; None: the test cases are driven as they
-            are, with one seed of the sensors' noise after the other.
+        name: its name. settings: campaign settings that differ from the default; None: the test cases are driven
+            unchanged, with one seed of the sensors' noise after the other.
     """
 
     name: str
@@ -28,10 +28,10 @@ class Approach:
 
     @property
     def missing(self) -> str:
-        """Why it cannot be done here, in words; "" where it can."""
-        known = {one.name for one in fields(CampaignSettings)}
+        """The reason why the approach is not available here, in words; "" if it is."""
+        settings = {setting.name for setting in fields(CampaignSettings)}
         for name, value in (self.settings or {}).items():
-            if name not in known:
+            if name not in settings:
                 return f"campaigns have no setting {name!r} here"
             if name == "ranker" and value not in ranker_names():
                 return f"no ranker {value!r} is installed"

@@ -1,4 +1,4 @@
-"""The whole benchmark: which test cases, which searches, in how many processes."""
+"""Runs the whole benchmark: selects test cases, and runs the searches in several processes."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ from foresee_study.faults.table import Benchmark
 from foresee_study.halves import Half
 
 _FIRST = 12
-"""Ours: so many test cases are driven by the healthy drivers at once, at least."""
+"""Minimum number of test cases that the healthy drivers drive at once. Ours."""
 _ATTEMPTS = 5
-"""Ours: how often processes may die. A library that crashes in one of some thousand runs must not cost the others."""
+"""Number of attempts after a process has died. Ours: a library that crashes in one of some thousand runs must not cost
+the results of the others."""
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -40,12 +41,12 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """What is measured.
+    """The settings of the benchmark.
 
     Attributes:
-        faults: as `pdm/late_objects`. strengths: ascending; the middle one is where approaches are compared.
-        cases: how many test cases of each fault. simulated_s: of each search. judges: drivers that judge the failures
-            at that strength.
+        faults: such as `pdm/late_objects`. strengths: ascending; approaches are compared at the middle one.
+        cases: number of test cases per fault. simulated_s: simulated time of each search. judges: drivers that judge
+            the failures at the middle strength.
     """
 
     faults: tuple[str, ...]
@@ -59,7 +60,7 @@ class Plan:
     out: Path
     bisects: bool = True
     ends_s: float = math.inf
-    """No search begins later than that, as `time.time` has it."""
+    """Time, as of `time.time`, after which no search begins."""
 
     @property
     def reference(self) -> float:
@@ -69,7 +70,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class _Chain:
-    """The searches of one approach for one fault, one strength after the other."""
+    """The searches of one approach for one fault, at one strength after the other."""
 
     plan: Plan
     fault: str
@@ -79,7 +80,7 @@ class _Chain:
 
 @dataclass(frozen=True)
 class _Searched:
-    """The weakest strength that is found, infinite: none, and the evidence of all that were tried."""
+    """The weakest strength at which the fault is detected (infinite: none), and the evidence of all searches."""
 
     fault: str
     approach: str
@@ -88,32 +89,32 @@ class _Searched:
 
 
 def measure(plan: Plan, say: Say, write: Callable[[Benchmark], None]) -> Benchmark:
-    """Measure everything; what was searched before is read from the folder. `write` gets the tables of the faults that
-    are done, after each of them."""
+    """Run the benchmark; earlier searches are read from the folder. `write` gets the results so far after each
+    fault."""
     started = time.monotonic()
     usable = tuple(approach for approach in plan.approaches if not approach.missing)
-    skipped = [f"the approach {one.name}: {one.missing}" for one in plan.approaches if one.missing]
+    skipped = [f"the approach {item.name}: {item.missing}" for item in plan.approaches if item.missing]
     cases = _cases_of(plan, say)
     skipped += [f"the fault {fault}: it changes nothing in any test case" for fault in plan.faults if not cases[fault]]
     for line in skipped:
         say(line)
-    # A fault with all approaches before the next one, and unlike ones first: where time runs out, what was measured can
+    # All approaches of a fault before the next fault, with the faults mixed: if time runs out, the results so far can
     # be compared.
     faults = sorted((fault for fault in plan.faults if cases[fault]), key=_mixed)
     chains = [_Chain(plan, fault, approach, cases[fault]) for fault in faults for approach in usable]
     done: dict[str, list[_Searched]] = defaultdict(list)
     late: set[str] = set()
-    for number, (chain, found) in enumerate(_spread(plan.jobs, _search, chains), start=1):
-        if found is None:
+    for number, (chain, search) in enumerate(_spread(plan.jobs, _search, chains), start=1):
+        if search is None:
             late.add(chain.fault)
-        elif isinstance(found, str):
-            skipped.append(f"the fault {chain.fault}: its search by {chain.approach.name} broke, {found}")
+        elif isinstance(search, str):
+            skipped.append(f"the fault {chain.fault}: its search by {chain.approach.name} broke, {search}")
             say(skipped[-1])
         else:
-            done[chain.fault].append(found)
-            tried = ", ".join(f"{one.strength:g}" for one in found.evidences)
-            say(f"{number}/{len(chains)} {chain.fault} by {chain.approach.name}: found from {found.threshold:g} on "
-                f"(tried {tried}; {time.monotonic() - started:.0f} s)")  # fmt: skip
+            done[chain.fault].append(search)
+            strengths = ", ".join(f"{evidence.strength:g}" for evidence in search.evidences)
+            say(f"{number}/{len(chains)} {chain.fault} by {chain.approach.name}: found from {search.threshold:g} on "
+                f"(tried {strengths}; {time.monotonic() - started:.0f} s)")  # fmt: skip
             if len(done[chain.fault]) == len(usable):
                 write(_benchmark(plan, usable, cases, done, skipped))
     if late:
@@ -130,22 +131,24 @@ def _benchmark(
     done: Mapping[str, Sequence[_Searched]],
     skipped: Sequence[str],
 ) -> Benchmark:
-    """Return the figures of the faults in which all approaches have searched."""
+    """Return the figures of the faults for which all approaches have searched."""
     order = [approach.name for approach in usable]
     faults = tuple(fault for fault in plan.faults if len(done.get(fault, ())) == len(order) > 0)
-    found = [one for fault in faults for one in sorted(done[fault], key=lambda one: order.index(one.approach))]
+    searches = [
+        search for fault in faults for search in sorted(done[fault], key=lambda search: order.index(search.approach))
+    ]
     return Benchmark(
         approaches=tuple(order),
         faults=faults,
         strengths=plan.strengths,
         reference=plan.reference,
         simulated_s=plan.simulated_s,
-        thresholds={(one.fault, one.approach): one.threshold for one in found},
-        compared=tuple(each for one in found for each in one.evidences if each.strength == plan.reference),
+        thresholds={(search.fault, search.approach): search.threshold for search in searches},
+        compared=tuple(each for search in searches for each in search.evidences if each.strength == plan.reference),
         skipped=tuple(skipped),
         cases={fault: len(cases[fault]) for fault in faults},
         half=plan.half.value,
-        wall_s=sum(each.wall_s for one in found for each in one.evidences),
+        wall_s=sum(each.wall_s for search in searches for each in search.evidences),
     )
 
 
@@ -158,18 +161,18 @@ class _LateError(Exception):
 
 
 def _search(chain: _Chain) -> _Searched | str | None:
-    """Search at one strength after the other; return in words why that broke, None where time has run out."""
-    plan, known = chain.plan, _library(chain.plan.half)
-    cases = [known[each] for each in chain.cases]
-    tried: dict[float, Evidence] = {}
+    """Search at one strength after the other; return the error in words if it breaks, None if time has run out."""
+    plan, library = chain.plan, _library(chain.plan.half)
+    cases = [library[each] for each in chain.cases]
+    evidence: dict[float, Evidence] = {}
 
     def finds(strength: float) -> bool:
         judges = plan.judges if strength == plan.reference else ()
         if time.time() > plan.ends_s:
             raise _LateError
         search = Search(chain.fault, strength, chain.approach, plan.simulated_s, judges)
-        tried[strength] = searched(search, cases, plan.out / "searches")
-        return detects(tried[strength], plan.simulated_s)
+        evidence[strength] = searched(search, cases, plan.out / "searches")
+        return detects(evidence[strength], plan.simulated_s)
 
     try:
         if plan.bisects:
@@ -180,47 +183,49 @@ def _search(chain: _Chain) -> _Searched | str | None:
         return None
     except Exception as err:  # one search that breaks must not cost the others
         return f"{type(err).__name__}: {err}"
-    evidences = tuple(tried[strength] for strength in sorted(tried))
+    evidences = tuple(evidence[strength] for strength in sorted(evidence))
     return _Searched(chain.fault, chain.approach.name, threshold, evidences)
 
 
 def _cases_of(plan: Plan, say: Say) -> dict[str, tuple[str, ...]]:
-    """Return for each fault test cases that the healthy driver passes and in which its coarsest form changes anything:
-    elsewhere nobody can find it. They are taken in the stratified order, as many as asked for."""
+    """Return, for each fault, test cases that the healthy driver passes and that the fault at full strength changes.
+
+    In other test cases no search can detect the fault. They are taken in the stratified order, up to `plan.cases`.
+    """
     drivers = sorted({healthy(fault) for fault in plan.faults})
     names = [name(case) for case in library(plan.half)]
-    # The first ones are looked at by every fault, so that they are driven once; of the others few are needed.
+    # Every fault needs the first test cases, so they are driven once in advance; few of the others are needed.
     first = names[: max(_FIRST, 3 * plan.cases)]
     runs = [(plan.half, each, driver) for driver in drivers for each in first]
-    known = {run[1:]: digest for run, digest in _spread(plan.jobs, _digest, runs)}
+    digests = {run[1:]: digest for run, digest in _spread(plan.jobs, _digest, runs)}
     say(f"{len(names)} test cases; of the first {len(first)} passed by " + ", ".join(
-        f"{driver}: {sum(bool(known[each, driver]) for each in first)}" for driver in drivers))  # fmt: skip
-    asked = [
-        (plan.half, fault, plan.cases, tuple((each, known.get((each, healthy(fault)))) for each in names))
+        f"{driver}: {sum(bool(digests[each, driver]) for each in first)}" for driver in drivers))  # fmt: skip
+    tasks = [
+        (plan.half, fault, plan.cases, tuple((each, digests.get((each, healthy(fault)))) for each in names))
         for fault in plan.faults
     ]
-    return {task[1]: found for task, found in _spread(plan.jobs, _affected, asked)}
+    return {task[1]: affected for task, affected in _spread(plan.jobs, _affected, tasks)}
 
 
 def _digest(run: tuple[Half, str, str]) -> str:
-    """Return what a driver does in a test case, as a hash; "" where it does not pass."""
+    """Return the digest of a driver's run of a test case; "" if it does not pass."""
     half, case, driver = run
     result = run_test_case(_library(half)[case], driver, 0)
     return result.trace.digest if result.verdict is Verdict.PASS else ""
 
 
 def _affected(task: tuple[Half, str, int, tuple[tuple[str, str | None], ...]]) -> tuple[str, ...]:
-    """Return the first test cases in which the coarsest form of a fault changes anything; the given digests are those
-    of the healthy driver, None: not known yet."""
+    """Return the first test cases that a fault at full strength changes; the digests in `task` are those of the healthy
+    driver, None if unknown."""
     half, fault, most, healthily = task
-    found: list[str] = []
-    for case, known in healthily:
-        if len(found) == most:
+    affected: list[str] = []
+    for case, known_digest in healthily:
+        if len(affected) == most:
             break
-        digest = _digest((half, case, healthy(fault))) if known is None else known
+        digest = _digest((half, case, healthy(fault))) if known_digest is None else known_digest
         if digest and run_test_case(_library(half)[case], address(fault, 1.0), 0).trace.digest != digest:
-            found.append(case)
-    return tuple(found)
+            affected.append(case)
+    return tuple(affected)
 
 
 @cache
@@ -229,18 +234,18 @@ def _library(half: Half) -> Mapping[str, TestCase]:
 
 
 def _begin() -> None:
-    """Prepare a process."""
+    """Prepare a worker process."""
     add_plug_in()
     logging.disable(logging.WARNING)
 
 
-def _spread(jobs: int, work: Callable[[T], R], given: Sequence[T]) -> Iterator[tuple[T, R]]:
-    """Yield what each gives, in the order in which they are done; where a process dies, the rest is given to new ones.
+def _spread(jobs: int, work: Callable[[T], R], arguments: Sequence[T]) -> Iterator[tuple[T, R]]:
+    """Yield each argument with its result, in order of completion; if a process dies, new processes do the rest.
 
     Raises:
-        BrokenProcessPool: processes die again and again.
+        BrokenProcessPool: processes have died in all attempts.
     """
-    left = dict(enumerate(given))
+    left = dict(enumerate(arguments))
     for attempt in range(_ATTEMPTS):
         with ProcessPoolExecutor(min(jobs, max(len(left), 1)), get_context("spawn"), _begin) as pool:
             running: dict[Future[R], int] = {pool.submit(work, each): number for number, each in left.items()}
@@ -264,4 +269,5 @@ IN_IDM = (
     "late_objects", "blind_to_walkers", "forgets_hidden", "underrates_speed", "runs_amber", "ignores_priority",
     "weak_brakes_wet", "overspeeds",
 )  # fmt: skip
-"""Ours: two kinds of each sort; `idm` has other defences than `pdm`, so the same fault has other consequences."""
+"""Kinds of fault that are also seeded into `idm`. Ours: two of each sort; as `idm` reacts differently than `pdm`, the
+same fault has other consequences."""

@@ -1,4 +1,4 @@
-"""What a search found, as records: every run in its order, and of a failure what each verdict says of it."""
+"""The records of a search: all runs in their order, and for each failure the answers of all judges."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 R157, AHEAD, DIFFERENTIAL, ANY = "R157", "anticipating", "differential", "any of them"
-"""The judges that are no single driver: two models, whether any judging driver avoids it, and any of all these."""
+"""The judges that are not a single driver: two models, whether any judging driver avoids the failure, and whether any
+judge says so."""
 
 
 @dataclass(frozen=True)
@@ -16,10 +17,9 @@ class Failure:
     """A failing run.
 
     Attributes:
-        finding: what equal failures have in common (family and story). sentence: what happened.
-        healthy: the verdict of the healthy driver in its place, the ground truth. case: the test case it comes from.
-        verdicts: by the name of each judge (`r157`, `idm`, ...) whether it says that the failure could be avoided; None
-            where it does not decide.
+        finding: key of equal failures (family and story). sentence: the failure in words.
+        healthy: verdict of the healthy driver in the same run, the ground truth. case: its test case.
+        verdicts: by judge (`r157`, `idm`, ...), whether the failure was avoidable; None if the judge does not decide.
     """
 
     finding: tuple[str, ...]
@@ -30,13 +30,13 @@ class Failure:
 
     @property
     def is_the_faults(self) -> bool:
-        """Whether the seeded fault is to blame: the healthy driver passes."""
+        """Whether the seeded fault is the cause: the healthy driver passes."""
         return self.healthy == "pass"
 
 
 @dataclass(frozen=True)
 class Ran:
-    """One run: what it was (`seed`, `clip`, `child`), how long it simulated, s, and how it failed if it did."""
+    """One run: its kind (`seed`, `clip`, `child`), its simulated time (s), and its failure, if any."""
 
     kind: str
     simulated_s: float
@@ -45,7 +45,7 @@ class Ran:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What one approach did with one fault at one strength, in its order."""
+    """The runs of one approach for one fault at one strength, in their order."""
 
     fault: str
     strength: float
@@ -54,28 +54,28 @@ class Evidence:
     wall_s: float = 0.0
 
     def within(self, simulated_s: float) -> tuple[Ran, ...]:
-        """Return the runs that begin within so many simulated seconds."""
-        found, spent_s = [], 0.0
+        """Return the runs that begin within this simulated time."""
+        runs, spent_s = [], 0.0
         for run in self.runs:
             if spent_s >= simulated_s:
                 break
-            found.append(run)
+            runs.append(run)
             spent_s += run.simulated_s
-        return tuple(found)
+        return tuple(runs)
 
     def failures(self, simulated_s: float) -> tuple[Failure, ...]:
-        """Return the failures among them."""
+        """Return the failures of these runs."""
         return tuple(run.failure for run in self.within(simulated_s) if run.failure is not None)
 
     def of_children(self, simulated_s: float) -> tuple[Failure, ...]:
-        """Return the failures of children among them: the healthy driver passes all test cases, so that a test case
-        which fails is always the fault's."""
+        """Return the failures of children among these runs. (The healthy driver passes all test cases, so the failure
+        of a test case is always caused by the fault.)"""
         runs = self.within(simulated_s)
         return tuple(run.failure for run in runs if run.failure is not None and run.kind == "child")
 
 
 def save(evidence: Evidence, file: Path, key: str) -> None:
-    """Write it, whole or not at all."""
+    """Write a search's evidence, whole or not at all."""
     file.parent.mkdir(parents=True, exist_ok=True)
     fresh = file.with_suffix(".new")
     fresh.write_text(json.dumps({"key": key, **asdict(evidence)}), encoding="utf-8")
@@ -83,7 +83,7 @@ def save(evidence: Evidence, file: Path, key: str) -> None:
 
 
 def load(file: Path, key: str) -> Evidence | None:
-    """Read it; None where there is none, or it was made with other settings or other code."""
+    """Read a search's evidence; None if there is none, or it comes from other settings or other code."""
     if not file.is_file():
         return None
     stored: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))

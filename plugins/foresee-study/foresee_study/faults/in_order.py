@@ -1,4 +1,4 @@
-"""Runs a campaign's tasks in this process, one after the other, until so much was simulated."""
+"""Runs a campaign's tasks in this process, one after the other, up to a limit of simulated time."""
 
 from __future__ import annotations
 
@@ -10,54 +10,54 @@ from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.steps.step import Made, Work, run_steps
 
 REFERENCES = frozenset({"reference", "case_reference"})
-"""Steps that judge what was found; they cost no simulated time of the search."""
+"""Steps that judge failures; their simulated time does not count."""
 SEARCH = frozenset({"seed", "forecast", "clip", "mutants", "child"})
 PLAIN = frozenset({"seed"})
 
 
 class InOrder(Executor):
-    """The tasks of a campaign in the order in which it would hand them to its workers.
+    """Executes the tasks of a campaign in the order in which it would pass them to its workers.
 
     Attributes:
-        simulated_s: how much the search has simulated. order: kind, name and simulated time of each of its runs.
+        simulated_s: simulated time of the search so far. order: kind, name and simulated time of each run.
     """
 
     def __init__(self, limit_s: float, kinds: frozenset[str] = SEARCH) -> None:
-        """Run steps of these kinds until so much is simulated, and after that only what judges failures."""
+        """Run steps of these kinds up to `limit_s` of simulated time, and after that only steps that judge failures."""
         super().__init__()
         self._limit_s, self._kinds = limit_s, kinds
         self.simulated_s = 0.0
         self.order: list[tuple[str, str, float]] = []
 
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """See `Executor`; tasks that are not run are forgotten, so that the campaign counts as stopped."""
+        """See `Executor`; tasks that are not run are dropped, so that the campaign counts as stopped."""
         while self._queue and not stop():
             (number,) = self._queue.take()
             task = self._tasks.pop(number)
             work = task.argument
             if not isinstance(work, Work):
-                raise TypeError(f"the task {task.name} is no step of a campaign")
+                raise TypeError(f"the task {task.name} is not a step of a campaign")
             kind = work.steps[0].kind
             if kind not in REFERENCES and (kind not in self._kinds or self.simulated_s >= self._limit_s):
                 continue
             try:
-                for made in run_steps(work):
-                    self._count(made, task.name)
-                    yield Update(task, Part(made))
-            except Exception as err:  # one broken step is one outcome
+                for step in run_steps(work):
+                    self._count(step, task.name)
+                    yield Update(task, Part(step))
+            except Exception as err:  # a broken step is an outcome of its own
                 yield Update(task, Broken(task, f"{type(err).__name__}: {err}", "raised"))
             else:
                 yield Update(task, None)
 
     def close(self) -> None:
-        """Nothing is left to end."""
+        """Drop the remaining tasks."""
         self._queue.clear()
         self._tasks.clear()
 
-    def _count(self, made: Made, task: str) -> None:
-        record = made.record
+    def _count(self, step: Made, task: str) -> None:
+        record = step.record
         if not isinstance(record, SeedOutcome | ClipOutcome | ChildOutcome):
             return
         duration_s = record.duration_s if math.isfinite(record.duration_s) else 0.0
         self.simulated_s += duration_s
-        self.order.append((made.kind, task if made.kind == "seed" else made.name, duration_s))
+        self.order.append((step.kind, task if step.kind == "seed" else step.name, duration_s))

@@ -1,5 +1,5 @@
-"""From what was found to figures: detection thresholds, precision, recall, time to the first, and how good verdicts
-are."""
+"""Computes figures from the records of searches: thresholds, precision, recall, time to the first failure, and the
+accuracy of verdicts."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from foresee_study.faults.evidence import ANY, Evidence, Failure
 
 
 def weakest(strengths: Sequence[float], finds: Callable[[float], bool]) -> float:
-    """Return the weakest of ascending strengths that is found, infinite where none is, by bisection.
+    """Return the weakest of ascending strengths that is detected, by bisection; infinite if none is.
 
-    It begins in the middle, and takes it that what is found at a strength is found at all stronger ones.
+    It begins in the middle, and assumes that a fault detected at one strength is detected at all higher ones.
     """
-    low, high, found = 0, len(strengths) - 1, math.inf
+    low, high, threshold = 0, len(strengths) - 1, math.inf
     middle = len(strengths) // 2
     while low <= high:
         if finds(strengths[middle]):
-            found, high = strengths[middle], middle - 1
+            threshold, high = strengths[middle], middle - 1
         else:
             low = middle + 1
         middle = (low + high) // 2
-    return found
+    return threshold
 
 
 @dataclass(frozen=True)
 class Score:
-    """How well one search did.
+    """The score of one search. A failure is the fault's if the healthy driver passes the same run.
 
     Attributes:
-        failing, the_faults: failing children, and those of them that the healthy driver passes; of test cases where
-            these alone were driven.
-        findings, right_findings: the same after equal stories were put together; a finding is the fault's where at
-            least half of its failures are.
-        true_findings: the fault's findings, test cases included.
-        recall: share of the fault's findings of all approaches that this one found; None where nobody found any.
-        first_s: simulated seconds until the end of the first failure that is the fault's; infinite: none.
-        said, said_right: failing runs that any verdict calls avoidable, and those of them that are the fault's.
-        simulated_s, wall_s: what it took.
+        failing, the_faults: number of failing children, and of those that are the fault's; of test cases if only these
+            were driven.
+        findings, right_findings: the same with equal stories merged; a finding is the fault's if at least half of its
+            failures are.
+        true_findings: number of the fault's findings, including test cases.
+        recall: share of the fault's findings of all approaches that this search has; None if there are none.
+        first_s: simulated time until the end of the first failure that is the fault's, s; infinite: none.
+        said, said_right: number of failing runs that a judge calls avoidable, and of those that are the fault's.
+        simulated_s, wall_s: simulated time and wall time of the search.
     """
 
     failing: int
@@ -58,22 +58,22 @@ class Score:
 
     @property
     def precision(self) -> float | None:
-        """The share of the failing runs that is the fault's; None where nothing fails."""
+        """Share of the failing runs that is the fault's; None without failures."""
         return self.the_faults / self.failing if self.failing else None
 
     @property
     def precision_of_said(self) -> float | None:
-        """The share of what is called avoidable that is the fault's."""
+        """Share of the failures called avoidable that is the fault's."""
         return self.said_right / self.said if self.said else None
 
     @property
     def precision_of_findings(self) -> float | None:
-        """The share of the findings that is the fault's."""
+        """Share of the findings that is the fault's."""
         return self.right_findings / self.findings if self.findings else None
 
 
 def detects(evidence: Evidence, simulated_s: float) -> bool:
-    """Tell whether a search finds its fault within so many simulated seconds."""
+    """Return whether a search detects its fault within this simulated time."""
     return any(failure.is_the_faults for failure in evidence.failures(simulated_s))
 
 
@@ -83,13 +83,15 @@ def true_findings(evidence: Evidence, simulated_s: float) -> frozenset[tuple[str
 
 
 def scores(evidences: Iterable[Evidence], simulated_s: float) -> dict[str, Score]:
-    """Return by approach how well each did with one fault at one strength, at equal simulated time."""
-    given = tuple(evidences)
-    known = frozenset().union(*(true_findings(evidence, simulated_s) for evidence in given)) if given else frozenset()
-    return {evidence.approach: _score(evidence, known, simulated_s) for evidence in given}
+    """Return the score of each approach with one fault at one strength, at equal simulated time."""
+    searches = tuple(evidences)
+    all_findings = (
+        frozenset().union(*(true_findings(evidence, simulated_s) for evidence in searches)) if searches else frozenset()
+    )
+    return {evidence.approach: _score(evidence, all_findings, simulated_s) for evidence in searches}
 
 
-def _score(evidence: Evidence, known: frozenset[tuple[str, ...]], simulated_s: float) -> Score:
+def _score(evidence: Evidence, all_findings: frozenset[tuple[str, ...]], simulated_s: float) -> Score:
     own = true_findings(evidence, simulated_s)
     plain = all(run.kind == "seed" for run in evidence.runs)
     failures = evidence.failures(simulated_s) if plain else evidence.of_children(simulated_s)
@@ -106,7 +108,7 @@ def _score(evidence: Evidence, known: frozenset[tuple[str, ...]], simulated_s: f
         findings=len(shares),
         right_findings=sum(share >= 1 / 2 for share in shares.values()),
         true_findings=len(own),
-        recall=len(own & known) / len(known) if known else None,
+        recall=len(own & all_findings) / len(all_findings) if all_findings else None,
         first_s=first_s,
         simulated_s=spent_s,
         wall_s=evidence.wall_s,
@@ -114,7 +116,7 @@ def _score(evidence: Evidence, known: frozenset[tuple[str, ...]], simulated_s: f
 
 
 def _shares(failures: Iterable[Failure]) -> dict[tuple[str, ...], float]:
-    """Return by finding the share of its failures that is the fault's."""
+    """Return, for each finding, the share of its failures that is the fault's."""
     groups: dict[tuple[str, ...], list[bool]] = defaultdict(list)
     for failure in failures:
         groups[failure.finding].append(failure.is_the_faults)
@@ -123,10 +125,10 @@ def _shares(failures: Iterable[Failure]) -> dict[tuple[str, ...], float]:
 
 @dataclass(frozen=True)
 class Confusion:
-    """How often a verdict agrees with the ground truth: `true_yes` are the fault's and said to be avoidable.
+    """Agreement of a judge with the ground truth; `true_yes`: failures of the fault that it calls avoidable.
 
     Attributes:
-        open: failures that it does not decide; they count as said to be unavoidable.
+        open: failures that it does not decide; they count as called unavoidable.
     """
 
     true_yes: int
@@ -137,36 +139,36 @@ class Confusion:
 
     @property
     def balanced(self) -> float | None:
-        """Balanced accuracy: the mean of the shares of the fault's and of the others that are told apart."""
+        """Balanced accuracy: mean of the shares of correct answers for the fault's failures and for the others."""
         own, others = self.true_yes + self.false_no, self.true_no + self.false_yes
         return (self.true_yes / own + self.true_no / others) / 2 if own and others else None
 
     @property
     def precision(self) -> float | None:
-        """The share of what it calls avoidable that is the fault's."""
-        said = self.true_yes + self.false_yes
-        return self.true_yes / said if said else None
+        """Share of the failures that it calls avoidable that is the fault's."""
+        called = self.true_yes + self.false_yes
+        return self.true_yes / called if called else None
 
     @property
     def recall(self) -> float | None:
-        """The share of the fault's failures that it calls avoidable."""
+        """Share of the fault's failures that it calls avoidable."""
         own = self.true_yes + self.false_no
         return self.true_yes / own if own else None
 
 
 def confusions(failures: Iterable[Failure]) -> dict[str, Confusion]:
-    """Return by judge how often it agrees with the ground truth, over the failures that it was asked about."""
+    """Return, for each judge, its agreement with the ground truth over the failures that it judged."""
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     for failure in failures:
         for judge, answer in failure.verdicts.items():
-            said, right = bool(answer), bool(answer) == failure.is_the_faults
-            counts[judge][f"{'true' if right else 'false'}_{'yes' if said else 'no'}"] += 1
+            called, right = bool(answer), bool(answer) == failure.is_the_faults
+            counts[judge][f"{'true' if right else 'false'}_{'yes' if called else 'no'}"] += 1
             counts[judge]["open"] += answer is None
     names = ("true_yes", "false_yes", "true_no", "false_no", "open")
-    return {judge: Confusion(*(found[name] for name in names)) for judge, found in counts.items()}
+    return {judge: Confusion(*(numbers[name] for name in names)) for judge, numbers in counts.items()}
 
 
 def median(values: Iterable[float | None]) -> float | None:
-    """Return the median of the values that there are; infinite ones count."""
-    known = [value for value in values if value is not None]
-    return statistics.median_low(known) if known else None
+    """Return the median of the values that are not None; infinite values count."""
+    present = [value for value in values if value is not None]
+    return statistics.median_low(present) if present else None

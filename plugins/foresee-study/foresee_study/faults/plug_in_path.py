@@ -1,4 +1,4 @@
-"""Makes the plug-in with the faulty drivers known to this process and to those that it starts."""
+"""Adds the plug-in with the faulty drivers to the path of this process and of the processes that it starts."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ PLUG_IN = Path(__file__).parent / "plug_in"
 
 
 def add_plug_in() -> None:
-    """Put the plug-in's folder on the path; doing so twice changes nothing."""
+    """Add the plug-in's folder to the path, unless it is there already."""
     place = str(PLUG_IN)
     if place not in sys.path:
         sys.path.append(place)
         importlib.invalidate_caches()
-    known = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    if place not in known:
-        os.environ["PYTHONPATH"] = os.pathsep.join([*(part for part in known if part), place])
+    paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    if place not in paths:
+        os.environ["PYTHONPATH"] = os.pathsep.join([*(part for part in paths if part), place])
 
 
 def address(fault: str, strength: float) -> str:
-    """Return the address of a faulty driver, `fault:pdm/late_objects@0.4`, which is allowed from here on."""
+    """Return the address of a faulty driver, `fault:pdm/late_objects@0.4`, and allow it to start."""
     text = f"fault:{fault}@{strength:g}"
     allow(text)  # an address with a colon is a program to `drivers.consent`
     return text
 
 
 def healthy(fault: str) -> str:
-    """Return the driver that a fault is seeded into: `pdm` of `pdm/late_objects`."""
+    """Return the driver into which a fault is seeded: `pdm` for `pdm/late_objects`."""
     return fault.partition("/")[0]

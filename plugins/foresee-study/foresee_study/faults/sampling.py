@@ -1,4 +1,5 @@
-"""Test cases to search in: half of the library by the hash of their names, and few of them from all families."""
+"""Selects the test cases of the benchmark: one half of the library by the hash of their names, in a stratified
+order."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from foresee_study.halves import Half, of_half
 
 
 def library(half: Half = Half.ALL) -> list[TestCase]:
-    """Return the bundled test cases of one half, or all, in an order whose beginnings are stratified samples."""
+    """Return the bundled test cases of one half, or all, in an order in which every prefix is a stratified sample."""
     places = sorted(str(place) for place in data_folder("scenarios").glob("scenario*"))
     return stratified(of_half(load_test_cases(places), half))
 
@@ -25,7 +26,7 @@ def name(case: TestCase) -> str:
 
 
 def stratified(cases: Sequence[TestCase]) -> list[TestCase]:
-    """Return test cases so that the first so many have of each family its share; within one by the hash of the name."""
+    """Return test cases in an order in which every prefix has each family's share; in a family by the name's hash."""
     families: dict[str, list[TestCase]] = defaultdict(list)
     for case in sorted(cases, key=lambda case: _hash(name(case) + " order")):
         families[case.family].append(case)

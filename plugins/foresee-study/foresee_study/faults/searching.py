@@ -1,4 +1,4 @@
-"""One search: a campaign of a faulty driver, until so much was simulated, and what it found."""
+"""Runs one search: a campaign of a faulty driver up to a limit of simulated time, and records its failures."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from foresee_study.faults.evidence import save as save_evidence
 from foresee_study.faults.plug_in_path import address, healthy
 
 MOST_SEEDS = 50
-"""Ours: how many seeds of the sensors' noise the plain test cases are driven with at most."""
+"""Maximum number of seeds of the sensors' noise with which the plain test cases are driven. Ours."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """A fault at a strength, an approach, and how long it may search.
+    """A fault at a strength, an approach, and its limit of simulated time.
 
     Attributes:
-        judges: the drivers that drive each failure beside the healthy one.
+        judges: the drivers that drive each failure, in addition to the healthy driver.
     """
 
     fault: str
@@ -48,14 +48,14 @@ class Search:
 
     @property
     def settings(self) -> CampaignSettings:
-        """Those of its campaign."""
+        """The settings of its campaign."""
         driver, twin = address(self.fault, self.strength), healthy(self.fault)
         against = (twin, *(judge for judge in self.judges if judge != twin))
         base = CampaignSettings(driver=driver, against=against, seed=self.seed)
         return replace(base, **(self.approach.settings or {}))
 
     def key(self, cases: Sequence[TestCase]) -> str:
-        """Return what its result depends on, hashed: settings, drivers, test cases, code."""
+        """Return a hash of everything that its result depends on: settings, drivers, test cases, code."""
         settings = self.settings
         drivers = [driver_identity(driver) for driver in (settings.driver, *settings.against)]
         code = step_code("foresee_dsl.campaign.execution.engine")
@@ -64,29 +64,31 @@ class Search:
 
 
 def searched(search: Search, cases: Sequence[TestCase], out: Path) -> Evidence:
-    """Return what a search finds; one that was done before, with the same code, is read from `out`."""
+    """Return the evidence of a search; an earlier result with the same code is read from `out`."""
     place = out / search.fault.replace("/", "_") / f"{search.strength:g}"
     file, key = place / f"{search.approach.name}.json", search.key(cases)
-    known = load_evidence(file, key)
-    if known is not None:
-        return known
+    stored = load_evidence(file, key)
+    if stored is not None:
+        return stored
     started = time.perf_counter()
     work = place / f"{search.approach.name}.work"
     runs = _plain(search, cases, work) if search.approach.settings is None else _campaign(search, cases, work)
-    found = Evidence(search.fault, search.strength, search.approach.name, runs, round(time.perf_counter() - started, 2))
-    save_evidence(found, file, key)
+    evidence = Evidence(
+        search.fault, search.strength, search.approach.name, runs, round(time.perf_counter() - started, 2)
+    )
+    save_evidence(evidence, file, key)
     shutil.rmtree(work, ignore_errors=True)
-    return found
+    return evidence
 
 
 def _campaign(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[Ran, ...]:
-    """Run a campaign."""
+    """Run the search's campaign."""
     executor = in_order.InOrder(search.simulated_s)
     return tuple(_ran(_run(search.settings, cases, work, executor), executor, search))
 
 
 def _plain(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[Ran, ...]:
-    """Drive the test cases as they are, with one seed after the other."""
+    """Drive the unchanged test cases, with one seed after the other."""
     runs: list[Ran] = []
     left_s = search.simulated_s
     for seed in range(search.seed, search.seed + MOST_SEEDS):
@@ -104,20 +106,20 @@ def _run(
 ) -> CampaignResult:
     with Store(work / "store") as store:
         options = RunOptions(executor=lambda _: executor)
-        # A search that was interrupted begins anew: the order of its runs is part of its result.
+        # An interrupted search begins again: the order of its runs is part of its result.
         store.execute("DELETE FROM runs")
         return run_campaign(cases, settings, out=work / "out", store=store, options=options)
 
 
 def _ran(result: CampaignResult, executor: in_order.InOrder, search: Search) -> Iterator[Ran]:
-    """Yield the runs of a campaign in their order, with what is known of the failures."""
+    """Yield the runs of a campaign in their order, with their failures."""
     failures = dict(_failures(result, search))
     for kind, name, duration_s in executor.order:
         yield Ran(kind, duration_s, failures.get((kind, name)))
 
 
 def _failures(result: CampaignResult, search: Search) -> Iterator[tuple[tuple[str, str], Failure]]:
-    """Yield kind and name of each failing run, and what is known of it."""
+    """Yield kind and name of each failing run, with its failure."""
     for seed in result.seeds:
         if seed.verdict.is_failure:
             yield ("seed", seed.id), _failure(seed, seed.family, seed.id, search)
@@ -140,14 +142,14 @@ def _failure(run: SeedOutcome | ChildOutcome, family: str, case: str, search: Se
 
 
 def _verdicts(run: SeedOutcome | ChildOutcome, others: Mapping[str, ReferenceRun]) -> dict[str, bool | None]:
-    """Return by judge whether the failure could be avoided."""
+    """Return, for each judge, whether the failure was avoidable."""
     r157 = run.preventability.verdict if run.preventability is not None else Preventable.UNKNOWN
-    found: dict[str, bool | None] = {R157: {Preventable.YES: True, Preventable.NO: False}.get(r157)}
+    verdicts: dict[str, bool | None] = {R157: {Preventable.YES: True, Preventable.NO: False}.get(r157)}
     ahead = getattr(run, "anticipation", None)
     if ahead is not None:
-        found[AHEAD] = None if ahead.answer.origin == "undecided" else ahead.answer.preventable
-    found |= {name: reference.avoids for name, reference in others.items()}
+        verdicts[AHEAD] = None if ahead.answer.origin == "undecided" else ahead.answer.preventable
+    verdicts |= {name: reference.avoids for name, reference in others.items()}
     if others:
-        found[DIFFERENTIAL] = any(reference.avoids for reference in others.values())
-    found[ANY] = any(found.values())
-    return found
+        verdicts[DIFFERENTIAL] = any(reference.avoids for reference in others.values())
+    verdicts[ANY] = any(verdicts.values())
+    return verdicts

@@ -1,4 +1,4 @@
-"""The figures as Markdown and as JSON."""
+"""Writes the benchmark's figures as Markdown and as JSON."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from foresee_study.faults.measures import Confusion, Score, confusions, median, 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """All that was measured.
+    """The results of the benchmark.
 
     Attributes:
-        approaches, faults, strengths: in their order. reference: the strength at which all approaches are compared.
-        simulated_s: what each search may simulate. thresholds: by fault and approach the weakest strength that is
-            found, infinite: none. compared: the searches at the reference strength. skipped: what could not be
-            done, a line each. cases: how many test cases of each fault. wall_s: core seconds of all searches.
+        approaches, faults, strengths: in their order. reference: strength at which all approaches are compared.
+        simulated_s: limit of simulated time of each search. thresholds: weakest detected strength by fault and
+            approach, infinite: none. compared: the searches at the reference strength. skipped: parts that could not be
+            done, one line each. cases: number of test cases by fault. wall_s: core seconds of all searches.
     """
 
     approaches: tuple[str, ...]
@@ -35,71 +35,71 @@ class Benchmark:
     wall_s: float
 
     def scores_of(self, fault: str) -> dict[str, Score]:
-        """Return how well each approach did with a fault at the reference strength."""
-        return scores((one for one in self.compared if one.fault == fault), self.simulated_s)
+        """Return the score of each approach with a fault at the reference strength."""
+        return scores((search for search in self.compared if search.fault == fault), self.simulated_s)
 
     @property
     def verdicts(self) -> dict[str, Confusion]:
-        """Return how good each verdict is, over the failures of all campaigns at the reference strength."""
-        return confusions(failure for one in self.compared for failure in one.of_children(self.simulated_s))
+        """The accuracy of each judge, over the failures of all campaigns at the reference strength."""
+        return confusions(failure for search in self.compared for failure in search.of_children(self.simulated_s))
 
 
-def as_markdown(found: Benchmark) -> str:
-    """Return the tables."""
-    return "\n".join([*_head(found), *_summary(found), *_verdicts(found), *_faults(found), ""])
+def as_markdown(benchmark: Benchmark) -> str:
+    """Return the tables as Markdown."""
+    return "\n".join([*_head(benchmark), *_summary(benchmark), *_verdicts(benchmark), *_faults(benchmark), ""])
 
 
-def as_json(found: Benchmark) -> dict[str, Any]:
-    """Return all figures; infinite ones are None."""
+def as_json(benchmark: Benchmark) -> dict[str, Any]:
+    """Return all figures for JSON; infinite values are None."""
     return {
         "schema": 1,
-        "half": found.half,
-        "strengths": list(found.strengths),
-        "reference_strength": found.reference,
-        "simulated_s": found.simulated_s,
-        "core_s": round(found.wall_s, 1),
-        "skipped": list(found.skipped),
+        "half": benchmark.half,
+        "strengths": list(benchmark.strengths),
+        "reference_strength": benchmark.reference,
+        "simulated_s": benchmark.simulated_s,
+        "core_s": round(benchmark.wall_s, 1),
+        "skipped": list(benchmark.skipped),
         "faults": [
             {
                 "fault": fault,
-                "test_cases": found.cases[fault],
+                "test_cases": benchmark.cases[fault],
                 "approaches": [
-                    {"approach": name, "threshold": _finite(found.thresholds.get((fault, name), math.inf)),
+                    {"approach": name, "threshold": _finite(benchmark.thresholds.get((fault, name), math.inf)),
                      **{key: _finite(value) for key, value in asdict(score).items()},
                      "precision": score.precision, "precision_of_findings": score.precision_of_findings,
                      "precision_of_avoidable": score.precision_of_said}
-                    for name, score in found.scores_of(fault).items()
+                    for name, score in benchmark.scores_of(fault).items()
                 ],
             }
-            for fault in found.faults
+            for fault in benchmark.faults
         ],
         "verdicts": {
             judge: {**asdict(c), "balanced_accuracy": c.balanced, "precision": c.precision, "recall": c.recall}
-            for judge, c in found.verdicts.items()
+            for judge, c in benchmark.verdicts.items()
         },
     }  # fmt: skip
 
 
-def _head(found: Benchmark) -> list[str]:
-    counts = sorted(set(found.cases.values()))
+def _head(benchmark: Benchmark) -> list[str]:
+    counts = sorted(set(benchmark.cases.values()))
     of = " to ".join(dict.fromkeys(str(count) for count in (*counts[:1], *counts[-1:]))) or "no"
     return [
         "# Seeded faults",
         "",
-        f"Faults: {len(found.faults)}; test cases of each: {of} ({found.half} half), strengths "
-        f"{', '.join(f'{s:g}' for s in found.strengths)}; every search simulates {found.simulated_s:g} s. "
-        f"{found.wall_s / 3600:.1f} core hours.",
-        *(f"\nLeft out: {line}." for line in found.skipped),
+        f"Faults: {len(benchmark.faults)}; test cases of each: {of} ({benchmark.half} half), strengths "
+        f"{', '.join(f'{s:g}' for s in benchmark.strengths)}; every search simulates {benchmark.simulated_s:g} s. "
+        f"{benchmark.wall_s / 3600:.1f} core hours.",
+        *(f"\nLeft out: {line}." for line in benchmark.skipped),
         "",
     ]
 
 
-def _summary(found: Benchmark) -> list[str]:
-    by_fault = {fault: found.scores_of(fault) for fault in found.faults}
+def _summary(benchmark: Benchmark) -> list[str]:
+    by_fault = {fault: benchmark.scores_of(fault) for fault in benchmark.faults}
     rows = []
-    for name in found.approaches:
-        own = [by_fault[fault][name] for fault in found.faults if name in by_fault[fault]]
-        thresholds = [found.thresholds.get((fault, name), math.inf) for fault in found.faults]
+    for name in benchmark.approaches:
+        own = [by_fault[fault][name] for fault in benchmark.faults if name in by_fault[fault]]
+        thresholds = [benchmark.thresholds.get((fault, name), math.inf) for fault in benchmark.faults]
         failing, true = sum(s.failing for s in own), sum(s.the_faults for s in own)
         rows.append((
             name,
@@ -118,18 +118,18 @@ def _summary(found: Benchmark) -> list[str]:
             _seconds(median(s.simulated_s for s in own)),
         ))  # fmt: skip
     head = (
-        "approach", "threshold (median)", "found at any strength", f"found at {found.reference:g}",
+        "approach", "threshold (median)", "found at any strength", f"found at {benchmark.reference:g}",
         "precision (median)", "(least)", "(pooled)", "of findings (median)", "of what is called avoidable (median)",
         "(least)", "the fault's findings", "recall (median)", "first, s (median)", "simulated, s",
     )  # fmt: skip
     return ["## Approaches", "", *_table(head, rows), ""]
 
 
-def _verdicts(found: Benchmark) -> list[str]:
+def _verdicts(benchmark: Benchmark) -> list[str]:
     rows = [
         (judge, _share(c.balanced), _share(c.precision), _share(c.recall), f"{c.true_yes}", f"{c.false_yes}",
          f"{c.true_no}", f"{c.false_no}", f"{c.open}")
-        for judge, c in found.verdicts.items()
+        for judge, c in benchmark.verdicts.items()
     ]  # fmt: skip
     head = (
         "verdict", "balanced accuracy", "precision", "recall", "the fault's, avoidable", "other, avoidable",
@@ -138,7 +138,7 @@ def _verdicts(found: Benchmark) -> list[str]:
     return ["## Verdicts against the ground truth", "", *_table(head, rows), ""]
 
 
-def _faults(found: Benchmark) -> list[str]:
+def _faults(benchmark: Benchmark) -> list[str]:
     lines = [
         "## Faults",
         "",
@@ -146,15 +146,15 @@ def _faults(found: Benchmark) -> list[str]:
         "",
     ]
     rows = []
-    for fault in found.faults:
-        own = found.scores_of(fault)
+    for fault in benchmark.faults:
+        own = benchmark.scores_of(fault)
         cells = []
-        for name in found.approaches:
+        for name in benchmark.approaches:
             score = own.get(name)
-            said = f"{score.the_faults}/{score.failing}" if score is not None else "-"
-            cells.append(f"{_strength(found.thresholds.get((fault, name), math.inf))}; {said}")
-        rows.append((fault, str(found.cases[fault]), *cells))
-    return [*lines, *_table(("fault", "cases", *found.approaches), rows)]
+            counts = f"{score.the_faults}/{score.failing}" if score is not None else "-"
+            cells.append(f"{_strength(benchmark.thresholds.get((fault, name), math.inf))}; {counts}")
+        rows.append((fault, str(benchmark.cases[fault]), *cells))
+    return [*lines, *_table(("fault", "cases", *benchmark.approaches), rows)]
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -1,5 +1,5 @@
-"""DriveFuzz (Kim et al., CCS 2022) on test cases of this language: whole scenes are mutated, and the worst drive is
-mutated again. It knows nothing of risky points: it is what forecasting is compared with.
+"""DriveFuzz (Kim et al., CCS 2022) on test cases of this language: it mutates whole scenes, and mutates the worst drive
+again. It does not use risky points: forecasting is compared with it.
 
 Begin reading at `engine.py`.
 """

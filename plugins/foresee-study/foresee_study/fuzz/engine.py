@@ -1,8 +1,8 @@
 """DriveFuzz over many test cases: each is mutated cycle after cycle; the worst drive of a cycle is the next parent.
 
-The mutations of a cycle are independent of each other, and each is stored under a key of all that it depends on. So the
-result is the same for any number of workers, and a command that was stopped goes on where it was. What would have come
-after a failure in its cycle does not count.
+The mutations of a cycle are independent of each other, and each is stored under a key of everything that it depends on.
+So the result is the same for any number of workers, and a stopped command continues where it was. Mutations after a
+failure in its cycle do not count.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from foresee_study.fuzz.texts import Seed, file_text, seed_of
 from foresee_study.fuzz.worker import Job, run_job
 
 KIND = "fuzz"
-"""The kind of its rows in a store."""
+"""Kind of DriveFuzz's rows in a store."""
 _WORKER = "foresee_study.fuzz.worker"
 
 
@@ -48,15 +48,16 @@ def fuzz(
     listeners: Sequence[Listener] = (),
     options: RunOptions = RunOptions(),  # noqa: B008 - immutable
 ) -> FuzzResult:
-    """Fuzz test cases and write what was found: `fuzz.json`, and every mutated test case that was run.
+    """Fuzz test cases; write `fuzz.json` and every mutated test case that was run.
 
     Args:
-        cases: the seeds: scenarios, written, drawn or made by a fuzzing run before. One that fails unmutated is not
-            mutated. out: its `mutated` and `fuzz.json` are replaced. store: open to be written; a campaign's will do.
+        cases: the seeds: written or random scenarios, or results of an earlier fuzzing run. A seed that fails without
+            mutation is not mutated. out: folder in which `mutated` and `fuzz.json` are replaced. store: open for
+            writing; a campaign's store can be used.
 
     Raises:
-        InputError: a seed is impossible on its network. ForeseeError: one is a clip or a mutant. Nothing was run then.
-        StoreError: the store cannot be written any more; what was finished is in it.
+        InputError: a seed is impossible on its network. ForeseeError: a seed is a clip or a mutant. Nothing was run.
+        StoreError: the store cannot be written any more; it contains the finished runs.
     """
     started = time.monotonic()
     if mistakes := placement_mistakes(cases):
@@ -86,25 +87,25 @@ class _Seed:
     """The lines of the parent of each cycle."""
     chosen: list[int] = field(default_factory=list)
     waits: set[int] = field(default_factory=set)
-    """The numbers of the mutations that are under way in the cycle; 0: the seed itself."""
+    """The numbers of the mutations in progress in the cycle; 0: the seed itself."""
     lost: bool = False
-    """Nothing more comes of it."""
+    """Whether the seed cannot be continued."""
 
     @property
     def over(self) -> bool:
-        """Whether nothing is left to be done."""
+        """Whether nothing is left to do for the seed."""
         if self.lost or self.plain is None:
             return self.lost
         return self.plain.verdict is not Verdict.PASS or self._failed() > 0 or len(self.chosen) == self.settings.cycles
 
     def _failed(self) -> int:
-        """Return the number of the mutation that ends the seed, in its last cycle: the first of those that fail."""
+        """Return the number of the mutation that ends the seed, in its last cycle: the first failing one; 0: none."""
         runs = self.cycles[-1] if self.cycles else {}
-        failed = min((k for k, one in runs.items() if one.verdict.is_failure), default=0)
+        failed = min((k for k, outcome in runs.items() if outcome.verdict.is_failure), default=0)
         return failed if failed and all(k in runs for k in range(1, failed)) else 0
 
     def next(self, most: int) -> list[int]:
-        """Return the mutations that can be begun now, `most` at once."""
+        """Return the numbers of the mutations that can begin now, at most `most`."""
         if self.over or self.waits:
             return []
         if self.plain is None:
@@ -115,7 +116,7 @@ class _Seed:
         return [k for k in range(1, self.settings.mutations + 1) if k not in done][:most]
 
     def take(self, number: int, outcome: Outcome) -> None:
-        """Note what a mutation came to; at the end of a cycle choose the next parent."""
+        """Store the outcome of a mutation; at the end of a cycle choose the next parent."""
         self.waits.discard(number)
         if number == 0:
             self.plain = outcome
@@ -123,23 +124,23 @@ class _Seed:
         runs = self.cycles[-1]
         runs[number] = outcome
         if len(runs) == self.settings.mutations and not self._failed():
-            # A driver that broke has no score that says anything; nor has a mutation that was impossible.
+            # The score of a driver that broke, or of an impossible mutation, is meaningless.
             usable = [k for k in sorted(runs) if runs[k].verdict in (Verdict.PASS, Verdict.TIMEOUT)]
             best = min(usable, key=lambda k: (runs[k].quality.score, k), default=0)
             self.chosen.append(best)
             self.parents.append(runs[best].lines if best else self.parents[-1])
 
     def result(self) -> SeedFuzz:
-        """Return what was made of it so far."""
+        """Return the result of the seed so far."""
         failed, cycles = self._failed(), []
         for k, runs in enumerate(self.cycles, start=1):
             last = k == len(self.cycles)
-            counted = {n: one for n, one in sorted(runs.items()) if not (last and failed and n > failed)}
-            if last and not failed:  # of a cycle that was stopped: the runs before the first missing one
-                counted = {n: one for n, one in counted.items() if all(j in runs for j in range(1, n))}
+            counted = {n: outcome for n, outcome in sorted(runs.items()) if not (last and failed and n > failed)}
+            if last and not failed:  # of a stopped cycle only the runs before the first missing one count
+                counted = {n: outcome for n, outcome in counted.items() if all(j in runs for j in range(1, n))}
             chosen = self.chosen[k - 1] if k <= len(self.chosen) else 0
             if counted:
-                cycles.append(Cycle(k, tuple(self._named(k, n, one) for n, one in counted.items()), chosen))
+                cycles.append(Cycle(k, tuple(self._named(k, n, outcome) for n, outcome in counted.items()), chosen))
         return SeedFuzz(self.case.id, self.case.family, self.plain, tuple(cycles))
 
     def _named(self, cycle: int, number: int, outcome: Outcome) -> FuzzRun:
@@ -156,7 +157,7 @@ class _Seed:
 
 
 class _Fuzzing:
-    """What is under way."""
+    """The state of a fuzzing run."""
 
     def __init__(
         self, cases: Sequence[TestCase], settings: s.FuzzSettings, out: Path, store: Store,
@@ -175,7 +176,7 @@ class _Fuzzing:
         self._ends_s = math.inf if budget_s is None else started_s + budget_s
 
     def until_done(self) -> bool:
-        """Run what is missing; return whether it was stopped before the end."""
+        """Run all missing mutations; return whether it was stopped before the end."""
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1 AND kind = ?", (KIND,))
         for listener in self._listeners:
@@ -195,7 +196,7 @@ class _Fuzzing:
         return self._options.stop() or time.monotonic() > self._ends_s
 
     def _hand_out(self) -> None:
-        """Begin mutations: of each seed only as many at once as keep the workers busy, as a failure ends the seed."""
+        """Begin mutations: of each seed only enough to keep the workers busy, because a failure ends the seed."""
         ahead = True
         while ahead and not self._stop():
             ahead = False
@@ -206,7 +207,7 @@ class _Fuzzing:
                     ahead |= self._begin(seed, number)
 
     def _begin(self, seed: _Seed, number: int) -> bool:
-        """Take a mutation's result from the store, or give it to a worker; return whether it was in the store."""
+        """Take a mutation's result from the store, or pass it to a worker; return whether it was in the store."""
         cycle = len(seed.cycles) if number else 0
         parent = seed.parents[-1] if number else ""
         job = Job(seed.seed, parent, cycle, number, seed.case.meaning, self._settings, self._folder,
@@ -218,7 +219,7 @@ class _Fuzzing:
             seed.take(number, decode(row.record))
             return True
         seed.waits.add(number)
-        # It is drawn a limited number of times, each for some seconds; the last run has its full length.
+        # A mutation has a limited number of attempts of some seconds each; the last run has its full length.
         simulated_s = longest_s(seed.case) + s.TRIES * s.FIRST_S
         task = Task(job.name, run_job, job, self._options.limits.for_run(simulated_s), key)
         self._running[key] = seed, number, job
@@ -248,7 +249,7 @@ class _Fuzzing:
             verdict=outcome.verdict.value, reason=outcome.reason, broken=broken, simulated_s=outcome.duration_s,
             wall_s=outcome.wall_s,
         )  # fmt: skip
-        # A process that was ended from outside gave no result: the next fuzzing runs it again.
+        # A process that was ended from outside has no result: the next fuzzing run repeats it.
         self._tell(row if ended_outside else self._store.add(row), new=True)
         seed.take(number, outcome)
 
@@ -258,12 +259,12 @@ class _Fuzzing:
 
 
 def _names(cases: Sequence[TestCase]) -> dict[str, str]:
-    """Return what each seed's files are called: its scenario and case, with a number where two are called alike."""
-    found: dict[str, str] = {}
+    """Return the file name of each seed: its scenario and case, with a number if two names are equal."""
+    names: dict[str, str] = {}
     for case in cases:
         name, again = case_name(case), 1
-        while name in found.values():
+        while name in names.values():
             again += 1
             name = f"{case_name(case)}_{again}"
-        found[case.id] = name
-    return found
+        names[case.id] = name
+    return names

@@ -1,4 +1,4 @@
-"""What a fuzzing run leaves: `fuzz.json`, and `mutated/` with a folder of mutated test cases for each seed."""
+"""Writes the results of a fuzzing run: `fuzz.json`, and `mutated/` with a folder of mutated test cases per seed."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from foresee_dsl.files import write_whole
 from foresee_study.fuzz.records import FuzzResult, document
 
 FOLDER = "mutated"
-"""Where the mutated test cases are, in the folder that is written."""
+"""Name of the folder of the mutated test cases."""
 
 
 def publish(result: FuzzResult, out: Path) -> None:
-    """Write a result beside the files of an earlier one, and replace these when it is whole.
+    """Write a result beside an earlier one, and replace the earlier one when it is complete.
 
     Raises:
-        OSError: the folder cannot be made or written to.
+        OSError: the folder cannot be created or written.
     """
     out.mkdir(parents=True, exist_ok=True)
     for left in out.glob(".fuzz-*"):
@@ -39,5 +39,5 @@ def publish(result: FuzzResult, out: Path) -> None:
 
 
 def as_text(result: FuzzResult) -> str:
-    """Return what `fuzz.json` holds."""
+    """Return the content of `fuzz.json`."""
     return json.dumps(document(result), indent=2) + "\n"

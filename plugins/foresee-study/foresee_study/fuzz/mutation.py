@@ -1,4 +1,4 @@
-"""One mutation of a test case: the lines that its file adds to its seed or changes of it, with one thing more."""
+"""Creates one mutation of a test case: the parent's added and changed lines, plus one more change."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from foresee_study.fuzz.placement import Around, LanePlace
 Line = m.Add | m.Replace
 """A line of a mutated test case: `add ...` or `change ...`."""
 Manner = Literal["linear", "autonomous", "immobile"]
-"""How an added actor moves: straight on whatever comes, along lanes (or sidewalks) as traffic does, or not at all."""
+"""Motion of an added actor: straight on regardless of others, along lanes (or sidewalks) like traffic, or none."""
 MANNERS: tuple[Manner, ...] = ("linear", "autonomous", "immobile")
 DIGITS = 2
-"""Decimals of drawn metres, m/s and degrees (ours: centimetres)."""
+"""Decimals of random metres, m/s and degrees (ours: centimetres)."""
 _NAME, _PATCH = "fuzz", "slick"
 _Beginning = tuple[tuple[m.ActorItem, ...], m.State | None, PlacedActor]
-"""What is written in an actor's block, its state, and where it stands."""
+"""The items of an actor's block, its state, and its placement."""
 
 
 @dataclass(frozen=True)
 class Mutated:
-    """The lines of a mutated test case, what was mutated in words, and the names of the actors that were added."""
+    """The lines of a mutated test case, and the mutation in words."""
 
     lines: tuple[Line, ...]
     what: str
 
     @property
     def added(self) -> frozenset[str]:
-        """The actors that a mutation has added."""
+        """Names of the added actors."""
         return frozenset(line.item.name for line in self.lines if isinstance(line.item, m.Actor))
 
 
@@ -48,8 +48,8 @@ class Mutator:
     """Mutates one test case.
 
     Args:
-        case: the parent, with its mutations. seed: its seed, without. lines: what the parent adds and changes.
-        bundle: the parent, compiled. rng: draws everything.
+        case: the parent with its mutations. seed: the parent's seed, without mutations. lines: the parent's added and
+            changed lines. bundle: the compiled parent. rng: source of all random choices.
     """
 
     def __init__(
@@ -60,23 +60,24 @@ class Mutator:
         self._specs = {name: spec_of(model) for name, model in sorted(case.models.items())}
 
     def one_change(self) -> Mutated | None:
-        """Put a slippery patch, change the weather, or add or move an actor; None where the draw is impossible."""
+        """Add a slippery patch, change the weather, or add or move an actor; None if the random choice is
+        impossible."""
         draw = float(self._rng.random())
         if draw < s.PATCH_SHARE:
             return self._patch()
         return self._weather() if draw < s.PATCH_SHARE + s.WEATHER_SHARE else self._actor()
 
     def all_changes(self) -> Mutated | None:
-        """Add or move an actor, change the weather, and put a patch in one of four; None as of `one_change`."""
+        """Add or move an actor, change the weather, and in one of four add a patch; None as in `one_change`."""
         changes: list[Callable[[], Mutated | None]] = [self._actor, self._weather]
         if float(self._rng.random()) < s.PATCH_SHARE:
             changes.append(self._patch)
-        told: list[str] = []
+        descriptions: list[str] = []
         for change in changes:
-            if (found := change()) is None:
+            if (mutated := change()) is None:
                 return None
-            self._lines, told = found.lines, [*told, found.what]
-        return Mutated(self._lines, "; ".join(told))
+            self._lines, descriptions = mutated.lines, [*descriptions, mutated.what]
+        return Mutated(self._lines, "; ".join(descriptions))
 
     # ---- weather and ground ------------------------------------------------------------------------------------------
 
@@ -100,8 +101,8 @@ class Mutator:
             friction=_number(friction, "ratio"),
         )
         ego = self._bundle.scene.ego
-        told = f"{distance(at, (ego.x, ego.y)):.0f} m from the ego"
-        what = f"slippery patch {patch.name}, friction {friction:.2f}, radius {radius:.1f} m, {told}"
+        away = f"{distance(at, (ego.x, ego.y)):.0f} m from the ego"
+        what = f"slippery patch {patch.name}, friction {friction:.2f}, radius {radius:.1f} m, {away}"
         return Mutated((*self._lines, m.Add(item=patch)), what)
 
     # ---- actors ------------------------------------------------------------------------------------------------------
@@ -122,7 +123,7 @@ class Mutator:
         return Mutated((*self._lines, m.Add(item=actor)), f"adds {self._told(actor, manner)}")
 
     def _moved(self, line: Line, old: m.Actor) -> Mutated | None:
-        """Give an actor that was added another place; it moves in the manner that it did."""
+        """Move an added actor to another place; its kind of motion stays."""
         manner: Manner = "immobile"
         if any(isinstance(item, m.EdgeRoute) for item in old.body):
             manner = "autonomous"
@@ -146,7 +147,7 @@ class Mutator:
         return models[int(self._rng.integers(len(models)))]
 
     def _placed(self, name: str, spec: ModelSpec, manner: Manner, around: Around) -> m.Actor | None:
-        """Return the statement of an actor at the first drawn place that is free; None where none is."""
+        """Return the statement of an actor at the first random place that is free; None without one."""
         begin = self._on_foot if spec.kind == "pedestrian" else self._on_wheels
         for body, state, placed in begin(spec, manner, around):
             if around.is_free(placed):
@@ -198,7 +199,7 @@ def _on_path(way: Points, speed_mps: float) -> tuple[m.ActorItem, ...]:
 
 
 def _on_lane(place: LanePlace, around: Around) -> m.Place:
-    """Return a place on a lane as it is written: a length along its edge, and an offset from the rightmost lane."""
+    """Return the place statement for a lane: a length along its edge, and an offset from the rightmost lane."""
     x, y, _ = place.pose
     first = around.network.edges[place.lane.edge].drivable[0]
     along, beside = (place.along_m, 0.0) if first is place.lane else first.line.project(x, y)
@@ -221,6 +222,6 @@ def _number(value: float, dimension: Literal["length", "speed", "angle", "ratio"
 
 
 def _free(begin: str, taken: set[str] | frozenset[str]) -> str:
-    """Return the first name of a series, such as `fuzz_01`, that nobody has."""
+    """Return the first free name of a series, such as `fuzz_01`."""
     names = (f"{begin}_{number:02d}" for number in count(1))
     return next(name for name in names if name not in taken)

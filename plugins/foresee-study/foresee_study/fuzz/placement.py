@@ -1,4 +1,4 @@
-"""Where an added actor may begin and go: places on lanes and sidewalks around the ego's start that nobody has taken."""
+"""Finds free places and paths for added actors, on lanes and sidewalks around the ego's start."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from foresee_study.fuzz import settings as s
 STEP_M = 1.0
 """Spacing of the candidate places, m (ours)."""
 BESIDE_M = 1.5
-"""Without sidewalks people are this far beside the rightmost lane, m (ours: a verge)."""
+"""Distance of pedestrians from the rightmost lane on roads without sidewalks, m (ours: a verge)."""
 
 
 @dataclass(frozen=True)
 class LanePlace:
-    """A place on a lane, by the length along it at which an actor's front stands."""
+    """A place on a lane: the length along it of an actor's front."""
 
     lane: Lane
     along_m: float
@@ -40,10 +40,11 @@ class LanePlace:
 
 
 class Around:
-    """The places around the ego's start in a scene, and who has taken some of them.
+    """The places around the ego's start in a scene, and the actors that occupy some of them.
 
     Args:
-        bundle: what the mutation is added to. rng: draws everything. gone: an actor whose place is free, as it moves.
+        bundle: the compiled parent. rng: source of all random choices. gone: an actor whose place counts as free,
+            because it is moved.
     """
 
     def __init__(self, bundle: SumoBundle, rng: np.random.Generator, gone: str = "") -> None:
@@ -56,14 +57,14 @@ class Around:
         self._taken = [shapely.Polygon(footprint(actor)) for actor in self._others]
 
     def on_lanes(self, spec: ModelSpec, *, blocks: bool = False) -> Iterator[LanePlace]:
-        """Yield places on lanes for a model, in a drawn order; `blocks`: it stands there for good, so that on the ego's
-        own way there has to be another lane beside it."""
+        """Yield places on lanes for a model, in random order; `blocks`: the actor stands there for the whole run, so on
+        the ego's route there must be another lane beside it."""
         places = self._lane_places(lane_kind(spec), blocks=blocks)
         for k in self.rng.permutation(len(places))[: s.PLACES_TRIED]:
             yield places[int(k)]
 
     def on_foot(self, *, blocks: bool = False) -> Iterator[XY]:
-        """Yield places on sidewalks or on the road, in a drawn order; `blocks` as of `on_lanes`."""
+        """Yield places on sidewalks or on the road, in random order; `blocks` as in `on_lanes`."""
         if float(self.rng.random()) < s.ROAD_SHARE:
             road = self._lane_places("car", blocks=blocks)
             for k in self.rng.permutation(len(road))[: s.PLACES_TRIED]:
@@ -76,7 +77,7 @@ class Around:
             yield places[int(k)]
 
     def on_ground(self) -> XY | None:
-        """Return the middle of a slippery patch: a place on a lane that is no farther away than actors are."""
+        """Return the middle of a slippery patch: a place on a lane, within the same distance as actors."""
         places = [place for place in self._lane_places("car") if place.lane.speed_mps > 0]
         if not places:
             return None
@@ -84,7 +85,7 @@ class Around:
         return x, y
 
     def is_free(self, actor: PlacedActor) -> bool:
-        """Say whether nobody is near, and no vehicle that cannot stop in time drives into it."""
+        """Return whether no actor is near, and no vehicle would drive into it before it could stop."""
         box = shapely.Polygon(footprint(actor))
         if any(box.distance(other) < s.ROOM_M for other in self._taken):
             return False
@@ -94,9 +95,9 @@ class Around:
         return True
 
     def straight_on(self, start: XY, heading_rad: float, spec: ModelSpec) -> Points | None:
-        """Return the path of a vehicle that drives straight on, up to beside the road where it leaves it.
+        """Return the path of a vehicle that drives straight on, up to the point where it has left the road.
 
-        None where that is too short, or leads through a building.
+        None if it is too short or leads through a building.
         """
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         length_m = s.LINEAR_M
@@ -111,7 +112,7 @@ class Around:
         return way
 
     def walks_on(self, start: XY) -> Points | None:
-        """Return the path of somebody who walks straight on in a drawn direction; None where a building is in the
+        """Return the path of a pedestrian who walks straight on in a random direction; None if a building is in the
         way."""
         heading = float(self.rng.uniform(-math.pi, math.pi))
         way = (start, (start[0] + s.WALK_M * math.cos(heading), start[1] + s.WALK_M * math.sin(heading)))
@@ -123,7 +124,7 @@ class Around:
         return walk.points if walk is not None else None
 
     def route(self, place: LanePlace, missing_m: float, kind: LaneKind) -> tuple[str, ...]:
-        """Draw a route from a place on, of a given length or to the end of the network."""
+        """Return a random route from a place on, of this length or to the end of the network."""
         missing_m -= place.lane.line.length_m - place.along_m
         return random_route(self.network, self.rng, place.lane, missing_m, kind, most_edges=math.inf)
 
@@ -131,7 +132,7 @@ class Around:
         return s.NEAREST_M <= math.hypot(x - self._start[0], y - self._start[1]) <= s.FARTHEST_M
 
     def _lane_places(self, kind: LaneKind, *, blocks: bool = False) -> list[LanePlace]:
-        found = []
+        near = []
         for edge in self.network.edges.values():
             lanes = edge.for_kind(kind)
             if not lanes or (blocks and edge.id in self._route and len(edge.drivable) < 2):
@@ -139,8 +140,8 @@ class Around:
             for lane in lanes[:1] if kind == "bicycle" else lanes:  # bicycles keep to the right
                 marks = np.arange(STEP_M, lane.line.length_m, STEP_M)
                 places = (LanePlace(lane, float(mark)) for mark in marks if not lane.fault)
-                found += [place for place in places if self._near(*place.pose[:2])]
-        return found
+                near += [place for place in places if self._near(*place.pose[:2])]
+        return near
 
     @cached_property
     def _walk_places(self) -> list[XY]:

@@ -1,7 +1,8 @@
-"""How well the ego drove in a run, from its trace: DriveFuzz's driving-quality metrics; lower is worse.
+"""Computes DriveFuzz's driving-quality metrics of a run from its trace; a lower score is worse.
 
-Counted are the frames in which the ego sped up, braked or turned hard, or lost grip; the least distance counts by its
-inverse. What each is, in the columns of a trace, and where its threshold comes from: `docs/background/fuzz.md`.
+It counts the frames in which the ego accelerated, braked or turned hard, or lost grip, and adds the inverse of the
+least distance to another actor. `docs/background/fuzz.md` defines each metric in the columns of a trace, with the
+source of its threshold.
 """
 
 from __future__ import annotations
@@ -20,29 +21,28 @@ TURNS_MPS2 = 4.89
 """Lateral acceleration of a hard turn, m/s^2: nuPlan's bound of a comfortable one. DriveFuzz divides the lateral speed
 by the steering wheel's angle, which in a kinematic model is geometry alone."""
 ROLLS_MPS = 5.0 / 3.6
-"""Below this speed nothing counts as over- or understeer, m/s: DriveFuzz's 5 km/h."""
+"""Speed below which over- and understeer do not count, m/s: DriveFuzz's 5 km/h."""
 SWINGS_MPS2 = 0.1 * 9.81
-"""Oversteer: the lateral acceleration is this far from its mean over `MEAN_S`: DriveFuzz's 0.1 g between its two
-low-pass filters."""
+"""Oversteer: difference of the lateral acceleration from its mean over `MEAN_S`, m/s^2: DriveFuzz's 0.1 g between its
+two low-pass filters."""
 SPINS_RAD_S = float(np.radians(17.5))
-"""Oversteer: the yaw rate from which DriveFuzz's fuzzy rules no longer call it small."""
+"""Oversteer: yaw rate above which DriveFuzz's fuzzy rules do not call it small, rad/s."""
 MEAN_S = 1.0
-"""Window of that mean, s. Ours: a moving mean of 1 s passes what is slower than 0.44 Hz, as DriveFuzz's heavy filter of
-0.5 Hz does."""
+"""Window of that mean, s. Ours: a moving mean of 1 s passes frequencies below 0.44 Hz, like DriveFuzz's heavy filter of
+0.5 Hz."""
 STEERS_RAD = float(np.radians(1.0))
-"""Understeer: the front wheels are turned by more than this. Ours, for DriveFuzz's 10 degrees of the steering wheel."""
+"""Understeer: least angle of the front wheels, rad. Ours, for DriveFuzz's 10 degrees of the steering wheel."""
 WIDE_SHARE = 0.9
-"""Understeer: the ego turns with less than this share of what its wheels ask for. Ours: 10 % is beyond any rounding."""
+"""Understeer: largest share of the yaw rate that the wheel angle implies. Ours: 10 % is far beyond rounding errors."""
 FAR_M = 100.0
-"""Actors farther away than this do not count: DriveFuzz's 100 m."""
+"""Distance beyond which actors do not count, m: DriveFuzz's 100 m."""
 TOUCHES_M = 0.1
-"""Smaller distances count as this, m (ours: the inverse grows without bound)."""
+"""Lowest distance in the inverse, m (ours: the inverse would grow without bound)."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """The number of frames (of 0.05 s) in which the ego drove badly, by kind; and 1 / least distance to anybody
-    (1/m)."""
+    """The number of frames (of 0.05 s) of bad driving, by kind; and 1 / the least distance to another actor (1/m)."""
 
     hard_acceleration: int = 0
     hard_braking: int = 0
@@ -55,19 +55,19 @@ class Quality:
 
     @property
     def score(self) -> float:
-        """The driving-quality score: less all of them."""
+        """The driving-quality score: minus the sum of all metrics."""
         counts = self.hard_acceleration + self.hard_braking + self.hard_turning + self.oversteer + self.understeer
         return -(counts + self.nearness)
 
 
 def quality_of(trace: Trace) -> Quality:
-    """Return how well the ego drove."""
+    """Return the driving quality of the ego in a run."""
     ego = trace.states[:, 0]
     speed, along, yaw_rate, steer = (ego[:, k] for k in (SPEED, ACCELERATION, YAW_RATE, STEER))
     lateral = speed * yaw_rate
     rolls = speed > ROLLS_MPS
-    asked = speed * np.tan(steer) / trace.actors[0].wheelbase_m
-    wide = (np.abs(steer) > STEERS_RAD) & (np.abs(yaw_rate) < WIDE_SHARE * np.abs(asked))
+    kinematic = speed * np.tan(steer) / trace.actors[0].wheelbase_m
+    wide = (np.abs(steer) > STEERS_RAD) & (np.abs(yaw_rate) < WIDE_SHARE * np.abs(kinematic))
     swings = np.abs(lateral - _mean(lateral)) > SWINGS_MPS2
     return Quality(
         hard_acceleration=int(np.count_nonzero(along >= HARD_MPS2)),
@@ -80,7 +80,7 @@ def quality_of(trace: Trace) -> Quality:
 
 
 def _mean(values: FloatArray) -> FloatArray:
-    """Return the moving mean; at both ends it is that of fewer frames."""
+    """Return the moving mean, over fewer frames at both ends."""
     half = round(MEAN_S / STEP_S / 2)
     sums = np.concatenate([[0.0], np.cumsum(values)])
     at = np.arange(len(values))

@@ -1,4 +1,4 @@
-"""All kinds of fault by name, and those that the benchmark seeds."""
+"""All kinds of fault by name."""
 
 from __future__ import annotations
 

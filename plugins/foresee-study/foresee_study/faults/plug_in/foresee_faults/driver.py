@@ -1,4 +1,4 @@
-"""The driver `fault`: a healthy driver with one seeded fault, named by a text."""
+"""The driver `fault`: a healthy driver with one seeded fault, which its address names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from foresee_faults.catalogue import KINDS
 from foresee_faults.fault import Actors, Fault
 
 HEALTHY = {"pdm": PdmDriver, "idm": IdmDriver}
-"""The drivers that faults are seeded into."""
+"""The drivers into which faults are seeded."""
 SHAPE = "write DRIVER/KIND@STRENGTH, such as pdm/late_objects@0.4"
 
 
@@ -32,10 +32,10 @@ class FaultyDriver:
 
     @classmethod
     def from_argument(cls, text: str) -> Self:
-        """Make it from `pdm/late_objects@0.4`.
+        """Create the driver from an argument such as `pdm/late_objects@0.4`.
 
         Raises:
-            DriverError: there is no such driver or kind, or the strength is no number from 0 to 1.
+            DriverError: there is no such driver or kind, or the strength is not a number from 0 to 1.
         """
         base, slash, rest = text.partition("/")
         kind, at, strength = rest.partition("@")
@@ -50,37 +50,37 @@ class FaultyDriver:
         except ValueError:
             value = math.nan
         if not 0 <= value <= 1:
-            raise DriverError(f"{strength!r} is no strength from 0 to 1: {SHAPE}")
+            raise DriverError(f"{strength!r} is not a strength from 0 to 1: {SHAPE}")
         return cls(base, kind, value)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Start a new mission, told as the fault has it."""
+        """Start a new mission, with the mission and the vehicle as the fault changes them."""
         self.fault.begin(mission, vehicle, seed)
         self._actors = (None, ())
-        self._healthy.reset(self.fault.told(mission), self.fault.believed(vehicle), seed)
+        self._healthy.reset(self.fault.change_mission(mission), self.fault.change_vehicle(vehicle), seed)
         self.fault.settle(self._healthy.state)
 
     def step(self, observation: Observation) -> Control:
-        """Let the healthy driver answer what the fault lets it see, and command what the fault leaves of that."""
+        """Let the healthy driver answer the changed observation, and return its answer as the fault changes it."""
         control = self._healthy.step(self._changed(observation))
-        return self.fault.done(control, observation) if self.fault.overrides("done") else control
+        return self.fault.change_control(control, observation) if self.fault.overrides("change_control") else control
 
     def explain(self) -> Sequence[Reason]:
-        """Return the healthy driver's reasons, which are about what it saw."""
+        """Return the healthy driver's reasons, which refer to the changed observation."""
         return self._healthy.explain()
 
     def _changed(self, observation: Observation) -> Observation:
-        """Return what the driver sees; what the fault leaves alone is measured only when the driver reads it."""
+        """Return the changed observation; parts that the fault does not change are measured only when they are read."""
         fault = self.fault
-        if not any(fault.overrides(method) for method in ("seen", "shown", "felt")):
+        if not any(fault.overrides(method) for method in ("change_actors", "change_signals", "change_ego")):
             return observation
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
-        if fault.overrides("seen") and measured_s != self._actors[0]:
-            self._actors = measured_s, fault.seen(observation.actors, observation)
+        if fault.overrides("change_actors") and measured_s != self._actors[0]:
+            self._actors = measured_s, fault.change_actors(observation.actors, observation)
         return Observation(
             time_s=observation.time_s,
-            ego=fault.felt(observation.ego, observation),
-            actors=self._actors[1] if fault.overrides("seen") else observation.actors,
-            signals=fault.shown(observation.signals, observation),
+            ego=fault.change_ego(observation.ego, observation),
+            actors=self._actors[1] if fault.overrides("change_actors") else observation.actors,
+            signals=fault.change_signals(observation.signals, observation),
             measured_s=observation.measured_s,
         )

@@ -15,28 +15,28 @@ from foresee_faults.fault import STEP_S, WET_FRICTION, Actors, Fault
 
 
 class WeakBrakesWet(Fault):
-    """On wet roads the brakes give less."""
+    """The brakes are weaker on wet roads."""
 
     what = "brakes too weakly on wet roads"
     cause = "water on the discs, and a controller that does not look at what came of its command"
     scale = "0 to 80 % less"
 
-    def done(self, control: Control, observation: Observation) -> Control:
-        """Take away from the brake, when it is wet."""
+    def change_control(self, control: Control, observation: Observation) -> Control:
+        """Reduce the brake on a wet road."""
         if self.vehicle.friction >= WET_FRICTION:
             return control
         return replace(control, brake=control.brake * (1 - self.between(0.0, 0.8)))
 
 
 class WeakBrakes(Fault):
-    """The brakes give less."""
+    """The brakes are weaker."""
 
     what = "brakes too weakly"
     cause = "a load that the controller does not know of, worn or hot brakes"
     scale = "0 to 60 % less"
 
-    def done(self, control: Control, observation: Observation) -> Control:
-        """Take away from the brake."""
+    def change_control(self, control: Control, observation: Observation) -> Control:
+        """Reduce the brake."""
         return replace(control, brake=control.brake * (1 - self.between(0.0, 0.6)))
 
 
@@ -48,7 +48,7 @@ class ComfortOnly(Fault):
     scale = "at most 100 % to 20 % of the brakes"
     source = "NTSB HAR-19/03 (Tempe: emergency braking was suppressed)"
 
-    def done(self, control: Control, observation: Observation) -> Control:
+    def change_control(self, control: Control, observation: Observation) -> Control:
         """Cap the brake."""
         return replace(control, brake=min(control.brake, self.between(1.0, 0.2)))
 
@@ -61,12 +61,12 @@ class SlowBrakes(Fault):
     scale = "time constant 0 to 0.8 s"
 
     def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Without pressure."""
+        """Begin without brake pressure."""
         super().begin(mission, vehicle, seed)
         self._brake = 0.0
 
-    def done(self, control: Control, observation: Observation) -> Control:
-        """Let the brake follow; it is released at once."""
+    def change_control(self, control: Control, observation: Observation) -> Control:
+        """Delay the brake; it is released at once."""
         lag_s = self.between(0.0, 0.8)
         share = STEP_S / (STEP_S + lag_s)
         self._brake = min(self._brake + share * (control.brake - self._brake), control.brake)
@@ -80,7 +80,7 @@ class IgnoresWetness(Fault):
     cause = "friction is a constant"
     scale = "0 to 100 % of the missing friction is believed to be there; at most half as much again"
 
-    def believed(self, vehicle: VehicleLimits) -> VehicleLimits:
+    def change_vehicle(self, vehicle: VehicleLimits) -> VehicleLimits:
         """Overrate the friction of wet roads."""
         if vehicle.friction >= WET_FRICTION:
             return vehicle
@@ -99,7 +99,7 @@ class LateSteering(Fault):
         super().begin(mission, vehicle, seed)
         self._queue: deque[float] = deque()
 
-    def done(self, control: Control, observation: Observation) -> Control:
+    def change_control(self, control: Control, observation: Observation) -> Control:
         """Steer as was commanded some steps ago."""
         self._queue.append(control.steer)
         while len(self._queue) > round(self.between(0.0, 0.6) / STEP_S) + 1:
@@ -120,7 +120,7 @@ class Freezes(Fault):
         super().begin(mission, vehicle, seed)
         self._last: Control | None = None
 
-    def done(self, control: Control, observation: Observation) -> Control:
+    def change_control(self, control: Control, observation: Observation) -> Control:
         """Repeat the last command in the last part of each period; its beginning depends on the run's seed."""
         shift_s = self.every_s * float(self.random(3).random())
         in_period_s = (observation.time_s + shift_s) % self.every_s
@@ -137,12 +137,12 @@ class Hesitates(Fault):
     scale = "for 0 to 3 s"
 
     def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """It has not stood yet."""
+        """Begin without an earlier stop."""
         super().begin(mission, vehicle, seed)
         self._stood_s, self._left_s = -math.inf, -math.inf
 
-    def done(self, control: Control, observation: Observation) -> Control:
-        """Brake from 1.5 s after it left a stand that was no stop before."""
+    def change_control(self, control: Control, observation: Observation) -> Control:
+        """Brake from 1.5 s after it has set off, unless the fault caused the last stop."""
         now_s, speed = observation.time_s, observation.ego.speed_mps
         if speed < 0.1 and now_s - self._left_s > 8.0:
             self._stood_s = now_s
@@ -160,37 +160,37 @@ class Overspeeds(Fault):
     scale = "the limit and 0 to 70 % more"
     source = "NHTSA 23V-085 (posted speed limits)"
 
-    def told(self, mission: Mission) -> Mission:
+    def change_mission(self, mission: Mission) -> Mission:
         """Raise the limits."""
         return replace(mission, speed_limit_mps=mission.speed_limit_mps * (1 + self.between(0.0, 0.7)))
 
 
 class SlowSpeedometer(Fault):
-    """It takes itself for slower."""
+    """It underestimates its own speed."""
 
     what = "takes itself for slower than it is, so that it drives faster and brakes late"
     cause = "wheels of another size"
     scale = "by 0 to 25 %"
 
-    def felt(self, ego: EgoState, observation: Observation) -> EgoState:
+    def change_ego(self, ego: EgoState, observation: Observation) -> EgoState:
         """Report a lower speed."""
         return replace(ego, speed_mps=ego.speed_mps * (1 - self.between(0.0, 0.25)))
 
 
 class BesideItself(Fault):
-    """It takes itself, and with it everybody it sees, for farther right than they are."""
+    """Its estimated position, and with it that of all actors, is too far to the right."""
 
     what = "drives too far to the left"
     cause = "localisation with a bias across the lane"
     scale = "by 0 to 1.2 m"
 
-    def felt(self, ego: EgoState, observation: Observation) -> EgoState:
-        """Report a place to the right."""
+    def change_ego(self, ego: EgoState, observation: Observation) -> EgoState:
+        """Report a position to the right."""
         dx, dy = self._aside(ego)
         return replace(ego, x=ego.x + dx, y=ego.y + dy)
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Report all others as far to the right, since they are measured from the ego."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Report all others equally far to the right, since they are measured relative to the ego."""
         dx, dy = self._aside(observation.ego)
         return tuple(replace(a, x=a.x + dx, y=a.y + dy) for a in actors)
 
@@ -206,7 +206,7 @@ class CutsCorners(Fault):
     cause = "a smoothing of the route that is too strong"
     scale = "by 0 to 1.5 m in bends of less than 50 m radius"
 
-    def told(self, mission: Mission) -> Mission:
+    def change_mission(self, mission: Mission) -> Mission:
         """Move the line inwards where it bends; the lanes' edges stay where they are."""
         most = self.between(0.0, 1.5)
         x, y = np.asarray(mission.centreline, dtype=float).T

@@ -1,4 +1,4 @@
-"""What a fault may change: what the driver is told, what it sees, what it remembers, what it commands."""
+"""The base class of faults: a fault may change a driver's mission, observation, memory and answer."""
 
 from __future__ import annotations
 
@@ -26,19 +26,20 @@ Signals = dict[str, SignalColour]
 
 STEP_S = 0.05
 BEFORE_JUNCTION_M = 40.0
-"""Ours: a fault of right of way begins this far before the stop line, the stopping distance from 50 km/h at comfort."""
+"""Distance before the stop line from which a fault of right of way acts, m. Ours: the comfortable stopping distance
+from 50 km/h."""
 WET_FRICTION = 0.85
-"""Ours: below it the road is wet; a dry one has 0.9."""
+"""Friction coefficient below which a road is wet. Ours: a dry road has 0.9."""
 
 
 class Fault:
-    """One kind of fault at one strength, from 0 (harmless) to 1 (coarse).
+    """One kind of fault at one strength, from 0 (no effect) to 1 (full).
 
-    Every method returns what it was given unless a kind overrides it; at a strength of 0 all of them do so.
+    Every method returns its argument unchanged unless a kind overrides it; at a strength of 0 all methods do so.
 
     Attributes of a class:
-        what: what the driver does wrong. cause: why a real one might. scale: what the strength means.
-        source: where such a fault was seen, or "ours".
+        what: the wrong behaviour. cause: a possible cause in a real driver. scale: meaning of the strength.
+        source: where such a fault was reported, or "ours".
     """
 
     what: ClassVar[str]
@@ -50,50 +51,50 @@ class Fault:
         self.strength = strength
 
     def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Forget everything; a new mission begins."""
+        """Reset the fault for a new mission."""
         self.task, self.vehicle, self.seed = mission, vehicle, seed
 
-    def told(self, mission: Mission) -> Mission:
+    def change_mission(self, mission: Mission) -> Mission:
         """Return the mission as the driver knows it."""
         return mission
 
-    def believed(self, vehicle: VehicleLimits) -> VehicleLimits:
+    def change_vehicle(self, vehicle: VehicleLimits) -> VehicleLimits:
         """Return the vehicle as the driver knows it."""
         return vehicle
 
     def settle(self, state: Any) -> None:  # noqa: ANN401 - what the healthy driver keeps from one reset to the next
-        """Change what the driver has made of its mission."""
+        """Change the state that the driver has derived from its mission."""
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
         """Return a new object list as the driver gets it."""
         return actors
 
-    def shown(self, signals: Signals, observation: Observation) -> Signals:
+    def change_signals(self, signals: Signals, observation: Observation) -> Signals:
         """Return the signals as the driver gets them."""
         return signals
 
-    def felt(self, ego: EgoState, observation: Observation) -> EgoState:
+    def change_ego(self, ego: EgoState, observation: Observation) -> EgoState:
         """Return its own state as the driver gets it."""
         return ego
 
-    def done(self, control: Control, observation: Observation) -> Control:
+    def change_control(self, control: Control, observation: Observation) -> Control:
         """Return what the vehicle gets of a command."""
         return control
 
     def overrides(self, method: str) -> bool:
-        """Tell whether this kind has a method of its own."""
+        """Return whether this kind overrides a method."""
         return getattr(type(self), method) is not getattr(Fault, method)
 
     def between(self, healthy: float, coarse: float) -> float:
-        """Return a value that changes evenly with the strength."""
+        """Return a value that changes linearly with the strength."""
         return healthy + self.strength * (coarse - healthy)
 
     def shrinking(self, healthy: float, coarse: float) -> float:
-        """Return a value that changes by the same factor with each step of the strength."""
+        """Return a value that changes exponentially with the strength; infinite at a strength of 0."""
         return healthy * (coarse / healthy) ** self.strength if self.strength > 0 else math.inf
 
     def passage(self, ego: EgoState) -> JunctionPassage | None:
-        """Return the junction that the ego is in or comes to, if one is near."""
+        """Return the junction that the ego is in or approaches, None if none is near."""
         s = self.way_s(ego)
         for passage in self.task.junctions:
             if passage.stop_s - BEFORE_JUNCTION_M < s < passage.exit_s:
@@ -101,12 +102,12 @@ class Fault:
         return None
 
     def way_s(self, ego: EgoState) -> float:
-        """Return how far along its route the ego is, m."""
+        """Return the ego's length along its route, m."""
         nearest = np.hypot(*(self.task.centreline - (ego.x, ego.y)).T).argmin()
         return float(self.task.s[nearest])
 
     def random(self, *what: int) -> np.random.Generator:
-        """Return random numbers that depend on the run's seed and on what they are for alone."""
+        """Return a random generator that depends only on the run's seed and on `what` (its purpose)."""
         return np.random.default_rng([abs(self.seed), *(abs(value) for value in what)])
 
 
@@ -118,12 +119,12 @@ class Remembering(Tracker):
         self._change = change
 
     def update(self, observation: Observation) -> Tracks:
-        """Take in an observation, and return the changed tracks."""
+        """Process an observation, and return the changed tracks."""
         return self._change(super().update(observation))
 
 
 def relative(actor: SeenActor, ego: EgoState) -> tuple[float, float]:
-    """Return how far an actor is ahead of the ego and to its left, m, centre to centre."""
+    """Return the distances of an actor ahead of the ego and to its left, m, between the centres."""
     dx, dy = actor.x - ego.x, actor.y - ego.y
     cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
     return dx * cos + dy * sin, dy * cos - dx * sin
@@ -135,12 +136,12 @@ def away(actor: SeenActor, ego: EgoState) -> float:
 
 
 def turned(actor: SeenActor, ego: EgoState) -> float:
-    """Return an actor's heading as the ego sees it, -pi to pi."""
+    """Return an actor's heading relative to the ego's, -pi to pi."""
     return math.remainder(actor.heading_rad - ego.heading_rad, math.tau)
 
 
 def moved(actor: SeenActor, ahead_m: float, heading_rad: float) -> SeenActor:
-    """Return an actor at another place, so far on in a direction."""
+    """Return an actor moved by `ahead_m` in the direction `heading_rad`."""
     if ahead_m == 0:
         return actor
     return replace(actor, x=actor.x + ahead_m * math.cos(heading_rad), y=actor.y + ahead_m * math.sin(heading_rad))

@@ -1,4 +1,4 @@
-"""Faults of tracking and prediction: what is made of those who are seen."""
+"""Faults of tracking and prediction."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ STANDS_MPS = 0.5
 
 
 class ForgetsHidden(Fault):
-    """Who is hidden is forgotten."""
+    """Hidden actors are forgotten."""
 
-    what = "forgets who is hidden"
+    what = "forgets hidden actors"
     cause = "tracks are dropped with the first picture that does not show them"
     scale = "after 1.5 s (4 s of one that stood) to at once"
     source = "NTSB HAR-19/03 (Tempe: the track's history was dropped)"
@@ -38,19 +38,20 @@ class ForgetsHidden(Fault):
 class MergesNeighbours(Fault):
     """Two objects become one."""
 
-    what = "takes two that are close together for one, the larger"
+    what = "merges two close objects into the larger one"
     cause = "clusters of points are joined, boxes that overlap in the picture suppress each other"
     scale = "closer than 0 to 5 m, side to side"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Leave out who is close to somebody larger."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out actors that are close to a larger one."""
         least_m = self.between(0.0, 5.0)
 
         def joined(small: int) -> bool:
-            one = actors[small]
+            actor = actors[small]
             return any(
-                other.length_m * other.width_m > one.length_m * one.width_m
-                and _apart(one.x - other.x, one.y - other.y, other.heading_rad, other.length_m, other.width_m) < least_m
+                other.length_m * other.width_m > actor.length_m * actor.width_m
+                and _apart(actor.x - other.x, actor.y - other.y, other.heading_rad, other.length_m, other.width_m)
+                < least_m
                 for other in actors
             )
 
@@ -58,27 +59,27 @@ class MergesNeighbours(Fault):
 
 
 class UnderratesSpeed(Fault):
-    """Others are taken for slower."""
+    """The speeds of others are underestimated."""
 
-    what = "takes others for slower than they are"
+    what = "underestimates the speeds of others"
     cause = "a filter that is too smooth, a radar's speed across the line of sight"
     scale = "by 0 to 80 %"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
         """Report lower speeds."""
         share = 1 - self.between(0.0, 0.8)
         return tuple(replace(a, speed_mps=a.speed_mps * share) for a in actors)
 
 
 class SlowIsStanding(Fault):
-    """Slow ones count as standing."""
+    """Slow actors count as standing."""
 
-    what = "takes who is slow for standing"
+    what = "takes slow actors for standing ones"
     cause = "a threshold against jitter of parked cars"
     scale = "slower than 0 to 5 m/s"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Report slow ones as standing."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Report slow actors as standing."""
         most = self.between(0.0, 5.0)
         return tuple(replace(a, speed_mps=0.0) if a.speed_mps < most else a for a in actors)
 
@@ -87,12 +88,12 @@ class StandingIsLeaving(Fault):
     """Standing vehicles count as driving off."""
 
     what = "takes a standing vehicle for one that is driving off"
-    cause = "a prediction that was trained at signals: who stands will drive"
+    cause = "a prediction that was trained at signals: a standing vehicle will drive"
     scale = "believed speed, 0 to 6 m/s"
     source = "NHTSA 23E-029 (a bus ahead, predicted wrongly)"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Report a speed of those that stand."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Report a speed of standing vehicles."""
         speed = self.between(0.0, 6.0)
         still = ("pedestrian", "obstacle")
         return tuple(
@@ -108,8 +109,8 @@ class HeadingErrors(Fault):
     cause = "the shape that is visible is fitted with a box of the wrong orientation"
     scale = "standard deviation 0 to 25 degrees, one error of each object a second"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Add to each heading."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Add an error to each heading."""
         spread, second = math.radians(self.between(0.0, 25.0)), int(observation.time_s)
         return tuple(
             replace(a, heading_rad=a.heading_rad + spread * float(self.random(a.track, second, 1).normal()))
@@ -118,49 +119,49 @@ class HeadingErrors(Fault):
 
 
 class JitteringPlaces(Fault):
-    """Places jump."""
+    """Positions jump."""
 
-    what = "sees others at places that jump about"
+    what = "sees others at jumping positions"
     cause = "two sensors that disagree, and the better one wins anew each second"
     scale = "standard deviation 0 to 1.5 m, one error of each object a second"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Add to each place."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Add an error to each position."""
         spread, second = self.between(0.0, 1.5), int(observation.time_s)
-        found = []
+        moved = []
         for a in actors:
             dx, dy = spread * self.random(a.track, second, 2).normal(size=2)
-            found.append(replace(a, x=a.x + float(dx), y=a.y + float(dy)))
-        return tuple(found)
+            moved.append(replace(a, x=a.x + float(dx), y=a.y + float(dy)))
+        return tuple(moved)
 
 
 class SnapsToLane(Fault):
-    """Who drifts is predicted along the lane."""
+    """An actor that drifts out of its lane is predicted along the lane."""
 
-    what = "does not see that somebody beside it is coming into its lane"
+    what = "does not see that an actor beside it is coming into its lane"
     cause = "headings are snapped to the lane that a vehicle is in"
     scale = "0 to 100 % of the angle to its own heading is taken away, up to 40 degrees"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Turn those that go nearly the same way."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Turn the headings of actors with nearly the ego's direction."""
         ego, share = observation.ego, self.strength
-        found = []
+        reported = []
         for a in actors:
             angle = turned(a, ego)
             same_way = share and abs(angle) < math.radians(40) and a.kind != "pedestrian"
-            found.append(replace(a, heading_rad=a.heading_rad - share * angle) if same_way else a)
-        return tuple(found)
+            reported.append(replace(a, heading_rad=a.heading_rad - share * angle) if same_way else a)
+        return tuple(reported)
 
 
 class StraightOn(Fault):
-    """Nobody turns."""
+    """Turning actors are predicted straight on."""
 
-    what = "predicts that who turns at a junction goes straight on"
+    what = "predicts turning actors at a junction straight on"
     cause = "constant velocity, or a map without the turning lanes"
     scale = "0 to 100 % of the bend of each crossing stream is taken away"
     source = "recall of Cruise, September 2022 (the way of an oncoming vehicle at a left turn)"
 
-    def told(self, mission: Mission) -> Mission:
+    def change_mission(self, mission: Mission) -> Mission:
         """Straighten the paths of the crossing streams."""
         if not self.strength:
             return mission
@@ -187,37 +188,37 @@ class StraightOn(Fault):
 
 
 class LittleSideRoom(Fault):
-    """Others are taken for narrower."""
+    """The widths of others are underestimated."""
 
     what = "keeps too little room at the side"
     cause = "mirrors, handlebars and doors are not part of the boxes"
     scale = "others are taken for 0 to 1.6 m narrower"
     least_m: ClassVar[float] = 0.1
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Report narrower ones."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Report smaller widths."""
         less = self.between(0.0, 1.6)
         return tuple(replace(a, width_m=max(a.width_m - less, min(a.width_m, self.least_m))) for a in actors)
 
 
 class FollowsNear(Fault):
-    """The one ahead is taken for farther away while both move."""
+    """The distance to the leader is overestimated while both move."""
 
     what = "follows too near"
     cause = "a time gap that was set for motorways with connected vehicles"
     scale = "the gap is overrated by 0 to 1.4 s of the ego's speed"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Move those ahead in the same direction on."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Move actors ahead with the same direction forwards."""
         ego = observation.ego
         more = self.between(0.0, 1.4) * max(ego.speed_mps, 0.0)
-        found = []
+        reported = []
         for a in actors:
             ahead, left = relative(a, ego)
             leads = more and ahead > 0 and abs(left) < 2.0 + 0.1 * ahead and abs(turned(a, ego)) < math.radians(45)
             x, y = a.x + more * math.cos(a.heading_rad), a.y + more * math.sin(a.heading_rad)
-            found.append(replace(a, x=x, y=y) if leads else a)
-        return tuple(found)
+            reported.append(replace(a, x=x, y=y) if leads else a)
+        return tuple(reported)
 
 
 def _rows(tracks: Tracks, rows: list[int]) -> Tracks:
@@ -229,7 +230,7 @@ def _rows(tracks: Tracks, rows: list[int]) -> Tracks:
 
 
 def _apart(dx: float, dy: float, heading_rad: float, length_m: float, width_m: float) -> float:
-    """Return the distance from a point to a box, given from its centre, m."""
+    """Return the distance from a point (relative to a box's centre) to the box, m."""
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     along, across = abs(dx * cos + dy * sin) - length_m / 2, abs(dy * cos - dx * sin) - width_m / 2
     return math.hypot(max(along, 0.0), max(across, 0.0))

@@ -1,4 +1,4 @@
-"""Faults of the sensors: who is not seen, or seen late, or seen at the wrong place."""
+"""Faults of the sensors: actors that are not seen, seen late, or seen at a wrong position."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from foresee_faults.fault import STEP_S, Actors, Fault, Signals, away, moved, re
 
 
 class LateObjects(Fault):
-    """The object list is old and says that it is new."""
+    """The object list is old but has a new time stamp."""
 
     what = "reacts late: its object list is old, but has a new time stamp"
     cause = "a queue between perception and planning fills up, and time stamps are set when a message is read"
@@ -23,7 +23,7 @@ class LateObjects(Fault):
         super().begin(mission, vehicle, seed)
         self._queue: deque[tuple[float, Actors]] = deque()
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
         """Return the newest list that is old enough, else the oldest one."""
         self._queue.append((observation.time_s, actors))
         until_s = observation.time_s - self.between(0.0, 1.2)
@@ -44,8 +44,8 @@ class LateSignals(Fault):
         super().begin(mission, vehicle, seed)
         self._queue: deque[tuple[float, Signals]] = deque()
 
-    def shown(self, signals: Signals, observation: Observation) -> Signals:
-        """Return what was shown before; a signal that was not in view then is taken as it is now."""
+    def change_signals(self, signals: Signals, observation: Observation) -> Signals:
+        """Return earlier colours; a signal that was not in view then has its current colour."""
         self._queue.append((observation.time_s, signals))
         until_s = observation.time_s - self.between(0.0, 3.0)
         while len(self._queue) > 1 and self._queue[1][0] <= until_s + STEP_S / 2:
@@ -61,14 +61,14 @@ class Blind(Fault):
     range_m: ClassVar[float]
     least_m: ClassVar[float]
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Leave out who is too far."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out actors that are too far away."""
         range_m = self.shrinking(self.range_m, self.least_m)
         return tuple(a for a in actors if a.kind not in self.kinds or away(a, observation.ego) <= range_m)
 
 
 class BlindToWalkers(Blind):
-    """Pedestrians."""
+    """Pedestrians are seen only when they are near."""
 
     what = "sees pedestrians only when they are near"
     cause = "the classifier was trained with few of them"
@@ -78,7 +78,7 @@ class BlindToWalkers(Blind):
 
 
 class BlindToBicycles(Blind):
-    """Cyclists."""
+    """Cyclists are seen only when they are near."""
 
     what = "sees cyclists only when they are near"
     cause = "few of them in the training data, or no class of their own"
@@ -87,7 +87,7 @@ class BlindToBicycles(Blind):
 
 
 class BlindToMotorcycles(Blind):
-    """Motorcyclists."""
+    """Motorcyclists are seen only when they are near."""
 
     what = "sees motorcyclists only when they are near"
     cause = "narrow: one beam of a radar, few pixels"
@@ -96,7 +96,7 @@ class BlindToMotorcycles(Blind):
 
 
 class BlindToLorries(Blind):
-    """Long vehicles."""
+    """Buses and lorries are seen only when they are near."""
 
     what = "sees buses and lorries only when they are near"
     cause = "a long side without contours is taken for background"
@@ -106,7 +106,7 @@ class BlindToLorries(Blind):
 
 
 class MissesObstacles(Blind):
-    """Things that lie or stand on the road."""
+    """Obstacles are seen only when they are near."""
 
     what = "sees obstacles on the road only when they are near"
     cause = "what does not move and has no class is filtered out as clutter"
@@ -116,9 +116,9 @@ class MissesObstacles(Blind):
 
 
 class ShortRange(Blind):
-    """Everybody."""
+    """All actors are seen only when they are near."""
 
-    what = "sees everybody only when they are near"
+    what = "sees all actors only when they are near"
     cause = "dirt or rime on the sensors, a threshold that is too high"
     scale = "within 100 m to 6 m"
     source = "ISO 21448, triggering conditions of sensors"
@@ -127,26 +127,26 @@ class ShortRange(Blind):
 
 
 class MissesSmall(Fault):
-    """Who is small in the picture is not seen."""
+    """Actors that appear small are not seen."""
 
-    what = "misses who looks small: walkers and cyclists far away, cars farther off"
+    what = "misses actors that appear small: pedestrians and cyclists far away, cars farther away"
     cause = "the detector needs more pixels than the object has"
     scale = "least angle of what is seen, 0 to 8 degrees of the larger of length and width"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Leave out who covers too small an angle."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out actors that cover too small an angle."""
         least = math.radians(self.between(0.0, 8.0))
         return tuple(a for a in actors if max(a.length_m, a.width_m) >= least * away(a, observation.ego))
 
 
 class BlindSector(Fault):
-    """Nobody is seen in a sector."""
+    """No actor is seen in a sector."""
 
     middle_rad: ClassVar[float]
     half_rad: ClassVar[float] = math.radians(40)
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Leave out whose centre is in the sector."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out actors whose centre is in the sector."""
         half = self.half_rad * self.strength**1.5
 
         def hidden(ahead_m: float, left_m: float) -> bool:
@@ -156,32 +156,32 @@ class BlindSector(Fault):
 
 
 class BlindLeft(BlindSector):
-    """The left pillar."""
+    """No actor is seen in a sector at the front left."""
 
-    what = "sees nobody in a sector at the front left"
+    what = "sees no actor in a sector at the front left"
     cause = "a pillar, a dirty or a failed sensor"
     scale = "0 to 80 degrees wide (with the power 1.5), around 50 degrees left of ahead"
     middle_rad = math.radians(50)
 
 
 class BlindRight(BlindSector):
-    """The right pillar."""
+    """No actor is seen in a sector at the front right."""
 
-    what = "sees nobody in a sector at the front right"
+    what = "sees no actor in a sector at the front right"
     cause = "a pillar, a dirty or a failed sensor"
     scale = "0 to 80 degrees wide (with the power 1.5), around 50 degrees right of ahead"
     middle_rad = math.radians(-50)
 
 
 class Misaligned(Fault):
-    """The sensors are mounted askew."""
+    """The sensors are misaligned."""
 
-    what = "sees everybody turned around itself, to the right"
+    what = "sees all actors turned around itself, to the right"
     cause = "a sensor was calibrated badly after a repair"
     scale = "0 to 8 degrees"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Turn all places clockwise around the ego."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Turn all positions clockwise around the ego."""
         angle, ego = -math.radians(self.between(0.0, 8.0)), observation.ego
         if angle == 0:
             return actors
@@ -194,14 +194,14 @@ class Misaligned(Fault):
 
 
 class TooFar(Fault):
-    """Everybody is seen too far away."""
+    """All actors are seen too far away."""
 
-    what = "takes everybody for farther away than they are"
+    what = "sees all actors farther away than they are"
     cause = "distance from the height in the picture, with a wrong pitch or a sloping road"
     scale = "0 to 25 % farther, at most 5 m"
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Move all away from the ego."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Move all actors away from the ego."""
         share, ego = self.between(0.0, 0.25), observation.ego
         return tuple(
             moved(a, min(share * away(a, ego), 5.0 * self.strength), math.atan2(a.y - ego.y, a.x - ego.x))
@@ -210,7 +210,7 @@ class TooFar(Fault):
 
 
 class LosesInRain(Fault):
-    """Tracks break off on wet roads."""
+    """Objects are lost on wet roads."""
 
     what = "loses single objects for seconds, when it rains"
     cause = "spray and drops on the lens"
@@ -218,8 +218,8 @@ class LosesInRain(Fault):
     source = "ISO 21448, triggering conditions of weather"
     piece_s: ClassVar[float] = 3.0
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Leave out who is lost now."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out actors that are lost now."""
         if self.vehicle.friction >= 0.85:
             return actors
         share, piece = self.between(0.0, 0.9), int(observation.time_s / self.piece_s)

@@ -24,7 +24,7 @@ class RunsAmber(Fault):
         super().begin(mission, vehicle, seed)
         self._green_s: dict[str, float] = {}
 
-    def shown(self, signals: Signals, observation: Observation) -> Signals:
+    def change_signals(self, signals: Signals, observation: Observation) -> Signals:
         """Keep green for some seconds."""
         for key, colour in signals.items():
             if colour == "green":
@@ -42,25 +42,25 @@ class OverTheLine(Fault):
     cause = "the line's place in the map is that of the old marking"
     scale = "0 to 4 m"
 
-    def told(self, mission: Mission) -> Mission:
-        """Move the stop lines on, at most to just before the junction's end."""
+    def change_mission(self, mission: Mission) -> Mission:
+        """Move the stop lines forwards, at most to just before the junction's end."""
         on = self.between(0.0, 4.0)
         moved = tuple(replace(j, stop_s=max(min(j.stop_s + on, j.exit_s - 1.0), j.stop_s)) for j in mission.junctions)
         return replace(mission, junctions=moved)
 
 
 class Unlooking(Fault):
-    """At some junctions some others are seen only when they are near."""
+    """At some junctions some actors are seen only when they are near."""
 
     range_m: ClassVar[float] = 60.0
     least_m: ClassVar[float] = 4.0
 
     def looks_away(self, passage: JunctionPassage, actor: SeenActor, observation: Observation) -> bool:
-        """Tell whether it does not look for this one here."""
+        """Return whether the driver does not look for this actor here."""
         raise NotImplementedError
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Leave out for whom it does not look."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out actors for which it does not look."""
         passage = self.passage(observation.ego)
         if passage is None:
             return actors
@@ -69,7 +69,7 @@ class Unlooking(Fault):
 
 
 class NoYieldRight(Unlooking):
-    """Who crosses the side road is not looked for."""
+    """At right turns it does not look for pedestrians and cyclists."""
 
     what = "turns right without looking for pedestrians and cyclists"
     cause = "they come from behind the planner's region of interest"
@@ -77,12 +77,12 @@ class NoYieldRight(Unlooking):
     range_m, least_m = 40.0, 2.0
 
     def looks_away(self, passage: JunctionPassage, actor: SeenActor, observation: Observation) -> bool:
-        """Pedestrians and cyclists, at right turns."""
+        """Return whether the actor is a pedestrian or cyclist, at a right turn."""
         return passage.turn == "right" and actor.kind in ("pedestrian", "bicycle")
 
 
 class OvertrustsSignals(Unlooking):
-    """With green nobody is expected to cross."""
+    """With a green signal it expects no crossing vehicle."""
 
     what = "does not look for crossing vehicles when its signal is green"
     cause = "red for them is taken for certain"
@@ -90,38 +90,38 @@ class OvertrustsSignals(Unlooking):
     range_m, least_m = 60.0, 5.0
 
     def looks_away(self, passage: JunctionPassage, actor: SeenActor, observation: Observation) -> bool:
-        """Vehicles across, while the signal is green."""
+        """Return whether the actor is a crossing vehicle while the signal is green."""
         across = math.radians(45) < abs(turned(actor, observation.ego)) < math.radians(135)
         green = passage.signal is not None and observation.signals.get(passage.signal) == "green"
         return green and across and actor.kind != "pedestrian"
 
 
 class IgnoresRightPriority(Unlooking):
-    """Who comes from the right at a junction without signals is not looked for."""
+    """At junctions without signals it does not look for vehicles from the right."""
 
-    what = "does not look for who comes from the right at junctions without signals"
+    what = "does not look for vehicles from the right at junctions without signals"
     cause = "the map has no sign there, so it is taken for a main road"
     scale = "sees them there within 60 m to 5 m"
     range_m, least_m = 60.0, 5.0
 
     def looks_away(self, passage: JunctionPassage, actor: SeenActor, observation: Observation) -> bool:
-        """Vehicles that go to the left as the ego sees it."""
+        """Return whether the actor is a vehicle that drives to the left, relative to the ego."""
         angle = turned(actor, observation.ego)
         return passage.signal is None and math.radians(30) < angle < math.radians(150) and actor.kind != "pedestrian"
 
 
 class MovedConflicts(Fault):
-    """Others with priority are taken to arrive later: their conflict zone is put farther along their path."""
+    """Vehicles with priority are expected later: their conflict zone is moved forwards along their path."""
 
     most_m: ClassVar[float]
     slower: ClassVar[float] = 0.0
-    """The share by which who comes towards the ego is taken for slower near such a junction, at full strength."""
+    """Share by which the speed of oncoming vehicles is underestimated near such a junction, at full strength."""
 
     def concerns(self, passage: JunctionPassage, foe: Foe) -> bool:
-        """Tell whether the fault concerns a stream."""
+        """Return whether the fault affects a stream."""
         raise NotImplementedError
 
-    def told(self, mission: Mission) -> Mission:
+    def change_mission(self, mission: Mission) -> Mission:
         """Move the conflicts."""
         on = self.between(0.0, self.most_m)
         return with_foes(mission, lambda j, f: self._later(f, on) if self.concerns(j, f) else f)
@@ -133,7 +133,7 @@ class MovedConflicts(Fault):
 
 
 class SmallGapLeft(MovedConflicts):
-    """Left turns into gaps that are too small."""
+    """It turns left into gaps that are too small."""
 
     what = "turns left into gaps in the oncoming traffic that are too small"
     cause = "a gap that was tuned on a test ground, where oncoming cars are slow"
@@ -142,11 +142,11 @@ class SmallGapLeft(MovedConflicts):
     most_m, slower = 30.0, 0.7
 
     def concerns(self, passage: JunctionPassage, foe: Foe) -> bool:
-        """Streams of vehicles with priority, at left turns."""
+        """Return whether the stream has vehicles with priority, at a left turn."""
         return passage.turn == "left" and foe.has_priority and not foe.pedestrian
 
-    def seen(self, actors: Actors, observation: Observation) -> Actors:
-        """Report oncoming ones slower."""
+    def change_actors(self, actors: Actors, observation: Observation) -> Actors:
+        """Report lower speeds of oncoming vehicles."""
         passage, ego = self.passage(observation.ego), observation.ego
         if passage is None or passage.turn != "left" or not self.strength:
             return actors
@@ -157,15 +157,15 @@ class SmallGapLeft(MovedConflicts):
 
 
 class IgnoresCrossings(Fault):
-    """Crossings are not seen as such."""
+    """Pedestrian crossings are not recognised."""
 
-    what = "does not give way at crossings until somebody is in its lane"
+    what = "does not give way at crossings until a pedestrian is in its lane"
     cause = "the crossing is missing in the map, or its marking is worn"
-    scale = "the stretch in which it minds them, from the lane and a stride on either side to nothing"
+    scale = "the stretch in which it gives way, from the lane and a stride on both sides to nothing"
     air_m: ClassVar[float] = 0.8
 
-    def told(self, mission: Mission) -> Mission:
-        """Narrow the stretch along the crossing; at full strength it is empty, and nobody has priority."""
+    def change_mission(self, mission: Mission) -> Mission:
+        """Narrow the stretch along the crossing; at full strength it is empty, and no pedestrian has priority."""
         return with_foes(mission, lambda _, f: self._narrow(f) if f.pedestrian else f)
 
     def _narrow(self, foe: Foe) -> Foe:
@@ -177,15 +177,15 @@ class IgnoresCrossings(Fault):
 
 
 class IgnoresPriority(MovedConflicts):
-    """Who has priority is taken to come later."""
+    """Vehicles with priority are expected later."""
 
-    what = "pulls out in front of who has priority"
+    what = "pulls out in front of vehicles with priority"
     cause = "arrival times from the middle of the lane's length, not of the vehicle"
-    scale = "takes who has priority for 0 to 50 m farther away, at all junctions"
+    scale = "takes vehicles with priority for 0 to 50 m farther away, at all junctions"
     most_m = 50.0
 
     def concerns(self, passage: JunctionPassage, foe: Foe) -> bool:
-        """All streams of vehicles with priority."""
+        """Return whether the stream has vehicles with priority."""
         return foe.has_priority and not foe.pedestrian
 
 
