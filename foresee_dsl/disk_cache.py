@@ -1,7 +1,7 @@
-"""Stores values that take long to compute in the user's cache folder, under a hash of what they depend on.
+"""Cache on disk for values that take long to compute, each under a hash of everything it depends on.
 
-An entry that is damaged, or cannot be read or written, only costs the time to compute the value again. Another version
-of the code, of Python or of a library never reads it: all of these are part of the hash.
+A damaged or unreadable entry only costs the time to compute its value again. The hash includes the versions of the
+code, of Python and of the libraries, so no other version ever reads an entry.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from foresee_dsl.files import cache_folder, data_folder, replacing
 
 _SUM_BYTES = 32
 MOST = 2000
-"""How many values a folder holds. Ours: a day's edits of a large project; a few kB to 60 kB each, 40 MB in all."""
+"""Maximum number of values in a folder. Ours: a day's edits of a large project; 40 MB in all, up to 60 kB each."""
 
 
 def entry(folder: str, depends_on: Iterable[str | bytes]) -> Path | None:
-    """Return the file in the cache folder `folder` for a value; None where there is no cache.
+    """Return the path of a value's entry in the cache folder `folder`; None if the folder cannot be used.
 
-    `depends_on` is everything that the value depends on, apart from this package's code and Python.
+    `depends_on` lists everything that the value depends on, except this package's code and Python.
     """
     digest = hashlib.sha256(_code())
     for part in depends_on:
-        # The name of a file may hold bytes that are not UTF-8, which Python keeps as surrogates.
+        # A file name may contain bytes that are not UTF-8; Python represents them as surrogates.
         data = part.encode("utf-8", "surrogatepass") if isinstance(part, str) else part
         digest.update(b"%d:" % len(data))  # so that ("ab", "c") and ("a", "bc") differ
         digest.update(data)
@@ -41,7 +41,7 @@ def entry(folder: str, depends_on: Iterable[str | bytes]) -> Path | None:
 
 
 def load(file: Path | None) -> Any:  # noqa: ANN401 - any value that was stored
-    """Return the value that is stored in an entry, or None."""
+    """Return the value stored in an entry; None if there is no sound entry."""
     if file is None:
         return None
     try:
@@ -54,7 +54,7 @@ def load(file: Path | None) -> Any:  # noqa: ANN401 - any value that was stored
 
 
 def store(file: Path | None, value: object) -> None:
-    """Store a value (not None) in an entry; one that another process stored is replaced."""
+    """Store a value (not None) in an entry, replacing one that another process stored."""
     if file is None:
         return
     data = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
@@ -65,12 +65,12 @@ def store(file: Path | None, value: object) -> None:
 
 
 def _tidy(folder: Path) -> None:
-    """Delete the older half of a folder that holds too many values; what is missed is computed again."""
+    """Delete the older half of a folder that has too many values; a deleted value is computed again when needed."""
     with os.scandir(folder) as entries:
-        there = [entry.path for entry in entries]
-    if len(there) <= MOST:
+        paths = [entry.path for entry in entries]
+    if len(paths) <= MOST:
         return
-    written = {path: os.stat(path).st_mtime_ns for path in there if os.path.exists(path)}  # noqa: PTH110, PTH116
+    written = {path: os.stat(path).st_mtime_ns for path in paths if os.path.exists(path)}  # noqa: PTH110, PTH116
     for path in sorted(written, key=lambda path: written[path])[: len(written) // 2]:
         with suppress(OSError):
             Path(path).unlink()
@@ -78,12 +78,12 @@ def _tidy(folder: Path) -> None:
 
 @cache
 def _code() -> bytes:
-    """Return a digest of the code that computes values: Python, and the package's files with sizes and times."""
+    """Return a digest of Python's version and of the names, sizes and modification times of the package's files."""
     digest = hashlib.sha256(sys.version.encode())
     for top in (Path(__file__).parent, data_folder("grammars")):
         for folder, inner, names in os.walk(top):
             inner[:] = sorted(name for name in inner if name not in ("__pycache__", "_data"))
             for name in sorted(names):
-                found = os.stat(os.path.join(folder, name))  # noqa: PTH116, PTH118 - every millisecond of a check counts
-                digest.update(f"{name} {found.st_size} {found.st_mtime_ns}\n".encode())
+                status = os.stat(os.path.join(folder, name))  # noqa: PTH116, PTH118 - every millisecond of a check counts
+                digest.update(f"{name} {status.st_size} {status.st_mtime_ns}\n".encode())
     return digest.digest()

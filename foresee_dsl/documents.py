@@ -1,14 +1,13 @@
-"""Records as JSON: a dataclass says which of its values a document shows, and both data and schema follow from that.
+"""Conversion of records to JSON: a dataclass states which values a document contains; data and schema follow from that.
 
-Without a word every field is shown under its own name. A class attribute `shown` names fields, properties and methods
-without arguments, with spaces between, in the order of the document:
+By default every field appears under its own name. A class attribute `shown` selects fields, properties and methods
+without arguments instead, separated by spaces, in the order of the document:
 
     shown = "name class=story.contact time_s:2 opponent?"
 
-`key=path` gives another key, and may go through other records; None on the way is null. A key `files/first` is `first`
-of an object `files`. `:2` rounds numbers to two
-digits behind the point. `?` stands for a value that is null where it is empty (floats: not finite). `*` is every field,
-`*:3` with its numbers rounded.
+`key=path` sets another key; its path may lead through other records, and a None on it gives null. A key `files/first`
+is the key `first` of an object `files`. `:2` rounds numbers to two decimals. `?` gives null for an empty value (for
+floats: a value that is not finite). `*` means every field, `*:3` with their numbers rounded.
 """
 
 from __future__ import annotations
@@ -25,14 +24,18 @@ from pathlib import PurePath
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
-from typing_extensions import TypedDict  # pydantic brings it along, and takes no other before Python 3.12
+from typing_extensions import TypedDict  # pydantic requires this one before Python 3.12
 
 _WORD = re.compile(r"(?:(\w[\w./-]*)=)?([\w.]+|\*)(\?)?(?::(\d))?")
 
 
 class _Key(NamedTuple):
-    """A key of a document: the way to it, the attributes that lead to its value, how that is rounded, whether it is
-    null when it is empty."""
+    """A key of a document.
+
+    Attributes:
+        name: the key, preceded by the keys of the objects that contain it. path: attributes that lead to the value.
+        digits: decimals to which numbers are rounded; None: unrounded. empty: an empty value becomes null.
+    """
 
     name: tuple[str, ...]
     path: tuple[str, ...]
@@ -44,9 +47,9 @@ _PLAIN = frozenset((str, int, bool, types.NoneType))
 
 
 def plain(value: Any, digits: int | None = None) -> Any:  # noqa: ANN401, PLR0911 - data of any kind
-    """Return a value as JSON has it: records as dictionaries, enums by their values, paths as texts."""
+    """Return a value as JSON data: records become dictionaries, enums their values, paths texts."""
     kind = value.__class__
-    if kind in _PLAIN:  # nearly all values of a campaign's document, of which `match` takes ten times as long
+    if kind in _PLAIN:  # shortcut for nearly all values of a campaign's document: `match` takes ten times as long
         return value
     if kind is tuple or kind is list:
         return [plain(part, digits) for part in value]
@@ -68,14 +71,14 @@ def plain(value: Any, digits: int | None = None) -> Any:  # noqa: ANN401, PLR091
     return [plain(part, digits) for part in value]
 
 
-def _nested(found: Iterable[tuple[tuple[str, ...], Any]]) -> dict[str, Any]:
-    made: dict[str, Any] = {}
-    for (*above, last), value in found:
-        inner = made
+def _nested(values: Iterable[tuple[tuple[str, ...], Any]]) -> dict[str, Any]:
+    document: dict[str, Any] = {}
+    for (*above, last), value in values:
+        inner = document
         for part in above:
             inner = inner.setdefault(part, {})
         inner[last] = value
-    return made
+    return document
 
 
 def _value(value: Any, key: _Key) -> Any:  # noqa: ANN401 - as above
@@ -91,15 +94,15 @@ def _value(value: Any, key: _Key) -> Any:  # noqa: ANN401 - as above
 
 
 def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of any kind
-    """Return the type of what `plain` makes of a value of a type.
+    """Return the type of the data that `plain` returns for values of a type.
 
-    Beside types it takes a mapping of keys to types, a list of one type, and a tuple of which each is possible.
+    Besides types, it accepts a mapping of keys to types, a list of one type, and a tuple of alternatives.
     """
     origin, parts = get_origin(kind), [part for part in get_args(kind) if part is not Ellipsis]
     match kind:
         case Mapping():
-            made = {key: shape(part, f"{name}{key.title()}") for key, part in kind.items()}
-            return TypedDict(name, made)  # type: ignore[operator]
+            types_of_keys = {key: shape(part, f"{name}{key.title()}") for key, part in kind.items()}
+            return TypedDict(name, types_of_keys)  # type: ignore[operator]
         case [part]:
             return list[shape(part, f"{name}Part")]  # type: ignore[misc]
         case tuple():
@@ -109,7 +112,7 @@ def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of
         case type() if is_dataclass(kind) or hasattr(kind, "_fields"):
             return _shape_of_record(kind)
     if origin in (Union, types.UnionType):
-        return Union[tuple(shape(part) for part in parts)]  # noqa: UP007 - of as many as there are
+        return Union[tuple(shape(part) for part in parts)]  # noqa: UP007 - the number of members varies
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return dict[shape(parts[0]), shape([*parts, int][1])]  # type: ignore[misc]  # a Counter's values
     if isinstance(origin, type) and issubclass(origin, Sequence):
@@ -119,22 +122,22 @@ def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of
 
 @cache
 def _shape_of_record(kind: type) -> Any:  # noqa: ANN401 - as above
-    made = shape(_nested((key.name, _type_of(kind, key)) for key in _keys(kind)), kind.__name__)
-    made.__doc__ = (kind.__doc__ or "").partition("\n\n")[0]
-    return made
+    record_type = shape(_nested((key.name, _type_of(kind, key)) for key in _keys(kind)), kind.__name__)
+    record_type.__doc__ = (kind.__doc__ or "").partition("\n\n")[0]
+    return record_type
 
 
 def _type_of(kind: Any, key: _Key) -> Any:  # noqa: ANN401 - as above
     null = key.empty
     for step in key.path:
-        given = [part for part in get_args(kind) if part is not types.NoneType]
+        members = [part for part in get_args(kind) if part is not types.NoneType]
         if isinstance(kind, types.UnionType):
-            null, kind = null or len(given) < len(get_args(kind)), given[0]
+            null, kind = null or len(members) < len(get_args(kind)), members[0]
         own = getattr(kind, step, None)
         call = getattr(own, "fget", None) or getattr(own, "func", None) or own
         if callable(call):
             kind = get_type_hints(call, include_extras=True)["return"]
-        else:  # of this field alone: other ones may have types that only a type checker knows
+        else:  # resolve this field alone: other fields may have types that exist only for the type checker
             holder = types.SimpleNamespace(__annotations__={step: kind.__annotations__[step]})
             kind = get_type_hints(holder, vars(sys.modules[kind.__module__]), include_extras=True)[step]
     return shape(kind | None if null and kind is not Any else kind)
@@ -146,12 +149,12 @@ def _keys(kind: Any) -> tuple[_Key, ...]:  # noqa: ANN401 - as above
     return tuple(_read(getattr(kind, "shown", "*"), names))
 
 
-def _read(shown: str, names: Sequence[str]) -> Iterator[_Key]:
-    for word in shown.split():
-        found = _WORD.fullmatch(word)
-        if found is None:
-            raise ValueError(f"{word!r} says no key of a document")
-        name, path, empty, digits = found.groups()
-        for one in names if path == "*" else [path]:
-            steps = tuple(one.split("."))
+def _read(description: str, names: Sequence[str]) -> Iterator[_Key]:
+    for word in description.split():
+        match = _WORD.fullmatch(word)
+        if match is None:
+            raise ValueError(f"{word!r} does not describe a key of a document")
+        name, path, empty, digits = match.groups()
+        for attribute_path in names if path == "*" else [path]:
+            steps = tuple(attribute_path.split("."))
             yield _Key(tuple((name or steps[-1]).split("/")), steps, int(digits) if digits else None, bool(empty))

@@ -1,4 +1,4 @@
-"""The error tree: what a caller may catch. Nothing below the command line prints or exits."""
+"""The errors that a caller may catch. No code below the command line prints or exits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from foresee_dsl.helps import Edit, Help, HelpText
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A place in a text: 1-based line and column, end exclusive."""
+    """A place in a text: 1-based lines and columns, the end exclusive."""
 
     line: int
     column: int
@@ -20,11 +20,12 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A diagnostic's message, put together with `+` where it has numbers that differ between test cases.
+    """A diagnostic's message; if it has numbers that differ between test cases, it is composed with `+`.
+
 
     Attributes:
-        text: what people read.
-        about: the text without these numbers: what makes two mistakes of one place different.
+        text: the text that people read.
+        about: the text without these numbers; errors at one place with the same `about` count as one.
     """
 
     text: str
@@ -32,7 +33,7 @@ class Message:
 
     @classmethod
     def of(cls, message: MessageText) -> Message:
-        """Return a message; of a plain text all makes it different from others."""
+        """Return a text as a message; every part of a plain text distinguishes it from other messages."""
         return message if isinstance(message, Message) else Message(message, message)
 
     def __add__(self, other: MessageText) -> Message:
@@ -43,7 +44,7 @@ class Message:
         return Message(other + self.text, other + self.about)
 
     def __format__(self, spec: str) -> NoReturn:
-        """Refuse to become a part of a text, which would lose which numbers are measured.
+        """Raise, because formatting into a text would lose which numbers are measured.
 
         Raises:
             TypeError: always.
@@ -56,24 +57,25 @@ MessageText = str | Message
 
 
 def measured(number: str) -> Message:
-    """Return a number of a message that may differ between the test cases that have one mistake, such as a length."""
+    """Return a number, such as a length, that is ignored when the same error of several test cases is merged."""
     return Message(number, "")
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One mistake (or warning) in a file: where, what, and what to write instead.
+    """One error (or warning) in a file: where, what, and what to write instead.
+
 
     Attributes:
         code: stable code such as `FS012`.
         message: one sentence, lower-case start, no full stop: `unknown unit 'kmh'`.
-        help: what to write instead: `did you mean 'km/h'?`; empty where there is no useful hint.
-        path: the file as the user named it.
-        span: the place, or None where the whole file is meant.
+        help: what to write instead: `did you mean 'km/h'?`; empty if there is no useful hint.
+        path: the file, as the user named it.
+        span: the place, or None for the whole file.
         source_line: the text of line `span.line`, without its newline (may be cut around the place if very long).
         severity: "error" or "warning".
-        about: the message without numbers that differ between test cases; empty where there are none.
-        fixes: the edits that the help stands for, likely ones first; they mend it in an editor.
+        about: the message without numbers that differ between test cases; empty if it has none.
+        fixes: edits that carry out the help, the most likely ones first; an editor offers those that fix the error.
     """
 
     code: str
@@ -98,14 +100,14 @@ class Diagnostic:
         span: Span | None = None,
         source_line: str = "",
     ) -> Diagnostic:
-        """Return an error with the text of its help and the edits that this stands for."""
+        """Return an error; the edits of its help become its fixes."""
         helped, worded = Help.of(help), Message.of(message)
         about = worded.about if worded.about != worded.text else ""
         return cls(code, worded.text, helped.text, path, span, source_line, fixes=helped.edits, about=about)
 
     @property
     def key(self) -> tuple[str, str, Span | None, str]:
-        """What makes this mistake the same in several test cases: its code, file, place and what it is about."""
+        """Identity of this error across test cases: its code, file, place and message without measured numbers."""
         return self.code, self.path, self.span, self.about or self.message
 
 
@@ -124,8 +126,7 @@ class InputError(ForeseeError):
 
 
 class CompileError(ForeseeError):
-    """SUMO's programs are missing or refused a network that the language accepted (the message says what they
-    printed)."""
+    """SUMO's programs are missing, or refused a network that the language accepted; the message quotes their output."""
 
 
 class SimulationError(ForeseeError):
@@ -137,14 +138,14 @@ class DriverError(ForeseeError):
 
 
 class DriverUnavailableError(DriverError):
-    """A driver is whole, but needs something that is not installed: a package or weights (the message says which)."""
+    """A driver is sound, but a package or weights that it needs are not installed; the message says which."""
 
 
 class DriverLateError(DriverError):
     """A driver did not answer in time.
 
     Attributes:
-        deadline_s: the wall time that it had.
+        deadline_s: the wall time that was available, in s.
     """
 
     def __init__(self, message: str, deadline_s: float = 0.0) -> None:

@@ -1,5 +1,5 @@
-"""Where the package's own files, templates and cache are, files that are written whole or not at all, and files of
-others, which are opened in one place."""
+"""Access to files: the package's own files and cache, whole-or-nothing writing, and safe reading of other people's
+files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PACKAGE = Path(__file__).resolve().parent
 def data_folder(name: str) -> Path:
     """Return the folder `name` ("grammars", "templates" or "scenarios") of this installation.
 
-    A wheel carries them inside the package (`_data/`); a checkout keeps them at the top level.
+    A wheel has these folders inside the package (`_data/`); a checkout keeps them at the top level.
     """
     packaged = _PACKAGE / "_data" / name
     return packaged if packaged.is_dir() else _PACKAGE.parent / name
@@ -33,16 +33,16 @@ def data_folder(name: str) -> Path:
 
 @cache
 def templates(folder: str, *, markup: bool = True) -> Environment:
-    """Return the templates of `templates/FOLDER`, autoescaped as XML and HTML; a name that is not given is an error.
+    """Return the templates of `templates/FOLDER`, autoescaped for XML and HTML; an undefined name is an error.
 
-    A plug-in gives the absolute path of a folder of its own.
+    A plug-in passes the absolute path of a folder of its own.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only where something is rendered
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # slow import, needed only for rendering
 
     return Environment(
         loader=FileSystemLoader(data_folder("templates") / folder),
         undefined=StrictUndefined,
-        autoescape=markup,  # noqa: S701 - plain text is no markup
+        autoescape=markup,  # noqa: S701 - plain text needs no escaping
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
@@ -50,13 +50,15 @@ def templates(folder: str, *, markup: bool = True) -> Environment:
 
 
 def rendered(template: str, **values: object) -> str:
-    """Return the text that `templates/<template>.j2` (`report/junit.xml`) gives with all the values that it names."""
+    """Return the text of the template `templates/<template>.j2` (such as `report/junit.xml`), filled with the
+    values."""
     folder, _, name = template.rpartition("/")
     return templates(folder).get_template(f"{name}.j2").render(**values)
 
 
 def cache_folder(name: str) -> Path:
-    """Return (and make) the private cache folder `name`: `$FORESEE_CACHE`, or `foresee-dsl` under the user's cache."""
+    """Return the private cache folder `name`, which is created: in `$FORESEE_CACHE`, or under the user's cache
+    folder."""
     base = os.environ.get("FORESEE_CACHE")
     if base is None:
         xdg = os.environ.get("XDG_CACHE_HOME")
@@ -77,7 +79,7 @@ def cache_folder(name: str) -> Path:
 
 @cache
 def _temporary_cache(base: str, reason: str) -> Path:
-    """Return a cache for this process and those that it starts, in place of one that cannot be used."""
+    """Return a temporary cache folder for this process and its children, in place of one that cannot be used."""
     import atexit
     import shutil
     import tempfile
@@ -86,7 +88,7 @@ def _temporary_cache(base: str, reason: str) -> Path:
     folder = tempfile.mkdtemp(prefix="foresee-cache-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     warnings.warn(
-        f"the cache folder {base} cannot be used ({reason}): a temporary one is used, and what is in it is lost at the "
+        f"the cache folder {base} cannot be used ({reason}): a temporary one is used and is deleted at the "
         "end; FORESEE_CACHE can name another folder",
         stacklevel=2,
     )
@@ -96,9 +98,9 @@ def _temporary_cache(base: str, reason: str) -> Path:
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
-    """Give a temporary path beside `file`; what is written there becomes `file` at the end, unless there is an error.
+    """Yield a temporary path beside `file`, which replaces `file` at the end unless there is an error.
 
-    So no other process ever reads half a file, and an error leaves the old file as it was.
+    So no other process ever reads half a file, and an error leaves the old file unchanged.
     """
     temporary = file.with_name(f".{file.name}.{os.getpid()}")
     try:
@@ -109,7 +111,7 @@ def replacing(file: Path) -> Iterator[Path]:
 
 
 def write_whole(file: Path, text: str) -> None:
-    """Write a text file whole or not at all, making its folder; an existing file keeps its permissions."""
+    """Write a text file whole or not at all, creating its folder; an existing file keeps its permissions."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
@@ -118,25 +120,27 @@ def write_whole(file: Path, text: str) -> None:
 
 
 class NotOrdinaryError(OSError):
-    """A path leads to a pipe, a device or a socket: reading it may never end."""
+    """A path leads to a pipe, a device or a socket, so reading it may never end."""
 
 
 def open_outside(file: Path, limit: str = "file") -> BinaryIO:
-    """Open a file that may come from another person, for reading bytes; all such files are opened here.
+    """Open a file that may come from another person, for reading bytes; every such file is opened here.
 
-    A pipe or a device may have no end or wait for ever, so only ordinary files are opened. A file of the system, such
-    as `/proc/kmsg`, may wait as well; it claims a size of 0, and no byte is read of a file that does.
+    A pipe or a device may have no end or block for ever, so only ordinary files are opened. A file of the system, such
+    as `/proc/kmsg`, may block as well; such files claim a size of 0, so nothing is read from a file of size 0.
 
     Raises:
         NotOrdinaryError: it is a pipe, a device or a socket, or a link to one.
-        OSError: it cannot be read, is a folder, or is larger than `limit` (a name of `limits.LIMITS`, in MB) allows;
-            `strerror` has the reason.
+        OSError: the file cannot be read, is a folder, or is larger than `limit` (a name of `limits.LIMITS`, in MB)
+            allows; `strerror` has the reason.
     """
-    _check_ordinary(file.stat(), file, limit)  # opening a device may already do something
+    _check_ordinary(file.stat(), file, limit)  # opening a device may already have an effect
     wanted = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     opened = os.fdopen(os.open(file, wanted), "rb")
     try:
-        size = _check_ordinary(os.fstat(opened.fileno()), file, limit)  # what was opened, were it another one
+        size = _check_ordinary(
+            os.fstat(opened.fileno()), file, limit
+        )  # the opened file, in case the path changed in between
     except OSError:
         opened.close()
         raise
@@ -167,10 +171,11 @@ def read_outside_text(file: Path, limit: str = "file") -> str:
 
 
 def unpacked_within(limit: str, packed: bytes) -> bytes:
-    """Return what zlib has packed; 4 MB may hold 4 GB of one byte.
+    """Return the uncompressed data of zlib-compressed bytes; 4 MB may expand to 4 GB.
+
 
     Args:
-        limit: the name of the limit of what comes out, in MB.
+        limit: name of the limit of the uncompressed size, in MB.
 
     Raises:
         ValueError: it is cut off, or larger than the limit.
@@ -187,7 +192,7 @@ def unpacked_within(limit: str, packed: bytes) -> bytes:
 
 
 def _check_ordinary(facts: os.stat_result, file: Path, limit: str) -> int:
-    """Return the size of an ordinary file, in bytes."""
+    """Return the size of an ordinary file in bytes; raise for other files and for files beyond the limit."""
     if stat.S_ISDIR(facts.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
     if not stat.S_ISREG(facts.st_mode):

@@ -1,7 +1,8 @@
-"""How much of the machine one input may take: each limit with its name, its default and what raises it.
+"""Limits on the memory, time and size that one input may take: each with its name, default and the way to raise it.
 
-What somebody sends may be made to fill a machine's memory. So everything that is started or loaded has a limit, above
-what real scenarios and maps need; the message that refuses names it, and `foresee --limit NAME=NUMBER` raises it.
+A file from another person may be built to fill a machine's memory. So everything that is started or loaded has a limit
+above the needs of real scenarios and maps; an error message names the limit, and `foresee --limit NAME=NUMBER` raises
+it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ VARIABLE = "FORESEE_LIMITS"
 
 
 class LimitError(ForeseeError):
-    """A limit's name or number is none."""
+    """A limit has an unknown name, or its number is not a number above 0."""
 
 
 @dataclass(frozen=True)
@@ -35,22 +36,23 @@ LIMITS = MappingProxyType(
     {
         limit.name: limit
         for limit in (
-            # netconvert 1.28 with one thread starts with 200 MB of data and takes 65 MB of real memory for each CARLA
-            # town, for a map of 3 MB from OpenStreetMap 70 MB; a road of 100,000 km in a file of 1 kB takes all.
+            # netconvert 1.28 with one thread starts with 200 MB of data and needs 65 MB of real memory for each CARLA
+            # town and 70 MB for a map of 3 MB from OpenStreetMap; a road of 100,000 km in a file of 1 kB takes all
+            # memory.
             Limit(
                 "netconvert-memory",
                 450,
                 "MB",
                 "memory of netconvert or of SUMO that loads a map, and as much again for each 5 MB of the map",
             ),
-            # A CARLA town takes 0.2 to 3 s on a slow core; what takes a minute hangs.
+            # A CARLA town takes 0.2 to 3 s on a slow core; a run of a minute hangs.
             Limit("netconvert-time", 60, "s", "wall time of one start of netconvert or of SUMO that loads a map"),
-            # An OpenStreetMap extract of a town's centre has 5 to 30 MB, the largest town of CARLA that we know 4 MB, a
-            # net of a city some 50 MB; the tree of such a file takes ten times its size in memory.
+            # An OpenStreetMap extract of a town centre has 5 to 30 MB, the largest known CARLA town 4 MB, a network of
+            # a city about 50 MB; the parsed tree of such a file takes ten times its size in memory.
             Limit("file", 100, "MB", "size of a map, a network or another file that is read, unpacked too"),
-            # Ours, not measured: ten times what a map may have, since these files are our own.
+            # Ours, not measured: ten times the limit of a map, since this tool writes these files.
             Limit("results", 1000, "MB", "size of the JSON of a campaign, a study or a fuzzing"),
-            # Ours, not measured: ten times the largest file of the language, which a record of a clip holds as text.
+            # Ours, not measured: ten times the largest file of the language, which a clip's record contains as text.
             Limit("record", 20, "MB", "unpacked size of one result in a store"),
             # A minute with 40 actors has 3 MB of arrays; an hour with 20 actors 100 MB.
             Limit("trace", 400, "MB", "unpacked size of a trace"),
@@ -69,29 +71,29 @@ LIMITS = MappingProxyType(
 
 
 def most(name: str) -> float:
-    """Return a limit: what FORESEE_LIMITS says, or its default.
+    """Return the value of a limit, in its unit: from FORESEE_LIMITS, otherwise its default.
 
     Raises:
-        LimitError: FORESEE_LIMITS names no limit, or gives it no number.
+        LimitError: FORESEE_LIMITS has an unknown name or a value that is not a number above 0.
     """
     return _given().get(name, LIMITS[name].default)
 
 
 def raised_by(name: str, needed: float | None = None) -> str:
-    """Return in words what raises a limit: `foresee --limit cases=500000 allows it`.
+    """Return how to raise a limit: `foresee --limit cases=500000 COMMAND allows it`.
 
     Args:
-        name: the limit. needed: what would be enough; without it twice what is allowed.
+        name: the limit. needed: the value that would suffice, in its unit; None: twice the present limit.
     """
     enough = 2 * most(name) if needed is None else needed
     return f"`foresee --limit {name}={math.ceil(enough):d} COMMAND` allows it"
 
 
 def allow(settings: list[str]) -> None:
-    """Set limits, each as `NAME=NUMBER`, for this process and those that it starts.
+    """Set limits, each as `NAME=NUMBER`, for this process and its child processes.
 
     Raises:
-        LimitError: one of them is no limit.
+        LimitError: a name is unknown, or a value is not a number above 0.
     """
     if settings:
         os.environ[VARIABLE] = " ".join([*os.environ.get(VARIABLE, "").split(), *settings])
@@ -99,7 +101,7 @@ def allow(settings: list[str]) -> None:
 
 
 def _given() -> dict[str, float]:
-    found = {}
+    limits = {}
     for word in os.environ.get(VARIABLE, "").split():
         name, _, number = word.partition("=")
         if name not in LIMITS:
@@ -109,6 +111,6 @@ def _given() -> dict[str, float]:
         except ValueError:
             value = math.nan
         if not 0 < value < math.inf:
-            raise LimitError(f"the limit {word!r} is no number above 0: write {name}={LIMITS[name].default:g}")
-        found[name] = value
-    return found
+            raise LimitError(f"the limit {word!r} is not a number above 0: write {name}={LIMITS[name].default:g}")
+        limits[name] = value
+    return limits

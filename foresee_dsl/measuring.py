@@ -1,7 +1,7 @@
-"""Which part of the tool is at work: `with Part.SUMO:`, or `@Part.COMPILE.measured` for a whole function.
+"""Attribution of time to parts of the tool: `with Part.SUMO:`, or `@Part.COMPILE.measured` for a whole function.
 
-Without `--profile` no clock runs, and a block costs a tenth of a microsecond. With it, each part's time is counted
-(`campaign.profiling`).
+Without `--profile` no clock runs, and such a block costs 0.1 microseconds. With it, `campaign.profiling` sums up the
+time of each part.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class RunningClock(Protocol):
-    """What counts the time of parts; times nest."""
+    """A clock that counts the time of parts; the parts nest."""
 
     refers: bool
-    """Whether a reference driver drives, not the driver under test."""
+    """True while a reference driver drives instead of the driver under test."""
 
     def begin(self, part: Part) -> None:
-        """Count for a part from now on."""
+        """Count the time from now on for a part."""
 
     def begin_decision(self, *, first: bool) -> None:
-        """Count for the driver; `first`: it is reset, closed, or asked for its first decision."""
+        """Count for the driver; `first`: its reset, its closing or its first decision."""
 
     def end(self) -> None:
-        """Count for the part again that was at work before the last `begin`."""
+        """Count again for the part that was active before the last `begin`."""
 
     def add_programs(self, cpu_ns: int) -> None:
-        """Count the CPU time of the driver's programs, which have ended."""
+        """Add the CPU time of the driver's programs, which have ended, in ns."""
 
     def count_run(self, simulated_s: float) -> None:
-        """Count a run that is over."""
+        """Count a finished run and its simulated time."""
 
 
 _clock: RunningClock | None = None
 
 
 def start(clock: RunningClock | None) -> None:
-    """Let a clock count the parts of this process from now on; None: no clock."""
-    global _clock  # noqa: PLW0603 - one clock a process, as there is one CPU time
+    """Use a clock for this process from now on; None: stop counting."""
+    global _clock  # noqa: PLW0603 - one clock per process, as CPU time is per process
     _clock = clock
 
 
@@ -53,7 +53,7 @@ def clock() -> RunningClock | None:
 
 @contextmanager
 def reference_driver() -> Iterator[None]:
-    """Count drivers' time within it as that of a reference driver."""
+    """Count the time of drivers inside this context as that of a reference driver."""
     if _clock is None:
         yield
         return
@@ -65,17 +65,18 @@ def reference_driver() -> Iterator[None]:
 
 
 def count_run(simulated_s: float) -> None:
-    """Count a run that is over."""
+    """Count a finished run and its simulated time."""
     if _clock is not None:
         _clock.count_run(simulated_s)
 
 
 class Part(Enum):
-    """A part of the tool that time is counted for. A member is a context: within it the part is at work.
+    """A part of the tool whose time is counted. A member is a context manager: inside it the part is active.
+
 
     Attributes:
-        number: its place in this list. title: what it does, for people. own: CPU time is read at its beginning and end.
-        simulates: it is at work between the first frame of a run and the last.
+        number: its index in this list. title: its task, for people. own: CPU time is read at its beginning and end.
+        simulates: it is active between the first and the last frame of a run.
     """
 
     DRIVER = "driver", "driver: decisions", "simulates"
@@ -83,7 +84,7 @@ class Part(Enum):
     REFERENCES = "references", "reference drivers' decisions", "simulates"
     PIPE = "pipe", "writing and reading a program's lines", "simulates"
     SUMO = "sumo", "SUMO's own step", "simulates"
-    WORLD = "world", "telling and reading SUMO", "simulates"
+    WORLD = "world", "commands to SUMO, reading its state", "simulates"
     ACTORS = "actors", "ego and other actors", "simulates"
     DIRECTOR = "director", "director: triggers, conditions", "simulates"
     SENSING = "sensing", "sensing", "simulates"
@@ -92,7 +93,7 @@ class Part(Enum):
     RECORDING = "recording", "recording", "simulates"
     LOOP = "loop", "the loop around these", "simulates"
     MEASURING = "measuring", "the profile itself", ""
-    PLACING = "placing", "placing everybody in SUMO", "own"
+    PLACING = "placing", "placing the actors in SUMO", "own"
     COMPILE = "compile", "compiling", "own"
     FORECAST = "forecast", "forecast", "own"
     CLIP = "clip", "clips: cutting, comparing", "own"
@@ -101,7 +102,7 @@ class Part(Enum):
     MINIMISE = "minimise", "minimising findings", "own"
     STORE = "store", "store: results, traces", "own"
     FOLDER = "folder", "writing the campaign's folder", "own"
-    ENGINE = "engine", "deciding what is next", "own"
+    ENGINE = "engine", "choosing the next task", "own"
     HANDING = "handing", "handing tasks to workers", "own"
     READING = "reading", "reading and checking scenarios", "own"
     START = "start", "start-up: Python, imports, SUMO", "own"
@@ -109,12 +110,12 @@ class Part(Enum):
     IDLE = "idle", "waiting", "own"
 
     def __new__(cls, name: str, title: str, flags: str) -> Part:
-        """Make one; its value is its name in JSON."""
-        made = object.__new__(cls)
-        made._value_ = name
-        made.number = len(cls.__members__)
-        made.title, made.own, made.simulates = title, "own" in flags, "simulates" in flags
-        return made
+        """Create a member; its value is its name in JSON."""
+        part = object.__new__(cls)
+        part._value_ = name
+        part.number = len(cls.__members__)
+        part.title, part.own, part.simulates = title, "own" in flags, "simulates" in flags
+        return part
 
     number: int
     title: str
@@ -122,20 +123,20 @@ class Part(Enum):
     simulates: bool
 
     def __enter__(self) -> None:
-        """The part begins to work."""
+        """Count for this part from now on."""
         if _clock is not None:
             _clock.begin(self)
 
     def __exit__(self, *_: object) -> None:
-        """What was at work before goes on."""
+        """Count again for the part that was active before."""
         if _clock is not None:
             _clock.end()
 
     def measured(self, function: F) -> F:
-        """Let a function work for this part."""
+        """Return a function whose time counts for this part."""
 
         @wraps(function)
-        def within(*args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - whatever it takes and gives
+        def within(*args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - arguments and result of any function
             with self:
                 return function(*args, **kwargs)
 

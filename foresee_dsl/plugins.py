@@ -25,19 +25,19 @@ BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "foresee_dsl.rankers": ("selforacle", "selforacle_conv"),
     },
 }
-"""What the plug-ins beside this package offer: the extra that installs `foresee-EXTRA`, and its names by their group. A
-name that is asked for while its plug-in is missing is answered with the command that installs it."""
+"""Plug-ins in the repository of this package: the extra that installs `foresee-EXTRA`, and the names it offers by
+group. If a requested name's plug-in is missing, the error message contains the command that installs it."""
 
 
 @dataclass(frozen=True)
 class PluginGroup:
-    """One kind of plug-in.
+    """One kind of plug-in, defined by its entry-point group.
 
     Attributes:
         name: the entry-point group: a package adds to it with `[project.entry-points."NAME"]`.
-        noun: what one of its plug-ins is, for messages: `driver`.
-        error: is raised where there is no such plug-in, or it is broken.
-        unavailable: is raised instead where a plug-in of `BESIDE` offers it and is not installed; None: `error`.
+        noun: word for one of its plug-ins in messages, such as `driver`.
+        error: raised if there is no such plug-in, or it is broken.
+        unavailable: raised instead if a plug-in of `BESIDE` offers the name but is not installed; None: `error`.
     """
 
     name: str
@@ -57,23 +57,23 @@ class PluginGroup:
         """Return the entry point of a plug-in; nothing is imported.
 
         Raises:
-            ForeseeError: (of the kind `error`) no package offers it, or several do. Close names are in the message.
+            ForeseeError: (of the kind `error`) no package offers it, or several do. The message suggests similar names.
         """
         return _found(self, name, tuple(sys.path))
 
     def missing(self) -> tuple[str, ...]:
-        """Return the names that plug-ins beside this package offer and no installed package does, sorted."""
+        """Return the names of this group that plug-ins of `BESIDE` offer and no installed package does, sorted."""
         offered = {name for groups in BESIDE.values() for name in groups.get(self.name, ())}
         return tuple(sorted(offered.difference(self.names())))
 
     def beside(self, name: str) -> str:
-        """Return which plug-in beside this package offers a name, and how to install it; empty where none does."""
+        """Return which plug-in of `BESIDE` offers a name, and how to install it; empty if none does."""
         extras = (extra for extra, groups in BESIDE.items() if name in groups.get(self.name, ()))
         return "".join(f"comes with the plug-in foresee-{extra}, which is {not_installed(extra)}" for extra in extras)
 
     @contextmanager
     def loading(self, entry: EntryPoint) -> Iterator[None]:
-        """Report whatever goes wrong inside as a fault of the plug-in's package, with `error`."""
+        """Turn every error inside this context into `error`, with the name of the plug-in's package."""
         try:
             yield
         except self.error:
@@ -82,8 +82,8 @@ class PluginGroup:
             why = _needed(err) or f"cannot be loaded: {type(err).__name__}: {err}"
             raise self.error(f"{self.noun} {entry.name!r} of package {package_of(entry)} {why}") from err
 
-    def load(self, name: str) -> Any:  # noqa: ANN401 - whatever the package offers
-        """Import what a plug-in's entry point names.
+    def load(self, name: str) -> Any:  # noqa: ANN401 - any object that the package offers
+        """Import the object that a plug-in's entry point names.
 
         Raises:
             ForeseeError: (of the kind `error`) see `find`; or it cannot be imported.
@@ -99,7 +99,7 @@ def package_of(entry: EntryPoint) -> str:
 
 
 def _needed(err: Exception) -> str:
-    """Return which plug-in beside this package an import asked for in vain; empty where it was something else."""
+    """Return which plug-in of `BESIDE` an import needed and did not find; empty for another error."""
     extra = str(err.name).partition(".")[0].removeprefix("foresee_") if isinstance(err, ImportError) else ""
     if extra not in BESIDE:
         return ""
@@ -107,8 +107,8 @@ def _needed(err: Exception) -> str:
 
 
 def not_installed(extra: str) -> str:
-    """Return that a plug-in beside this package is not installed, and the command that installs it; or, where nothing
-    can, why: frenetix has wheels for Python up to 3.12 on x86_64 Linux and macOS."""
+    """Return that a plug-in of `BESIDE` is not installed, with the command that installs it, or why it cannot be
+    installed: frenetix has wheels for Python up to 3.12 on x86_64 Linux and macOS."""
     installs = f"not installed: pip install 'foresee-dsl[{extra}]'"
     if extra != "frenetix" or _has_frenetix_wheel(sys.version_info[:2], platform.machine(), sys.platform):
         return installs
@@ -120,21 +120,21 @@ def not_installed(extra: str) -> str:
 
 
 def _has_frenetix_wheel(python: tuple[int, int], machine: str, system: str) -> bool:
-    """Whether the marker of `plugins/foresee-frenetix/pyproject.toml` lets pip install the package frenetix."""
+    """Return whether the marker in `plugins/foresee-frenetix/pyproject.toml` lets pip install the package frenetix."""
     return python < (3, 13) and machine == "x86_64" and system in ("linux", "darwin")
 
 
 @lru_cache(maxsize=64)
 def _found(group: PluginGroup, name: str, path: tuple[str, ...]) -> EntryPoint:  # noqa: ARG001 - `path` keys the cache
-    """Find a plug-in; looking through all packages takes 5 ms, and a worker loads a driver for each run."""
-    found = sorted(entry_points(group=group.name, name=name), key=package_of)
-    if len(found) > 1 and len({entry.value for entry in found}) > 1:
-        packages = ", ".join(package_of(entry) for entry in found)
+    """Return a plug-in's entry point, cached: a search through all packages takes 5 ms, and each run loads a driver."""
+    entries = sorted(entry_points(group=group.name, name=name), key=package_of)
+    if len(entries) > 1 and len({entry.value for entry in entries}) > 1:
+        packages = ", ".join(package_of(entry) for entry in entries)
         raise group.error(
             f"{group.noun} {name!r} is offered by more than one package: {packages}; uninstall all but one"
         )
-    if found:
-        return found[0]
+    if entries:
+        return entries[0]
     if missing := group.beside(name):
         raise (group.unavailable or group.error)(f"the {group.noun} {name!r} {missing}")
     names = group.names()

@@ -1,7 +1,7 @@
 """The pytest plugin: `pytest regressions --foresee-driver pdm` makes a test of each case of each `.foresee` file.
 
-Without `--foresee-driver` (or `foresee_driver` in pytest's ini file) it makes no tests and imports nothing heavy; where
-then no test ran at all, it says how to name a driver.
+Without `--foresee-driver` (or `foresee_driver` in pytest's ini file) it makes no tests and imports nothing heavy; if no
+other test ran either, it says how to name a driver.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from foresee_dsl.report.builds.case_results import CaseResult
 
 _SKIPPED = pytest.StashKey[bool]()
-"""Whether there were `.foresee` files of which no tests were made, as no driver is named."""
+"""True if there were `.foresee` files but no tests of them, because no driver is named."""
 RECORDED = "recorded"
-"""As `--foresee-driver`: each recorded failure with the driver that its file names, everything else with `pdm`."""
+"""Value of `--foresee-driver` that runs each recorded failure with its file's driver, and other cases with `pdm`."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options, each of which the ini file can give too."""
+    """Add the options; each can also stand in pytest's ini file."""
     group = parser.getgroup("foresee", "test cases of .foresee files")
     for name, metavar, help_ in (
         (
@@ -43,7 +43,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect `.foresee` files where a driver is named."""
+    """Collect `.foresee` files if a driver is named."""
     if file_path.suffix != ".foresee":
         return None
     if not _option(parent.config, "driver"):
@@ -54,7 +54,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, exitstatus: int, config: pytest.Config) -> None:
-    """Say what to do where nothing ran because no driver is named."""
+    """Say how to name a driver if no test ran for lack of one."""
     if config.stash.get(_SKIPPED, False) and exitstatus in (
         pytest.ExitCode.NO_TESTS_COLLECTED,
         pytest.ExitCode.USAGE_ERROR,
@@ -66,10 +66,10 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, exitstatu
 
 
 class ForeseeFile(pytest.File):
-    """One file: a test for each case of a scenario and for a mutant; none for what others use, such as networks."""
+    """One file: a test per case of a scenario and for a mutant; no tests for files such as networks."""
 
     def collect(self) -> Iterator[pytest.Item]:
-        """Return the tests, named as in addresses: `scenario7.foresee::r02`."""
+        """Yield the tests, named as in addresses: `scenario7.foresee::r02`."""
         from foresee_dsl.errors import InputError
         from foresee_dsl.report.builds.pytest_runs import tests_in
 
@@ -82,14 +82,14 @@ class ForeseeFile(pytest.File):
 
 
 class ForeseeItem(pytest.Item):
-    """One test case, driven once."""
+    """One test case, which is run once."""
 
     def __init__(self, *, test: SuiteTest, **others: Any) -> None:  # noqa: ANN401 - pytest's own
         super().__init__(**others)
         self.test = test
 
     def runtest(self) -> None:
-        """Drive; what does not end as it should fails the test."""
+        """Run the test case; fail if it does not end as expected."""
         from foresee_dsl.report.builds.pytest_runs import DriveOptions, drive
 
         driver = _option(self.config, "driver")
@@ -109,7 +109,8 @@ class ForeseeItem(pytest.Item):
             raise ForeseeFailure(result)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:  # noqa: ANN401
-        """Say how it ended, what happened, where, and how to see it again; mistakes in files as in `foresee check`."""
+        """Return how the run ended, what happened, where, and how to repeat it; errors in files as in `foresee
+        check`."""
         from foresee_dsl.errors import InputError
 
         if isinstance(excinfo.value, ForeseeFailure):
@@ -127,7 +128,7 @@ class ForeseeItem(pytest.Item):
 
 
 class ForeseeFailure(Exception):  # noqa: N818 - a test that failed, not an error
-    """A run that did not end as it should."""
+    """A run that did not end as expected."""
 
     def __init__(self, result: CaseResult) -> None:
         super().__init__(result.message)
@@ -139,17 +140,17 @@ def _option(config: pytest.Config, name: str) -> str:
 
 
 def _traces(item: ForeseeItem) -> Path:
-    """Return the folder for traces: the one that was asked for, or one in pytest's own folder of this session."""
+    """Return the folder for traces: that of the option, or one in pytest's temporary folder of this session."""
     named = _option(item.config, "traces")
     if named:
         return item.config.invocation_params.dir / named
-    # What the fixture `tmp_path_factory` gives; an item that is no function has no fixtures.
+    # The folder of the fixture `tmp_path_factory`; an item that is not a function cannot use fixtures.
     factory: pytest.TempPathFactory = item.config._tmp_path_factory  # type: ignore[attr-defined]
     return factory.getbasetemp() / "foresee"
 
 
 def _shown(collector: ForeseeFile) -> str:
-    """Return the file as messages name it: relative to where pytest was called, where it lies below."""
+    """Return the file's name for messages: relative to the folder in which pytest was called, if it lies below."""
     folder = collector.config.invocation_params.dir
     path = collector.path
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)

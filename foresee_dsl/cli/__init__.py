@@ -1,7 +1,7 @@
-"""The command line: parse, call the library, render.
+"""The command line `foresee`: each command parses its options, calls the library and prints the result.
 
-Heavy imports happen inside the commands, so that help is quick. A new command is a module beside this one and a line in
-`COMMANDS`; other packages add theirs by entry points (`foresee_dsl.cli.added`).
+Heavy imports happen inside the commands, so that help is quick. To add a command, write a module beside this one and a
+line in `COMMANDS`; other packages add commands by entry points (`foresee_dsl.cli.added`).
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ COMMANDS = (
     ("About", "doctor", "about.doctor"),
 )
 """Every command in the order of the help: its group there, its name, and its function as `MODULE.FUNCTION` of this
-package. A command's module is imported when it is named, so a new one costs the others nothing."""
+package. A command's module is imported only when that command is called, so a new command does not slow the others."""
 
 
 class _Commands(TyperGroup):
-    """The commands of `COMMANDS` and those of other packages, each made when it is asked for."""
+    """The commands of `COMMANDS` and those of other packages; each is built on first use."""
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
         super().__init__(**settings)
@@ -76,12 +76,13 @@ class _Commands(TyperGroup):
     _table = MappingProxyType({name: (panel, function) for panel, name, function in COMMANDS})
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - a type that typer keeps to itself
-        """Return the names of all commands, ours first."""
+        """Return the names of all commands, those of this package first."""
         self._look()
         return super().list_commands(ctx)
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - as above
-        """Return a command, or None for a name that is none; one of another package as the help shows it."""
+        """Return a command, or None if there is none of this name; for another package's command its line of the
+        help."""
         del ctx
         if cmd_name not in self._table:
             return self.commands.get(cmd_name)
@@ -94,7 +95,7 @@ class _Commands(TyperGroup):
         return self.commands[cmd_name]
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - as above
-        """Return what a command line asks for; a command of another package is imported here and not before."""
+        """Return the command that the arguments name; only here is a command of another package imported."""
         if args[0] in self._table:
             return super().resolve_command(ctx, args)
         from foresee_dsl.cli.added import ADDED, CommandError, load_command
@@ -108,12 +109,12 @@ class _Commands(TyperGroup):
                 with ADDED.loading(ADDED.find(name)):
                     command = _alone(load_command(name), name, PLUG_INS)
             except CommandError:
-                if not ctx.resilient_parsing:  # a shell that asks for completions gets none
+                if not ctx.resilient_parsing:  # a shell that asks for completions gets no error message
                     raise
         return name, command, rest
 
     def _look(self) -> None:
-        """Learn which commands other packages add."""
+        """Read once which commands other packages add."""
         if not self._looked:
             from foresee_dsl.cli.added import ADDED, help_of
 
@@ -122,7 +123,7 @@ class _Commands(TyperGroup):
             self.commands.update({name: _Listed(name, help_of(name)) for name in names})
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
-        """Print the help, and which commands are refused."""
+        """Print the help, and a warning for each refused command of another package."""
         from foresee_dsl.cli.added import clashes
 
         super().format_help(ctx, formatter)
@@ -131,14 +132,14 @@ class _Commands(TyperGroup):
 
 
 class _Listed(TyperCommand):
-    """A command of another package in the help and in completions: nothing of it is imported."""
+    """A command of another package as help and completions list it: its package is not imported."""
 
     def __init__(self, name: str, about: str) -> None:
         super().__init__(name, rich_help_panel=PLUG_INS, help=about)
 
 
 PLUG_INS = "Plug-ins"
-"""The group, in the help, of the commands that other packages add."""
+"""The group of the help that lists the commands of other packages."""
 _SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 
@@ -149,10 +150,10 @@ def _alone(call: Callable[..., None], name: str, panel: str) -> Any:  # noqa: AN
 
 
 def _group(group: typer.Typer, panel: str) -> Any:  # noqa: ANN401 - as above
-    """A command with commands of its own, such as `import`; its module gives them to a `typer.Typer`."""
-    made = typer.main.get_group(group)
-    made.rich_help_panel = panel
-    return made
+    """Return a command with subcommands, such as `import`; its module defines them as a `typer.Typer`."""
+    command = typer.main.get_group(group)
+    command.rich_help_panel = panel
+    return command
 
 
 app = typer.Typer(
@@ -186,11 +187,11 @@ def _root(
         typer.Option(
             "--limit",
             metavar="NAME=NUMBER",
-            help="Raise a limit on what one input may take: the name is in the message that refuses it.",
+            help="Raise a limit on one input's use of the machine; the error message names the limit.",
         ),
     ] = None,
 ) -> None:
-    """Hold the options that stand before a command; `--version` prints and leaves in its callback."""
+    """Apply the options that stand before a command; `--version` prints the version and exits in its callback."""
     del version
     if limit:
         from foresee_dsl.limits import allow
@@ -199,11 +200,12 @@ def _root(
 
 
 def main() -> None:
-    """Run the command line; the exit code says how it went, and no user's mistake ends in a traceback."""
-    # Most of a short command is importing, which makes many objects and no garbage: a tenth of its time is saved.
+    """Run the command line and exit with its exit code; a user's error never ends in a traceback."""
+    # A short command mostly imports, which creates many objects and no garbage: a higher threshold saves a tenth of its
+    # time.
     gc.set_threshold(100_000)
-    # Pydantic 2.14 would look through all that is installed for plug-ins of its own: a fiftieth of a check's work. Who
-    # has one sets the variable to nothing.
+    # Pydantic 2.14 would search all installed packages for plug-ins of its own, 2 % of a check's time. A user that has
+    # such a plug-in sets the variable to nothing.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     guard_streams()
     warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
@@ -211,7 +213,7 @@ def main() -> None:
         try:
             app()
         finally:
-            sys.stdout.flush()  # that its reader has gone is noticed here, and not when the interpreter ends
+            sys.stdout.flush()  # a closed pipe is noticed here, not when the interpreter ends
     except KeyboardInterrupt:
         sys.exit(130)
     except Exception as error:
@@ -220,5 +222,5 @@ def main() -> None:
             raise
         sys.exit(code)
     finally:
-        # The process ends: looking through all that was imported for cycles would be a seventh of a check's time.
+        # The process ends: a last search for garbage among all imported objects would take a seventh of a check's time.
         gc.freeze()

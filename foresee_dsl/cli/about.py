@@ -20,9 +20,9 @@ def drivers(json: JsonOption = False) -> None:
     """List the drivers that can be put under test."""
     from foresee_dsl.drivers.registry import describe_drivers
 
-    found = describe_drivers()
+    descriptions = describe_drivers()
     if json:
-        print_json({"drivers": found})
+        print_json({"drivers": descriptions})
         return
     from rich.markup import escape
     from rich.table import Table
@@ -30,7 +30,7 @@ def drivers(json: JsonOption = False) -> None:
     table = Table(box=None, pad_edge=False)
     for heading in ("driver", "version", "package", "about"):
         table.add_column(heading)
-    for d in found:
+    for d in descriptions:
         table.add_row(*(escape(words) for words in (d.name, d.version, d.package, d.doc)))
     console().print(table)
 
@@ -66,7 +66,7 @@ def models(
 # ---- lsp ------------------------------------------------------------------------------------------------------------
 
 _LOCAL = "127.0.0.1"
-"""The server reads the files that a client names, so that only this machine may connect."""
+"""The server reads any file that a client names, so only this machine may connect."""
 
 
 def lsp(
@@ -74,7 +74,7 @@ def lsp(
         int | None, typer.Option("--tcp", min=1, max=65535, help="Listen on this port of this machine.")
     ] = None,
 ) -> None:
-    """Start the language server, for editors; they speak to it over standard input and output.
+    """Start the language server for editors, which talk to it over standard input and output.
 
     [dim]foresee lsp
     foresee lsp --tcp 9257[/dim]
@@ -82,9 +82,9 @@ def lsp(
     from foresee_dsl.editor.server import serve_port, serve_streams
 
     if tcp is not None:
-        said = f"foresee lsp listens on {_LOCAL}:{tcp}"
-        raise typer.Exit(serve_port(_LOCAL, tcp, lambda: typer.echo(said, err=True)))
-    # The protocol has standard output for itself: whatever else prints there goes to standard error.
+        message = f"foresee lsp listens on {_LOCAL}:{tcp}"
+        raise typer.Exit(serve_port(_LOCAL, tcp, lambda: typer.echo(message, err=True)))
+    # Standard output carries the protocol alone: other prints go to standard error.
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     raise typer.Exit(serve_streams(sys.stdin.buffer, protocol))
@@ -100,7 +100,7 @@ _PACKAGES = (
 
 @dataclass(frozen=True)
 class Finding:
-    """One check of the installation. `mend` (a key of the JSON output): what to do, empty where all is well."""
+    """Result of one check of the installation; the last field says what to do, and is empty if the check passed."""
 
     what: str
     ok: bool
@@ -109,7 +109,7 @@ class Finding:
 
 
 def doctor(json: JsonOption = False) -> None:
-    """Say what is installed, what works, and how to repair what does not."""
+    """Check the installation: what is installed, what works, and how to repair the rest."""
     findings = [_python(), *map(_package, _PACKAGES), *map(_attempt, _CHECKS)]
     if json:
         print_json({"ok": all(f.ok for f in findings), "findings": findings})
@@ -127,9 +127,9 @@ def doctor(json: JsonOption = False) -> None:
 
 
 def _python() -> Finding:
-    found = ".".join(map(str, sys.version_info[:3]))
+    version = ".".join(map(str, sys.version_info[:3]))
     ok = sys.version_info >= (3, 11)
-    return Finding("Python", ok, found, "" if ok else "install Python 3.11 or newer")
+    return Finding("Python", ok, version, "" if ok else "install Python 3.11 or newer")
 
 
 def _package(name: str) -> Finding:
@@ -143,7 +143,7 @@ def _attempt(check: tuple[str, Callable[[], str], str]) -> Finding:
     what, function, advice = check
     try:
         return Finding(what, True, function())
-    except Exception as err:  # whatever is wrong with this machine is what we are here to say
+    except Exception as err:  # any failure is a result of the check
         return Finding(what, False, f"{type(err).__name__}: {err}", advice)
 
 
@@ -154,18 +154,18 @@ def _netconvert() -> str:
 
 
 def _versions_agree() -> str:
-    found = metadata.version("libsumo"), metadata.version("eclipse-sumo")
-    if found[0] != found[1]:
-        raise RuntimeError(f"libsumo {found[0]}, eclipse-sumo {found[1]}")
-    return f"both {found[0]}"
+    versions = metadata.version("libsumo"), metadata.version("eclipse-sumo")
+    if versions[0] != versions[1]:
+        raise RuntimeError(f"libsumo {versions[0]}, eclipse-sumo {versions[1]}")
+    return f"both {versions[0]}"
 
 
 def _libsumo() -> str:
-    # In a process of its own: a broken library may end it.
+    # In a separate process, because a broken library may kill it.
     code = "import libsumo; print(libsumo.simulation.getVersion()[1])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)  # noqa: S603 - our own interpreter
     if done.returncode:
-        raise RuntimeError((done.stderr.strip().splitlines() or ["it ended without a word"])[-1])
+        raise RuntimeError((done.stderr.strip().splitlines() or ["it ended without a message"])[-1])
     return done.stdout.strip()
 
 
@@ -192,14 +192,16 @@ def _drivers() -> str:
     from foresee_dsl.drivers.registry import describe_drivers
     from foresee_dsl.errors import DriverError
 
-    found = describe_drivers()
-    for broken in (d for d in found if not d.version and not d.unavailable):
+    descriptions = describe_drivers()
+    for broken in (d for d in descriptions if not d.version and not d.unavailable):
         raise DriverError(broken.doc)
-    return "; ".join([", ".join(d.name for d in found if d.version), *(d.doc for d in found if d.unavailable)])
+    return "; ".join(
+        [", ".join(d.name for d in descriptions if d.version), *(d.doc for d in descriptions if d.unavailable)]
+    )
 
 
 def _commands() -> str:
-    """Name the commands of other packages, each with its package; one that cannot be used is a fault."""
+    """Return the commands of other packages, each with its package; raise for one that cannot be used."""
     from foresee_dsl.cli import COMMANDS
     from foresee_dsl.cli.added import ADDED, CommandError, clashes, load_command
     from foresee_dsl.plugins import package_of
@@ -213,7 +215,7 @@ def _commands() -> str:
 
 
 def _report_formats() -> str:
-    """Name the report formats of other packages, each with its package; one that cannot be imported is a fault."""
+    """Return the report formats of other packages, each with its package; raise for one that cannot be imported."""
     from foresee_dsl.plugins import package_of
     from foresee_dsl.report.formats import REPORT_FORMATS
 
@@ -236,18 +238,18 @@ _REINSTALL = "run: pip install --force-reinstall 'eclipse-sumo==1.28.*' 'libsumo
 
 
 def _plug_ins() -> str:
-    """Name the distributions beside this one that its extras name, and what installs those that are missing."""
+    """Return the plug-in distributions that the extras name, with their versions or how to install them."""
     from foresee_dsl.plugins import not_installed
 
-    found = []
+    distributions = []
     for line in metadata.requires("foresee-dsl") or ():
         name, extra = line.partition(";")[0].partition("[")[0].strip(), line.partition("extra == ")[2].strip(" '\"")
         if name.startswith("foresee-") and extra:
             try:
-                found.append(f"{name} {metadata.version(name)}")
+                distributions.append(f"{name} {metadata.version(name)}")
             except metadata.PackageNotFoundError:
-                found.append(f"{name} is {not_installed(extra)}")
-    return "; ".join(sorted(found))
+                distributions.append(f"{name} is {not_installed(extra)}")
+    return "; ".join(sorted(distributions))
 
 
 _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
@@ -257,8 +259,8 @@ _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("grammar and catalogue", _grammar, "reinstall foresee-dsl: its data files are missing"),
     ("cache folder", _cache, "set FORESEE_CACHE to a folder that you may write to"),
     ("plug-ins", _plug_ins, "reinstall foresee-dsl"),
-    ("drivers", _drivers, "uninstall or repair the package that is named"),
-    ("commands of plug-ins", _commands, "uninstall or repair the package that is named"),
-    ("report formats of plug-ins", _report_formats, "uninstall or repair the package that is named"),
-    ("a bundled scenario runs", _whole_line, "run `foresee run` on it with FORESEE_DEBUG=1 and report what it says"),
+    ("drivers", _drivers, "uninstall or repair the package in the message"),
+    ("commands of plug-ins", _commands, "uninstall or repair the package in the message"),
+    ("report formats of plug-ins", _report_formats, "uninstall or repair the package in the message"),
+    ("a bundled scenario runs", _whole_line, "run it by `foresee run` with FORESEE_DEBUG=1 and report the output"),
 )

@@ -1,7 +1,7 @@
-"""Commands of other packages: functions with options as typer takes them, in the group `foresee_dsl.commands`.
+"""Commands of other packages: functions with typer options, registered in the entry-point group `foresee_dsl.commands`.
 
-Nothing is looked for before a command is asked for that is not ours, or a help; and nothing is imported before its
-command is. So the help's lines are read from the sources.
+Entry points are read only when a help or a command of another package is requested, and a package is imported only when
+its command runs. So the lines of the help come from the source files.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def load_command(name: str) -> Callable[..., None]:
         )
 
     @wraps(call)
-    def command(**options: Any) -> None:  # noqa: ANN401 - what the function's own signature says
+    def command(**options: Any) -> None:  # noqa: ANN401 - the function's own options
         try:
             call(**options)
         except Exception as err:
@@ -52,7 +52,7 @@ def load_command(name: str) -> Callable[..., None]:
 
 
 def help_of(name: str) -> str:
-    """Return the documentation of a command without importing it; of one that cannot be used, why."""
+    """Return a command's docstring without importing it, or why the command cannot be used."""
     try:
         entry = ADDED.find(name)
         return _documentation(entry)
@@ -61,7 +61,7 @@ def help_of(name: str) -> str:
 
 
 def clashes(ours: frozenset[str]) -> tuple[str, ...]:
-    """Return a sentence for each command of another package that is called like one of ours, and is refused."""
+    """Return a sentence for each command of another package that is refused because foresee-dsl has its name."""
     return tuple(
         f"the command {entry.name!r} of package {package_of(entry)} is refused: foresee-dsl has a command of this name"
         for entry in ADDED.entries()
@@ -79,14 +79,14 @@ def _documentation(entry: EntryPoint) -> str:
 
 
 def _source(module: str) -> str:
-    """Return a module's source, empty where it has none; only finders are asked, no package is run.
+    """Return a module's source, empty if it has none; only import finders run, not the package itself.
 
     Raises:
         ModuleNotFoundError: there is no such module.
     """
     top, *parts = module.split(".")
     spec, name = None, top
-    with suppress(ValueError):  # a module that was made without a spec
+    with suppress(ValueError):  # a loaded module without a spec
         spec = find_spec(top)
     for part in parts:
         name = f"{name}.{part}"

@@ -59,36 +59,43 @@ def campaign(
     ctx: typer.Context,
     paths: Paths,
     flags: Flags,
-    executor: Annotated[str, typer.Option(help="What runs it: local (processes here), dask (a cluster).")] = "local",
+    executor: Annotated[
+        str, typer.Option(help="Where the runs happen: local (processes here) or dask (a cluster).")
+    ] = "local",
     scheduler: Annotated[
         str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started here.")
     ] = "",
     dashboard: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Show Dask's web page of a cluster that is started here, at :8787.")
+        str,
+        typer.Option(
+            metavar="ADDRESS", help="Show the Dask web page of a cluster started here at this address, such as :8787."
+        ),
     ] = "",
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
-    memory: Annotated[float, typer.Option(min=100, help="Memory in MB that a worker may take.")] = 4096,
-    budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
+    memory: Annotated[float, typer.Option(min=100, help="Memory limit of a worker, in MB.")] = 4096,
+    budget: Annotated[float | None, typer.Option(min=0, help="Time in minutes after which no new run begins.")] = None,
     retry: Annotated[
-        bool, typer.Option("--retry", help="Run again what crashed or hung in an earlier campaign.")
+        bool, typer.Option("--retry", help="Repeat runs that crashed or hung in an earlier campaign.")
     ] = False,
     report: Annotated[
         Path | None, typer.Option(help="Also save the report to this file: .svg, .html or .txt by its name.")
     ] = None,
-    raw: Annotated[bool, typer.Option("--raw", help="Report the raw numbers as well, by family and kind.")] = False,
+    raw: Annotated[bool, typer.Option("--raw", help="Also report the raw counts, by family and kind.")] = False,
     fail_fast: FailFastOption = False,
     exit_zero: common.ExitZeroOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
-    log_json: Annotated[Path | None, typer.Option(help="Write every event to this file, a JSON object a line.")] = None,
+    log_json: Annotated[
+        Path | None, typer.Option(help="Write every event to this file, one JSON object per line.")
+    ] = None,
     format_: FormatOption = "text",
     junit: JunitOption = None,
     json: JsonOption = False,
     profile: common.ProfileOption = False,
 ) -> None:
-    """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
+    """Run a whole campaign: test cases, forecasts, clips, mutants; keep the failures and write a report.
 
-    Results that are in the store are not computed again, so a campaign that was stopped continues where it was.
+    Results in the store are not computed again, so the same command continues a stopped campaign.
     Exit code 1 when a test case or a child failed.
 
     [dim]foresee campaign scenarios --jobs 2 --out out
@@ -125,7 +132,7 @@ def campaign(
     with Part.READING:
         cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
         if mistakes := placement_mistakes(cases):
-            raise InputError(mistakes)  # before there is a store
+            raise InputError(mistakes)  # before a store is created
     if profiler is not None:
         profiler.ready()
     ctx.with_resource(only_writer(flags.out, "--out"))  # until the pages are written
@@ -155,8 +162,8 @@ def campaign(
     for note in notes:
         screen.print(note, markup=False)
     if results[-1][1].interrupted:
-        ended = "Stopped at the first failure. " if first_failure.name and fail_fast else "The time is up. "
-        screen.print(f"{'' if stop() else ended}The same command continues from there.")
+        ended = "Stopped at the first failure. " if first_failure.name and fail_fast else "The time budget is used up. "
+        screen.print(f"{'' if stop() else ended}Run the same command again to continue.")
         if stop():
             raise typer.Exit(stop.exit_code)
     if any(result.broken or (result.failed and not exit_zero) for _, result in results):
@@ -172,7 +179,7 @@ def _run_all(
     listeners: Sequence[Listener],
     log: JsonLog | None,
 ) -> list[tuple[Path, CampaignResult]]:
-    """Run a campaign for each driver and ranker; return what each found, with its folder."""
+    """Run one campaign per driver and ranker; return each result with the campaign's folder."""
     from dataclasses import asdict
 
     from foresee_dsl.campaign.execution.engine import run_campaign
@@ -202,9 +209,9 @@ def _report(
     raw: bool,
     profile: Callable[[], Profile] | None,
 ) -> None:
-    """Give what each campaign found, with its folder, in the form asked for, and save people's report in a file.
+    """Print the campaigns' results in the requested format, and save the text report to a file.
 
-    `profile`: returns where the time went until now, if that was asked for; data has it.
+    `profile` returns where the time went so far, or is None without `--profile`; the JSON output contains it.
     """
     from dataclasses import replace
 
@@ -221,19 +228,19 @@ def _report(
         more = {"profile": plain(profile())} if profile is not None else {}
         return as_text({**campaign_document(results[0][1]), **more}) if len(results) == 1 else _several(results, more)
 
-    def found() -> list[CaseResult]:
+    def case_results() -> list[CaseResult]:
         if len(results) == 1:
             return list(of_campaign(results[0][1], results[0][0]))
         return [
-            replace(one, name=f"{one.name} [{result.settings.driver}, {result.settings.ranker}]")
+            replace(result_of_case, name=f"{result_of_case.name} [{result.settings.driver}, {result.settings.ranker}]")
             for folder, result in results
-            for one in of_campaign(result, folder)
+            for result_of_case in of_campaign(result, folder)
         ]
 
     report_results(
         form,
         CommandReport(
-            "campaign", data, found, properties=[("driver", result.settings.driver) for _, result in results]
+            "campaign", data, case_results, properties=[("driver", result.settings.driver) for _, result in results]
         ),
         people=people,
         junit=junit,
@@ -251,7 +258,7 @@ def _several(results: list[tuple[Path, CampaignResult]], more: Mapping[str, Any]
 
 
 def _pages(folders: list[Path], out: Path, screen: Console) -> None:
-    """Write each campaign's page, and one of all of them where there are several."""
+    """Write each campaign's page and, for several campaigns, one page of all."""
     from foresee_dsl.report.page.html import write_report
 
     pages = [folder / "report.html" for folder in folders]
@@ -264,23 +271,23 @@ def _pages(folders: list[Path], out: Path, screen: Console) -> None:
 
 
 class StopSignal:
-    """Ctrl-C and SIGTERM while a campaign runs: the first asks it to stop, a second Ctrl-C ends it at once."""
+    """Counts Ctrl-C and SIGTERM while a campaign runs: the first asks it to stop, a second Ctrl-C ends it at once."""
 
     def __init__(self) -> None:
         self.number = 0
 
     def __call__(self) -> bool:
-        """Return whether there was one."""
+        """Return whether a signal arrived."""
         return self.number != 0
 
     @property
     def exit_code(self) -> int:
-        """The exit code of a process that was stopped: 130 after Ctrl-C, 143 after SIGTERM."""
+        """Exit code of a stopped process: 130 after Ctrl-C, 143 after SIGTERM."""
         return 128 + self.number
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Remember signals, within it, instead of ending the process."""
+        """Record signals inside this context, instead of letting them end the process."""
         before = {number: signal.signal(number, self._receive) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield
@@ -303,7 +310,7 @@ def plan(
     flags: Flags,
     format: Annotated[str, format_option("text, dot (for Graphviz), or json.", "text", "dot", "json")] = "text",
 ) -> None:
-    """Show what a campaign with the same options would run, what is done already, and how long it takes.
+    """Show what a campaign with the same options would run, what is already done, and how long the rest takes.
 
     [dim]foresee plan scenarios
     foresee plan scenarios --format dot | dot -Tsvg > plan.svg[/dim]
@@ -322,49 +329,56 @@ def plan(
     stored = (folder / "runs.sqlite").is_file()
     with Store(folder, write=False) if stored else nullcontext() as store:
         stages = [Stages(cases, s, store, request.folder(s, flags.out), part) for s in request.settings]
-        plans = [plan_campaign(one, store, jobs=flags.jobs) for one in stages]
+        plans = [plan_campaign(stages_of_plan, store, jobs=flags.jobs) for stages_of_plan in stages]
         others = store.of_other_versions() if store is not None else 0
     of_each = list(zip(request.settings, plans, strict=True))
 
     def data() -> str:
         if len(plans) == 1:
             return json_document(plans[0])
-        several = [{"driver": s.driver, "ranker": s.ranker, "schema": 1, **plain(found)} for s, found in of_each]
+        several = [
+            {"driver": s.driver, "ranker": s.ranker, "schema": 1, **plain(campaign_plan)}
+            for s, campaign_plan in of_each
+        ]
         return json_document({"plans": several}, "plans")
 
     def people(screen: Console) -> None:
-        for settings, found in of_each:
+        for settings, campaign_plan in of_each:
             if len(plans) > 1:
                 screen.print(f"{settings.driver}, {settings.ranker}", style="bold")
-            _print_plan(found, folder, stored=stored)
+            _print_plan(campaign_plan, folder, stored=stored)
         if others:
             screen.print(of_other_versions(folder, others))
 
     if format == "dot":
-        give("".join(f"{found.as_dot()}\n" for found in plans))
+        give("".join(f"{campaign_plan.as_dot()}\n" for campaign_plan in plans))
     else:
         report_results(format, CommandReport("plan", data), people=people)
 
 
-def _print_plan(found: CampaignPlan, folder: Path, *, stored: bool) -> None:
+def _print_plan(campaign_plan: CampaignPlan, folder: Path, *, stored: bool) -> None:
     from foresee_dsl.report.terminal.tables import duration, plain_table
 
     screen = console()
     rows = [
         (stage.step.title, stage.done, stage.to_run, stage.at_most,
          f"{stage.each_s:.2f} s" + ("" if stage.measured else " (usual)"))
-        for stage in found.stages
+        for stage in campaign_plan.stages
     ]  # fmt: skip
     screen.print(plain_table(("stage", "done", "to run", "at most more", "each"), rows))
-    if found.allocation is not None:
-        screen.print(found.allocation.told)
-    to_run, more = found.runs_to_do
+    if campaign_plan.allocation is not None:
+        screen.print(campaign_plan.allocation.told)
+    to_run, more = campaign_plan.runs_to_do
     if not to_run + more:
-        screen.print(f"Everything is in {folder}: nothing has to be run.")
+        screen.print(f"Everything is in {folder}: nothing is left to run.")
         return
     screen.print(f"{to_run} runs" + (f", and at most {more} that follow from them" if more else ""))
-    means = "by the times in the store" if found.measured else "by usual times, as the store has none of some stages"
-    screen.print(f"at most {duration(found.longest_s)} on {found.jobs} workers, {means}")
+    means = (
+        "by the times in the store"
+        if campaign_plan.measured
+        else "by usual times, as the store has none of some stages"
+    )
+    screen.print(f"at most {duration(campaign_plan.longest_s)} on {campaign_plan.jobs} workers, {means}")
     if not stored:
         screen.print(f"There is no store in {folder} yet.")
 
@@ -376,7 +390,9 @@ def assess(
             metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE).", autocompletion=case_addresses
         ),
     ],
-    driver: Annotated[list[str] | None, typer.Option("--driver", help="A driver; may be given several times.")] = None,
+    driver: Annotated[
+        list[str] | None, typer.Option("--driver", help="A driver; repeat the option for several.")
+    ] = None,
     jobs: Jobs = CPUS,
     seed: SeedOption = 0,
     first: FirstOption = None,
@@ -391,7 +407,7 @@ def assess(
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Run test cases with one or several drivers and compare: who arrives, who fails and how, how they drive.
+    """Run test cases with one or several drivers and compare how many arrive, fail and how, and how they drive.
 
     Exit code 1 when a run did not arrive, or broke an `expect` line.
 
@@ -426,5 +442,5 @@ def assess(
         people=lambda screen: print_assessment(screen, runs, failures=show, of=total),
         junit=junit,
     )
-    if not exit_zero and not all(one.passed for one in runs):
+    if not exit_zero and not all(run.passed for run in runs):
         raise typer.Exit(FAILED)

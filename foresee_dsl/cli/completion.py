@@ -1,4 +1,4 @@
-"""Shell completion: the command that prints a shell's script, and what is completed besides names of commands."""
+"""Shell completion: the command that prints a shell's script, and completion of test cases and drivers."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 VARIABLE = "_FORESEE_COMPLETE"
-"""The environment variable by which the shell's script asks for completions."""
+"""The environment variable in which the shell's script requests completions."""
 
 
 class Shell(StrEnum):
-    """The shells that there is a script for."""
+    """Shells for which there is a completion script."""
 
     bash = "bash"
     zsh = "zsh"
@@ -20,13 +20,13 @@ class Shell(StrEnum):
 
 
 _BASH = """\
-# Test cases have colons in them (FILE::CASE), at which bash would end a word.
+# bash would end a word at the colons of a test case (FILE::CASE).
 COMP_WORDBREAKS=${COMP_WORDBREAKS//:}
 """
 
 
 def completion(shell: Annotated[Shell, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")]) -> None:
-    """Print the script by which a shell completes commands, options, files, drivers and test cases (FILE::CASE).
+    """Print a shell's completion script for commands, options, files, drivers and test cases (FILE::CASE).
 
     [dim]foresee completion bash >> ~/.bashrc
     foresee completion zsh >> ~/.zshrc
@@ -39,7 +39,7 @@ def completion(shell: Annotated[Shell, typer.Argument(metavar="SHELL", help="bas
 
 
 def case_addresses(incomplete: str) -> list[str]:
-    """Return the addresses of a file's test cases that begin so; none before the file is whole: shells know files."""
+    """Return the addresses of a file's test cases that begin with this text; the shell itself completes file names."""
     from pathlib import Path
 
     from foresee_dsl.errors import ForeseeError
@@ -53,13 +53,13 @@ def case_addresses(incomplete: str) -> list[str]:
 
     try:
         cases = [case.id.partition("::")[2] for case in load_test_cases([file], allow_outside=True)]
-    except (ForeseeError, OSError):  # half-written: there is nothing to offer, and a message would stand in the line
+    except (ForeseeError, OSError):  # half-written file: offer nothing, as a message would appear in the command line
         return []
     return [f"{name}::{case}" for case in cases if case and case.startswith(begun)]
 
 
 def drivers(incomplete: str) -> list[str]:
-    """Return the installed drivers whose names begin so."""
+    """Return the installed drivers whose names begin with this text."""
     from foresee_dsl.drivers.registry import driver_names
 
     return [name for name in driver_names() if name.startswith(incomplete)]

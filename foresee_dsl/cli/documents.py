@@ -1,8 +1,8 @@
 """Every JSON document that a command prints, from which `docs/schemas` is generated.
 
 A document's first keys are `schema`, its number, and `document`, its name: `docs/schemas/NAME-NUMBER.json` describes
-it. The number goes up when a key goes or means something else; new keys may come at any time, so readers ignore keys
-that they do not know.
+it. The number increases when a key is removed or changes its meaning; new keys may appear at any time, so readers must
+ignore keys that they do not know.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
 
 _PROFILE = {"profile": NotRequired[shape(Profile)]}
-"""With `--profile` alone."""
+"""Keys that are present only with `--profile`."""
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _RUN = {
     "test_case": str, "driver": str, "seed": int, "verdict": Verdict, "time_s": float, "with": str, "reason": str,
@@ -98,17 +98,17 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "store": (Statistics, Merged, Swept, {"rows": int, "file": str}),
     "verify": {"ok": bool, "counts": dict[Status, int], "written": list[str], "tests": list[Recheck]},
 })  # fmt: skip
-"""Every document by its name, as `foresee_dsl.documents.shape` takes them: the record that is printed, or its keys with
-their types, a list of one of these; a tuple: one of several."""
+"""Every document by name, in the form that `foresee_dsl.documents.shape` takes: the record that is printed, a mapping
+of keys to types, a list of one of these, or a tuple of alternatives."""
 
 
 def schemas(documents: Mapping[str, Any] = DOCUMENTS) -> dict[str, str]:
-    """Return the text of each file in `docs/schemas`, by its name; of a plug-in's documents as of ours."""
+    """Return the text of each schema file by its name; a plug-in passes its own documents."""
     numbers = {name: SCHEMA_NUMBERS.get(name, 1) for name in documents}
     return {f"{name}-{number}.json": _schema(name, number, documents[name]) for name, number in numbers.items()}
 
 
-def _schema(name: str, number: int, document: Any) -> str:  # noqa: ANN401 - as `shape` takes it
+def _schema(name: str, number: int, document: Any) -> str:  # noqa: ANN401 - a type, in the form of `shape`
     body = TypeAdapter(shape(document, name.title())).json_schema()
     head = {"schema": {"const": number}, "document": {"const": name}}
     whole = {

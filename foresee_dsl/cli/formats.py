@@ -1,7 +1,7 @@
 """The groups `foresee import` and `foresee export`: a command for each registered format.
 
-A format is an entry point of the group `foresee_dsl.importers` or `foresee_dsl.exporters`, a function as
-`foresee_dsl.exchange.protocol` says. Its module is imported when its command or a help is asked for.
+A format is an entry point of the group `foresee_dsl.importers` or `foresee_dsl.exporters`: a function as described in
+`foresee_dsl.exchange.protocol`. Its module is imported when its command runs or its help is requested.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from foresee_dsl.plugins import PluginGroup
 
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 _OURS = {"json", "output"}
-"""Options that every format's command has besides its own."""
+"""Options that every format's command has in addition to its own."""
 
 
 class _Formats(TyperGroup):
-    """The commands of a group of plug-ins, each made when it is asked for."""
+    """The commands of a group of plug-ins; each is built on first use."""
 
     plugins: PluginGroup
     document: str
-    """What their JSON is called."""
+    """Name of the JSON document that these commands print."""
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
         super().__init__(**settings)
         self.commands = dict.fromkeys(self.plugins.names(), cast("Any", None))  # the names, for "did you mean"
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
-        """Return the command of a format, or None where none is called so."""
+        """Return the command of a format, or None if there is none of this name."""
         del ctx
         if cmd_name not in self.commands:
             return None
@@ -46,7 +46,7 @@ class _Formats(TyperGroup):
         return typer.main.get_command(alone)
 
     def _command(self, name: str) -> Callable[..., None]:
-        """Return the command of a format; of a broken one a command that says so, for the help to list."""
+        """Return the command of a format; if it cannot be loaded, a command whose help and error say why."""
         try:
             with self.plugins.loading(self.plugins.find(name)):
                 return _command(self.plugins.load(name))
@@ -77,9 +77,10 @@ class _Exporters(_Formats):
 
 
 def _command(run: Format[Any]) -> Callable[..., None]:
-    """Return a command that calls a format's function and prints what it wrote; `--json` comes on top of its options.
+    """Return a command that calls a format's function and prints what it wrote; it has the format's options and
+    `--json`.
 
-    Typer reads its signature, which is made of the options' fields.
+    Typer reads a function's signature, so the signature is built from the fields of the options.
     """
     kind = options_of(run)
     if ours := sorted({field.name for field in fields(kind)} & _OURS):
@@ -87,7 +88,7 @@ def _command(run: Format[Any]) -> Callable[..., None]:
             f"{kind.__qualname__}: every format has the options {' and '.join(ours)}; rename the fields"
         )
 
-    def command(*, json: bool, **values: Any) -> None:  # noqa: ANN401 - what the options' fields say
+    def command(*, json: bool, **values: Any) -> None:  # noqa: ANN401 - the values of the options' fields
         from foresee_dsl.report.terminal.steps import steps
 
         try:
@@ -108,16 +109,16 @@ def _command(run: Format[Any]) -> Callable[..., None]:
 
 
 def _parameter(field: Field[Any], hint: Any) -> inspect.Parameter:  # noqa: ANN401 - any type
-    """Return a field of a format's options as typer takes it."""
+    """Return a field of a format's options as a typer parameter."""
     kind, *extras = get_args(hint) if hasattr(hint, "__metadata__") else (hint,)
-    given = next((extra for extra in extras if isinstance(extra, Option)), Option())
-    shown: dict[str, Any] = {
-        "help": given.help or None,
-        "metavar": given.metavar,
-        "min": given.least,
-        "max": given.most,
+    option = next((extra for extra in extras if isinstance(extra, Option)), Option())
+    settings: dict[str, Any] = {
+        "help": option.help or None,
+        "metavar": option.metavar,
+        "min": option.least,
+        "max": option.most,
     }
-    info = typer.Argument(**shown) if given.positional else typer.Option(*given.flags, **shown)
+    info = typer.Argument(**settings) if option.positional else typer.Option(*option.flags, **settings)
     default = field.default_factory() if field.default_factory is not MISSING else field.default
     return inspect.Parameter(
         field.name,

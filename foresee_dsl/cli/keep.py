@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.regression.keeping import Report
 
 PAIR = 2
-"""A comparison has two sides."""
+"""Number of sides of a comparison."""
 
 
 def keep(
@@ -38,16 +38,18 @@ def keep(
     campaign: Annotated[
         Path, typer.Option("--campaign", help="The campaign's folder, in which findings are looked up.")
     ] = Path("out"),
-    as_: Annotated[str, typer.Option("--as", metavar="NAME", help="What the one test is called in the suite.")] = "",
+    as_: Annotated[
+        str, typer.Option("--as", metavar="NAME", help="Name of the test in the suite, if there is one.")
+    ] = "",
     full: Annotated[
-        bool, typer.Option("--full", help="Keep a finding as it failed first, not its minimised form.")
+        bool, typer.Option("--full", help="Keep a finding in its original form, not the minimised one.")
     ] = False,
-    prune: Annotated[bool, typer.Option("--prune", help="Remove what no test of the suite needs any more.")] = False,
+    prune: Annotated[bool, typer.Option("--prune", help="Remove files that no test of the suite needs.")] = False,
     json: JsonOption = False,
 ) -> None:
-    """Keep failures as regression tests: copy them with all that they need into a folder that stands on its own.
+    """Keep failures as regression tests: copy them and the files they need into a self-contained folder.
 
-    Each test says what is expected of the driver; `foresee verify` compares.
+    Each test states what is expected of the driver; `foresee verify` checks it.
     The folder's README.md lists the tests. Keeping a test again changes nothing.
 
     [dim]foresee keep behind_the_bus_commuter_p1_m1 --to regressions
@@ -68,7 +70,7 @@ def keep(
         raise typer.BadParameter("a name in small letters, digits and _, for one test at a time", param_hint="--as")
     report = keeping.Report()
     if wanted:
-        report = keeping.keep([source_of(one, campaign, full=full) for one in wanted], to, name=as_)
+        report = keeping.keep([source_of(name, campaign, full=full) for name in wanted], to, name=as_)
     removed = keeping.prune(to) if prune else ()
     if json:
         print_json(replace(report, removed=removed))
@@ -77,11 +79,11 @@ def keep(
 
 
 def _print_kept(report: Report, removed: tuple[Path, ...]) -> None:
-    for one in report.tests:
-        how = " (minimised)" if one.new and one.minimised else ""
-        typer.echo(f"{'kept' if one.new else 'kept already':<14}{one.file}{how}")
-        if one.new and one.sentence:
-            typer.echo(f"{'':<14}{one.sentence}")
+    for test in report.tests:
+        how = " (minimised)" if test.new and test.minimised else ""
+        typer.echo(f"{'kept' if test.new else 'kept already':<14}{test.file}{how}")
+        if test.new and test.sentence:
+            typer.echo(f"{'':<14}{test.sentence}")
     for file in report.parents:
         typer.echo(f"{'copied':<14}{file}")
     for note in report.notes:
@@ -89,19 +91,19 @@ def _print_kept(report: Report, removed: tuple[Path, ...]) -> None:
     for file in removed:
         typer.echo(f"{'removed':<14}{file}")
     if not report.tests and not removed:
-        typer.echo("nothing to remove: every file is needed")
+        typer.echo("nothing to remove: every file is in use")
 
 
 def verify(
     paths: Annotated[
         list[Path], typer.Argument(metavar="PATH", help="Mutants and files with `expected` lines, or folders of them.")
     ],
-    driver: Annotated[str, typer.Option("--driver", help="Another driver than the recorded one.")] = "",
+    driver: Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")] = "",
     run_programs: Annotated[
         bool, typer.Option("--run-programs", help="Start the programs that files record as external drivers.")
     ] = False,
     update: Annotated[
-        bool, typer.Option("--update", help="Write what is found as what is expected from now on, and exit with 0.")
+        bool, typer.Option("--update", help="Record today's results as the expected ones, and exit with 0.")
     ] = False,
     exit_zero: ExitZeroOption = False,
     step_deadline: StepDeadlineOption = None,
@@ -111,10 +113,10 @@ def verify(
     junit: JunitOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Run test cases again and compare with what is expected: as expected, fixed, came back, changed, stale, new?
+    """Run test cases again and compare with the expected results: as expected, fixed, came back, changed, stale, new.
 
-    Exit code 1 when something is not as expected, a failure that is gone too.
-    A mutant without an `expected` line is expected to fail as it did when found.
+    Exit code 1 when a result is not as expected, even if a failure is gone.
+    A mutant without an `expected` line is expected to fail as it did when it was found.
 
     [dim]foresee verify regressions --driver pdm
     foresee verify regressions --driver pdm --update
@@ -136,8 +138,8 @@ def verify(
             "verify",
             lambda: json_document(
                 {
-                    "ok": all(one.status is Status.AS_EXPECTED for one in rechecks),
-                    "counts": {status: sum(one.status is status for one in rechecks) for status in Status},
+                    "ok": all(recheck.status is Status.AS_EXPECTED for recheck in rechecks),
+                    "counts": {status: sum(recheck.status is status for recheck in rechecks) for status in Status},
                     "written": written or (),
                     "tests": rechecks,
                 }
@@ -148,8 +150,8 @@ def verify(
         people=lambda screen: print_verification(screen, rechecks, written),
         junit=junit,
     )
-    unsettled = [one for one in rechecks if not (update and one.status.can_be_recorded)]
-    if not exit_zero and any(one.status is not Status.AS_EXPECTED for one in unsettled):
+    unsettled = [recheck for recheck in rechecks if not (update and recheck.status.can_be_recorded)]
+    if not exit_zero and any(recheck.status is not Status.AS_EXPECTED for recheck in unsettled):
         raise typer.Exit(FAILED)
 
 
@@ -175,8 +177,8 @@ def compare(
 ) -> None:
     """Compare two versions of a driver on the same test cases: new failures, fixed, still failing, nearer misses.
 
-    Test cases and mutants are paired by what they mean. McNemar's exact test
-    says whether a difference may be chance. Exit code 1 at new failures.
+    Test cases and mutants are paired by their meaning. McNemar's exact test says whether chance alone explains the
+    difference. Exit code 1 at new failures.
 
     [dim]foresee compare out_main out
     foresee compare --drivers pdm,mine regressions
@@ -197,16 +199,16 @@ def compare(
         base, new = (side_of_driver(tests, name, jobs=jobs, deadlines=deadlines) for name in names)
     else:
         base, new = (side_of_campaign(Path(path)) for path in paths)
-    found = paired(base, new)
+    comparison = paired(base, new)
     from foresee_dsl.report.terminal.comparison import print_comparison, to_markdown
 
     if format_ == "markdown" and not json:
-        give(to_markdown(found))
+        give(to_markdown(comparison))
     else:
         report_results(
             "json" if json else format_,
-            CommandReport("compare", lambda: json_document(found)),
-            people=lambda screen: print_comparison(screen, found),
+            CommandReport("compare", lambda: json_document(comparison)),
+            people=lambda screen: print_comparison(screen, comparison),
         )
-    if not exit_zero and found.of(Change.NEW_FAILURE):
+    if not exit_zero and comparison.of(Change.NEW_FAILURE):
         raise typer.Exit(FAILED)

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.records import Minimised
 
 Finding = Annotated[str, typer.Argument(metavar="FINDING|MUTANT", help="A finding's name, or a mutant's file.")]
-CampaignOption = Annotated[Path, typer.Option("--campaign", help="The campaign's folder, where names are looked up.")]
+CampaignOption = Annotated[
+    Path, typer.Option("--campaign", help="The campaign's folder, in which findings are looked up.")
+]
 
 
 def minimise(
@@ -23,11 +25,13 @@ def minimise(
         Path | None,
         typer.Option("--out", help="The folder to write into; by default minimised/NAME."),
     ] = None,
-    full: Annotated[bool, typer.Option("--full", help="Write it as it was found, with nothing left out.")] = False,
-    budget: Annotated[int, typer.Option(min=1, max=100_000, help="Runs, at most.")] = 60,
-    driver: Annotated[str, typer.Option("--driver", help="Another driver than the recorded one.")] = "",
+    full: Annotated[
+        bool, typer.Option("--full", help="Write the finding in its original form, with nothing left out.")
+    ] = False,
+    budget: Annotated[int, typer.Option(min=1, max=100_000, help="Maximum number of runs.")] = 60,
+    driver: Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")] = "",
     run_programs: Annotated[
-        bool, typer.Option("--run-programs", help="Start the program that the file records as external driver.")
+        bool, typer.Option("--run-programs", help="Start the program that the file records as an external driver.")
     ] = False,
     store: Annotated[
         Path | None, typer.Option("--store", help="Folder in which results are stored; by default the campaign's.")
@@ -37,10 +41,9 @@ def minimise(
 ) -> None:
     """Make a failing mutant as small as its failure allows.
 
-    Changes and actors that the failure does not need are left out, its numbers brought as near to the original ones as
-    still fails, its clip made shorter; the same failure with the same actor stays.
-
-    A campaign does so for each finding. The same command again runs nothing.
+    Changes and actors that the failure does not need are left out, changed numbers move back towards the original
+    values as far as it still fails, and the clip is shortened; the same failure with the same actor remains.
+    A campaign does this for each finding. Repeating the command runs nothing again.
 
     [dim]foresee minimise red_light_runner_r02_p1_m3
     foresee minimise out/children/scenario7/red_light_runner_r02_p1_m3.foresee --out smaller
@@ -58,37 +61,38 @@ def minimise(
         else:
             typer.echo("\n".join(str(file) for file in files))
         return
-    found, parent, runs = minimise_file(
+    minimised, parent, runs = minimise_file(
         wanted, store, driver=driver, budget=budget, run_programs=run_programs, allow_outside=allow_outside
     )
-    files = Texts.of(found, parent).write(folder)
+    files = Texts.of(minimised, parent).write(folder)
     if json:
         from foresee_dsl.documents import plain
 
-        small = {name: value for name, value in plain(found).items() if name not in ("file", "clip")}
+        small = {name: value for name, value in plain(minimised).items() if name not in ("file", "clip")}
         print_json({"mutant": wanted.file, "full": False, "files": files, "runs_now": runs, **small})
     else:
-        _print_minimised(found, runs, files)
+        _print_minimised(minimised, runs, files)
 
 
-def _print_minimised(found: Minimised, runs: int, files: tuple[Path, Path]) -> None:
+def _print_minimised(minimised: Minimised, runs: int, files: tuple[Path, Path]) -> None:
     screen = console()
-    took = "known from the store, nothing was run" if not runs else f"{runs} runs"
-    screen.print(f"{found.child.name}: {found.child.reason}", soft_wrap=True, markup=False)
-    for change in found.child.changes:
+    effort = "known from the store, nothing was run" if not runs else f"{runs} runs"
+    screen.print(f"{minimised.child.name}: {minimised.child.reason}", soft_wrap=True, markup=False)
+    for change in minimised.child.changes:
         screen.print(f"  change {change}", soft_wrap=True, markup=False)
-    left_out = found.dropped.text
-    screen.print(f"  left out: {left_out or 'nothing'} ({took})", soft_wrap=True, markup=False)
-    for edge in found.boundaries:
+    left_out = minimised.dropped.text
+    screen.print(f"  left out: {left_out or 'nothing'} ({effort})", soft_wrap=True, markup=False)
+    for edge in minimised.boundaries:
         screen.print(f"  {edge.sentence}", soft_wrap=True, markup=False)
-    if found.note:
-        screen.print(f"  {found.note}", soft_wrap=True, markup=False)
+    if minimised.note:
+        screen.print(f"  {minimised.note}", soft_wrap=True, markup=False)
     for file in files:
         screen.print(str(file), soft_wrap=True, markup=False)
 
 
 def review(finding: Finding, campaign: CampaignOption = Path("out"), json: JsonOption = False) -> None:
-    """Show a finding for review: what happens, the smallest difference, where it begins to fail, what was withstood.
+    """Show a finding for review: what happens, the smallest difference, the failure boundary, what the driver
+    withstood.
 
     [dim]foresee review red_light_runner_r02_p1_m3
     foresee review red_light_runner_r02_p1_m3 --campaign nightly --json[/dim]
@@ -96,10 +100,10 @@ def review(finding: Finding, campaign: CampaignOption = Path("out"), json: JsonO
     from foresee_dsl.campaign.findings.asked import asked
     from foresee_dsl.campaign.findings.review import review_of
 
-    found = review_of(asked(finding, campaign, tests=True))
+    finding_review = review_of(asked(finding, campaign, tests=True))
     if json:
-        print_json(found)
+        print_json(finding_review)
         return
     from foresee_dsl.report.terminal.review import review_text
 
-    typer.echo(review_text(found), nl=False)
+    typer.echo(review_text(finding_review), nl=False)

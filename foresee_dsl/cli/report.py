@@ -1,4 +1,4 @@
-"""Commands that write pages and reports for people: report of a finished campaign, view of one file."""
+"""Commands that write pages and reports: `report` for a finished campaign, `view` for one file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def report(
 ) -> None:
     """Write the report of a finished campaign; nothing is run again.
 
-    What is missing or was edited since is said in the report.
+    The report notes files that are missing or were edited since.
 
     [dim]foresee report out
     foresee report out --format markdown --output review/report.md[/dim]
@@ -76,10 +76,10 @@ def view(
     output: Annotated[
         Path | None, typer.Option("--output", metavar="FILE", help="The page's file; by default out/view/NAME.html.")
     ] = None,
-    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Write one file's page, with playback: a test case, clip or mutant is run first; a trace is shown as it is.
+    """Write a page with playback of one file: a test case, clip or mutant is run first; a trace is shown unchanged.
 
     [dim]foresee view scenarios/scenario7.foresee::r01 --open
     foresee view out/children/scenario7/red_light_runner_r02_p1_m3.foresee

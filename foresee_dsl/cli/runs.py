@@ -1,4 +1,4 @@
-"""Commands for single runs and what is derived from them: run, forecast, clip, mutate."""
+"""Commands for single runs and what derives from them: run, forecast, clip, mutate."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 TraceArgument = Annotated[Path, typer.Argument(metavar="TRACE", help="A trace (.npz) that `foresee run` wrote.")]
 Before = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds before the risky point.")]
-After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds after it.")]
+After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds after the risky point.")]
 
 
 def run(
@@ -41,7 +41,7 @@ def run(
     ],
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
-    out: Annotated[Path | None, typer.Option("--out", help="Keep the traces in this folder.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Save the traces in this folder.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes for several cases.")] = 1,
     first: FirstOption = None,
     only: OnlyOption = None,
@@ -49,26 +49,30 @@ def run(
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
     debug: Annotated[
-        bool, typer.Option("--debug", help="Run in this process: breakpoint() works, no deadlines, nothing captured.")
+        bool,
+        typer.Option(
+            "--debug",
+            help="Run in this process: breakpoint() works, there are no deadlines, and prints are not captured.",
+        ),
     ] = False,
     format_: FormatOption = "text",
     junit: JunitOption = None,
     strict: Annotated[
-        bool, typer.Option("--strict", hidden=True, help="Nothing any more: a broken expectation is always a failure.")
+        bool, typer.Option("--strict", hidden=True, help="No effect: a broken expectation is always a failure.")
     ] = False,
     exit_zero: common.ExitZeroOption = False,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
     profile: common.ProfileOption = False,
 ) -> None:
-    """Drive through a test case, or through all cases of a file, and say how each ended.
+    """Run a test case, or all cases of a file, with a driver and say how each run ended.
 
-    Exit code 1 when one did not pass, or broke an `expect` line; what the driver printed is shown with its run.
+    Exit code 1 when a run did not pass or broke an `expect` line; the driver's own prints appear with its run.
 
     [dim]foresee run scenarios/scenario7.foresee::r01 --out runs
     foresee run scenarios/scenario7.foresee --fail-fast[/dim]
     """
-    del strict  # scripts name it
+    del strict  # existing scripts may still pass it
     profiler = ctx.with_resource(profiling()) if profile else None
     from foresee_dsl.campaign.execution.runs import run_cases, run_here
     from foresee_dsl.compile import placement_mistakes
@@ -93,30 +97,32 @@ def run(
         else run_cases(cases, driver, seed=seed, jobs=jobs, deadlines=deadlines, profiler=profiler)
     )
     done = []
-    for one in runs:
-        done.append(one)
-        if fail_fast and not one.passed:
+    for case_run in runs:
+        done.append(case_run)
+        if fail_fast and not case_run.passed:
             break
     order = {case.id: k for k, case in enumerate(cases)}
-    done.sort(key=lambda one: order[one.case.id])
+    done.sort(key=lambda case_run: order[case_run.case.id])
     single = len(paths) == len(cases) == 1
     traces = _saved(done, out)
-    found = [of_case_run(one, driver, seed, traces.get(one.case.id)) for one in done]
-    spent = profiler.profile([driver], workers=1 if debug else min(jobs, len(cases))) if profiler is not None else None
+    case_results = [of_case_run(case_run, driver, seed, traces.get(case_run.case.id)) for case_run in done]
+    time_profile = (
+        profiler.profile([driver], workers=1 if debug else min(jobs, len(cases))) if profiler is not None else None
+    )
 
     def people(screen: Console) -> None:
         if single:
             print_case_run(screen, done[0], traces.get(done[0].case.id))
         else:
             print_case_runs(screen, done, len(cases), traces)
-        if spent is not None:
+        if time_profile is not None:
             from foresee_dsl.report.terminal.profile import print_profile
 
-            print_profile(screen, spent)
+            print_profile(screen, time_profile)
 
     def data() -> str:
         every = _documents(done, driver, seed, traces)
-        more = {"profile": spent} if spent is not None else {}
+        more = {"profile": time_profile} if time_profile is not None else {}
         return (
             common.json_document({**every[0], **more})
             if single
@@ -125,51 +131,56 @@ def run(
 
     report_results(
         "json" if json else format_,
-        CommandReport("run", data, lambda: found, properties=(("driver", driver), ("seed", str(seed)))),
+        CommandReport("run", data, lambda: case_results, properties=(("driver", driver), ("seed", str(seed)))),
         people=people,
         junit=junit,
     )
-    if not exit_zero and not all(one.passed for one in done):
+    if not exit_zero and not all(case_run.passed for case_run in done):
         raise typer.Exit(common.FAILED)
 
 
 def _saved(runs: Sequence[CaseRun], out: Path | None) -> dict[str, Path]:
-    """Write the traces, if a folder is named; return the file of each test case that has one."""
+    """Write the traces if there is a folder; return the file of each saved trace by its test case."""
     from foresee_dsl.campaign.driving import case_name
 
     files = {}
-    for one in runs if out is not None else ():
-        if out is not None and one.result is not None:
+    for case_run in runs if out is not None else ():
+        if out is not None and case_run.result is not None:
             out.mkdir(parents=True, exist_ok=True)
-            files[one.case.id] = out / f"{case_name(one.case)}.npz"
-            one.result.trace.save(files[one.case.id])
+            files[case_run.case.id] = out / f"{case_name(case_run.case)}.npz"
+            case_run.result.trace.save(files[case_run.case.id])
     return files
 
 
 def _documents(runs: Sequence[CaseRun], driver: str, seed: int, traces: Mapping[str, Path]) -> list[dict[str, Any]]:
     return [
-        {"test_case": one.case.id, "driver": driver, "seed": seed, **_run_dict(one, traces.get(one.case.id))}
-        for one in runs
+        {
+            "test_case": case_run.case.id,
+            "driver": driver,
+            "seed": seed,
+            **_run_dict(case_run, traces.get(case_run.case.id)),
+        }
+        for case_run in runs
     ]
 
 
-def _run_dict(one: CaseRun, trace: Path | None) -> dict[str, object]:
-    """Return a run for JSON; of one whose process died there is the verdict, and what was printed."""
+def _run_dict(case_run: CaseRun, trace: Path | None) -> dict[str, object]:
+    """Return a run for JSON; if its process died, only the verdict and the driver's prints are real."""
     from foresee_dsl.simulate.results.near_misses import NearMisses
 
-    result = one.result
+    result = case_run.result
     return {
-        "verdict": one.verdict,
+        "verdict": case_run.verdict,
         "time_s": round(result.time_s, 2) if result else 0.0,
         "with": result.with_ if result else "",
-        "reason": one.reason,
+        "reason": case_run.reason,
         "impact": result.impact if result else None,
         "near_misses": result.near_misses if result else NearMisses(None, None, None, None),
         "duration_s": round(result.duration_s, 2) if result else 0.0,
         "steps": result.steps if result else 0,
         "expectations": result.expectations if result else (),
         "unfired": result.unfired if result else (),
-        **vars(one.notes),
+        **vars(case_run.notes),
         "trace": trace,
         "digest": result.trace.digest if result else "",
     }
@@ -200,21 +211,21 @@ def forecast(
 def clip(
     trace: TraceArgument,
     ranker: common.RankerOption = "foresee",
-    rank: Annotated[int, typer.Option(min=1, help="Which risky point of the ranked list.")] = 1,
+    rank: Annotated[int, typer.Option(min=1, help="Rank of the risky point; 1 is the first of the list.")] = 1,
     seed: common.SeedOption = 0,
     before: Before = 5.0,
     after: After = 5.0,
     handover: common.HandoverOption = None,
     out: common.OutOption = Path("clips"),
     run_programs: Annotated[
-        bool, typer.Option("--run-programs", help="Start the program that the trace names as external driver.")
+        bool, typer.Option("--run-programs", help="Start the program that the trace records as an external driver.")
     ] = False,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Cut the seconds around a risky point out of a run and write them as a clip file.
 
-    The clip is run once, unmutated: its `fidelity` line says how far it strays from its parent.
+    The clip is run once without mutation: its `fidelity` line states how far it deviates from its parent run.
 
     [dim]foresee clip runs/red_light_runner_r01.npz --rank 2 --out clips[/dim]
     """
@@ -232,7 +243,7 @@ def clip(
     loaded = _load_trace(trace)
     points = _points(loaded, ranker, seed, before, after, allow_outside=allow_outside)
     if rank > len(points):
-        raise ForeseeError(f"{trace} has {len(points)} risky points by {ranker}, so there is no rank {rank}")
+        raise ForeseeError(f"{trace} has {len(points)} risky points by {ranker}: there is no rank {rank}")
     point = points[rank - 1]
     case = load_test_case(str(loaded.meta["test_case"]), allow_outside=allow_outside)
     file = out / f"{case_name(case)}_p{rank}.foresee"
@@ -244,29 +255,32 @@ def clip(
         model = clip_around(case, loaded, point, file, before_s=before, after_s=after, handover_s=handover)
     except ValueError as err:
         raise ForeseeError(str(err)) from err
-    model, _, _, found = measure_clip(model, case, loaded, file, driver=driver, seed=run_seed)
+    model, _, _, fidelity_of_clip = measure_clip(model, case, loaded, file, driver=driver, seed=run_seed)
     write_whole(file, print_model(model))
     if json:
         from foresee_dsl.documents import plain
 
-        fidelity = {"fidelity_m": round(found.largest_others_m, 4), "fidelity_ego_m": round(found.ego_m, 4)}
+        fidelity = {
+            "fidelity_m": round(fidelity_of_clip.largest_others_m, 4),
+            "fidelity_ego_m": round(fidelity_of_clip.ego_m, 4),
+        }
         common.print_json({"clip": file, **fidelity, **plain(point)})
     else:
-        strays = f"fidelity {found.largest_others_m:.2f} m, of the ego {found.ego_m:.2f} m"
+        strays = f"fidelity {fidelity_of_clip.largest_others_m:.2f} m, of the ego {fidelity_of_clip.ego_m:.2f} m"
         typer.echo(f"{file}\n  {point.why}\n  {strays}")
 
 
 def mutate(
     file: Annotated[Path, typer.Argument(metavar="CLIP", help="A clip's file.")],
     preset: common.PresetOption = "focused",
-    children: Annotated[int, typer.Option(min=1, max=1000, help="How many.")] = 4,
+    children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants.")] = 4,
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
     exit_zero: common.ExitZeroOption = False,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
-    """Mutate a clip, run the children, and write each beside the clip, with what it found.
+    """Mutate a clip, run the mutants, and write each one beside the clip with its result.
 
     Exit code 1 when a child failed, or broke an `expect` line.
 
@@ -279,12 +293,12 @@ def mutate(
     for child in outcomes:
         write_whole(Path(child.file), child.text)
     if json:
-        ran = [
+        mutants = [
             {"file": c.file, "operators": c.operators, "verdict": c.verdict, "with": c.with_, "reason": c.reason,
              "digest": c.digest}
             for c in outcomes
         ]  # fmt: skip
-        common.print_json({"clip": file, "preset": preset, "children": ran})
+        common.print_json({"clip": file, "preset": preset, "children": mutants})
     elif outcomes:
         from foresee_dsl.report.safe_text import safe
 
@@ -309,7 +323,7 @@ def _load_trace(path: Path) -> Trace:
 def _points(
     trace: Trace, ranker: str, seed: int, before: float, after: float, *, allow_outside: bool
 ) -> tuple[RiskyPoint, ...]:
-    """Rank; the test case of the run is compiled for a ranker that needs it."""
+    """Return the ranked risky points; the run's test case is compiled only for a ranker that needs it."""
     from foresee_dsl.forecast.registry import ranker_within
 
     def compiled() -> SumoBundle:

@@ -1,4 +1,4 @@
-"""The command that shows runs: story, timeline, strip of pictures; what the driver saw and why it waited."""
+"""The command `show`: what happens in a run as story, timeline and pictures; what the driver saw and why it waited."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from foresee_dsl.report.show.sources import ShownRun, Wish
 
 _BOTH_WIDE = 110
-"""Columns from which on two moments of a mutant and its parent fit side by side."""
+"""Terminal width in columns from which two moments each of a mutant and its parent fit side by side."""
 _WIDEST = 160
-"""Columns that are used at most: more do not make a strip easier to read."""
+"""Maximum width in columns: wider strips are not easier to read."""
 
 
 class Picture(StrEnum):
@@ -37,7 +37,7 @@ class Picture(StrEnum):
 
 
 class UpSide(StrEnum):
-    """What is up in the pictures."""
+    """Direction that points up in the pictures."""
 
     EGO = "ego"
     NORTH = "north"
@@ -52,20 +52,33 @@ def show(
         ),
     ],
     driver: Annotated[
-        str, typer.Option("--driver", help="The driver; by default the one that a mutant records, else pdm.")
+        str, typer.Option("--driver", help="The driver; by default the one that a mutant records, otherwise pdm.")
     ] = "",
-    seed: Annotated[int | None, typer.Option("--seed", min=0, max=2**31 - 1, help="Likewise.")] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed", min=0, max=2**31 - 1, help="The seed; by default the one that a mutant records, otherwise 0."
+        ),
+    ] = None,
     campaign: Annotated[
-        Path, typer.Option("--campaign", metavar="OUT", help="A campaign's folder: its findings and traces are known.")
+        Path,
+        typer.Option(
+            "--campaign", metavar="OUT", help="A campaign's folder, in which findings and traces are looked up."
+        ),
     ] = Path("out"),
     picture: Annotated[
-        Picture, typer.Option("--picture", help="Show the strip as a picture where the terminal can; none: characters.")
+        Picture, typer.Option("--picture", help="Show the strip as a picture if the terminal can; none: as characters.")
     ] = Picture.AUTO,
-    up: Annotated[UpSide, typer.Option("--up", help="What is up in the strip: the ego's way, or north.")] = UpSide.EGO,
+    up: Annotated[
+        UpSide, typer.Option("--up", help="What points up in the strip: the ego's heading, or north.")
+    ] = UpSide.EGO,
     moments: Annotated[
         int | None,
         typer.Option(
-            "--moments", min=1, max=12, help="Pictures of the strip, at most: 6; of a mutant on a narrow terminal 4."
+            "--moments",
+            min=1,
+            max=12,
+            help="Maximum number of pictures; by default 6, for a mutant on a narrow terminal 4.",
         ),
     ] = None,
     png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="Write the strip to a PNG file.")] = None,
@@ -74,25 +87,29 @@ def show(
         bool,
         typer.Option(
             "--step",
-            help="Walk through the run by keys: what the driver saw and answered, and why; printed in a pipe.",
+            help="Step through the run by keys: what the driver saw and answered, and why; in a pipe, print all steps.",
         ),
     ] = False,
-    from_s: Annotated[float, typer.Option("--from", min=0, help="--step: seconds, the first step.")] = 0.0,
-    to_s: Annotated[float, typer.Option("--to", min=0, help="--step: seconds, the last step.")] = 1e6,
+    from_s: Annotated[float, typer.Option("--from", min=0, help="--step: time of the first step, in seconds.")] = 0.0,
+    to_s: Annotated[float, typer.Option("--to", min=0, help="--step: time of the last step, in seconds.")] = 1e6,
     every_s: Annotated[
         float | None,
-        typer.Option("--every", min=0.05, help="--step: seconds between steps; printed by default 0.5, by keys 0.05."),
+        typer.Option(
+            "--every", min=0.05, help="--step: seconds between steps; by default 0.05 with keys, 0.5 in print."
+        ),
     ] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Simulate, even where a campaign has kept the trace of the same run.")
+        bool, typer.Option("--fresh", help="Simulate again, even if a campaign has the trace of the same run.")
     ] = False,
-    full: Annotated[bool, typer.Option("--full", help="A finding as it was found, not minimised.")] = False,
+    full: Annotated[
+        bool, typer.Option("--full", help="Show a finding in its original form, not the minimised one.")
+    ] = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Show what happens in a run: sentences with times, a timeline, and the important moments from above.
 
-    A mutant is shown beside its parent: from which moment they differ, and how. With --step: step by step, with what
-    the driver saw and why it waited.
+    A mutant is shown beside its parent: from which moment they differ, and how. With --step, each step is shown with
+    what the driver saw and why it waited.
 
     [dim]foresee show scenarios/scenario7.foresee::r01
     foresee show out/children/scenario7/red_light_runner_r02_p1_m3.foresee
@@ -107,8 +124,8 @@ def show(
     for number, target in enumerate(targets):
         if number:
             console.print()
-        shown = find(target, wish)
-        page = _page(shown, wish, up, moments, console.width)
+        run = find(target, wish)
+        page = _page(run, wish, up, moments, console.width)
         if step:
             _walk(console, page, from_s, to_s, every_s)
         else:
@@ -120,25 +137,25 @@ def show(
 
 def _one_file(targets: list[str], *files: Path | None) -> None:
     if len(targets) > 1 and any(file is not None for file in files):
-        raise typer.BadParameter("a file takes the strip of one run: name one run, or show them one by one")
+        raise typer.BadParameter("a file holds the strip of one run: name one run, or show them one by one")
 
 
 def _console() -> Console:
-    """Return a console that writes no control codes with NO_COLOR or into a pipe."""
+    """Return a console that writes no control codes if NO_COLOR is set or the output is a pipe."""
     from foresee_dsl.cli.options.plain_output import harmless_console
 
     plain = bool(os.environ.get("NO_COLOR"))
     return harmless_console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
 
 
-def _page(shown: ShownRun, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
+def _page(run: ShownRun, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
     from foresee_dsl.report.show.moments import LEAST, MOST
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.sources import parent_of
 
-    parent = parent_of(shown, wish, lambda note: typer.echo(note, err=True))
+    parent = parent_of(run, wish, lambda note: typer.echo(note, err=True))
     most = LEAST if parent is not None and width < _BOTH_WIDE else MOST
-    return Page(shown, parent, "ego" if up is UpSide.EGO else "north", moments or most)
+    return Page(run, parent, "ego" if up is UpSide.EGO else "north", moments or most)
 
 
 def _print_page(console: Console, page: Page, picture: Picture) -> None:
@@ -175,14 +192,16 @@ def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: flo
     width = min(console.width, _WIDEST)
     for line in page.head(width, wrap=False):
         console.print(line, soft_wrap=True)
-    for one in steps:
+    for run_step in steps:
         console.print()
-        for line in step_lines(one, page.run.trace, page.strips[-1].opponent, width if console.is_terminal else 0):
+        for line in step_lines(
+            run_step, page.run.trace, page.strips[-1].opponent, width if console.is_terminal else 0
+        ):
             console.print(line, soft_wrap=True)
 
 
 def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
-    """Return the strips as what a terminal shows as a picture; "" where it cannot, or resvg-py is missing."""
+    """Return the strips in the terminal's picture format; "" if it has none, or resvg-py is missing."""
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.report.show.terminal_pictures import Pictures, detect, encoded
 

@@ -1,4 +1,4 @@
-"""The command `store`: what campaigns keep, looked at, tidied, joined and exported."""
+"""The command `store`: statistics, clean-up, merge and export of the results that campaigns store."""
 
 from __future__ import annotations
 
@@ -14,23 +14,25 @@ if TYPE_CHECKING:
 
 ACTIONS = ("stat", "gc", "export", "merge")
 TITLES = {"fuzz": "mutated whole (foresee fuzz)"}
-"""What a table calls the kinds of results that plug-ins store; another kind is called as its plug-in calls it."""
+"""Table headings for the kinds of results that plug-ins store; other kinds appear under their own names."""
 
 
 def store(
     action: Annotated[str, typer.Argument(metavar="ACTION", help="stat, gc, export or merge.")],
     folders: Annotated[
-        list[Path] | None, typer.Argument(metavar="[STORE]...", help="The store; of merge, several.")
+        list[Path] | None, typer.Argument(metavar="[STORE]...", help="The store; for merge, several.")
     ] = None,
     to: Annotated[Path | None, typer.Option("--to", help="export: the file, .parquet or .csv.")] = None,
-    into: Annotated[Path | None, typer.Option("--into", help="merge: the store that gets everything.")] = None,
-    older: Annotated[bool, typer.Option("--older", help="gc: also results of other versions of this tool.")] = False,
+    into: Annotated[Path | None, typer.Option("--into", help="merge: the store that receives all results.")] = None,
+    older: Annotated[
+        bool, typer.Option("--older", help="gc: also delete results of other versions of this tool.")
+    ] = False,
     damaged: Annotated[
-        bool, typer.Option("--damaged", help="gc: also read every trace and drop damaged ones.")
+        bool, typer.Option("--damaged", help="gc: also read every trace and delete damaged ones.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Look after the folder in which campaigns keep what was run.
+    """Inspect, clean up, merge or export the folder in which campaigns store their results.
 
     [dim]foresee store stat
     foresee store gc --older
@@ -42,23 +44,23 @@ def store(
 
     if action not in ACTIONS:
         raise typer.BadParameter(f"{action!r} is not one of: {', '.join(ACTIONS)}", param_hint="ACTION")
-    named = folders or [Path("out/store")]
+    stores = folders or [Path("out/store")]
     if action == "merge":
         if into is None or not folders:
             raise typer.BadParameter("merge needs stores, and --into DIR", param_hint="--into")
         merged = merge(folders, into)
         _print(merged, _merged(into, merged), json=json)
         return
-    if len(named) != 1:
-        raise typer.BadParameter(f"{action} looks at one store", param_hint="STORE")
-    folder = named[0]
+    if len(stores) != 1:
+        raise typer.BadParameter(f"{action} takes one store", param_hint="STORE")
+    folder = stores[0]
     if action == "stat":
         with Store(folder, write=False) as opened:
-            found = statistics(opened)
+            statistics_of_store = statistics(opened)
         if json:
-            print_json(found)
+            print_json(statistics_of_store)
         else:
-            _print_statistics(folder, found)
+            _print_statistics(folder, statistics_of_store)
     elif action == "gc":
         with Store(folder, write=False):
             pass  # a mistyped folder must not become a store
@@ -75,8 +77,8 @@ def store(
 
 
 def _merged(into: Path, merged: Merged) -> str:
-    """Return what `merge` did as text; what was left out in a line of its own."""
-    text = f"{into}: {merged.new} new results, {merged.known} known ones"
+    """Return the result of `merge` as text, with the results that were left out in a second line."""
+    text = f"{into}: {merged.new} new results, {merged.known} already there"
     left = [
         f"{count} {what}"
         for count, what in (
@@ -95,22 +97,24 @@ def _print(data: object, text: str, *, json: bool) -> None:
         typer.echo(text)
 
 
-def _print_statistics(folder: Path, found: Statistics) -> None:
+def _print_statistics(folder: Path, statistics: Statistics) -> None:
     from foresee_dsl.campaign.stages import STEPS
     from foresee_dsl.report.terminal.tables import duration, plain_table
 
     screen = console()
     titles = {step.kind: step.title for step in STEPS} | TITLES
     always = [step.kind for step in STEPS]
-    kinds = [(titles.get(kind, kind), found.kinds.get(kind, {})) for kind in dict.fromkeys([*always, *found.kinds])]
+    kinds = [
+        (titles.get(kind, kind), statistics.kinds.get(kind, {})) for kind in dict.fromkeys([*always, *statistics.kinds])
+    ]
     rows = (
         (title, sum(verdicts.values()), ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items() if verdict))
         for title, verdicts in kinds
     )
     screen.print(plain_table(("results", "number", "verdicts"), rows, align="<><"))
-    if found.broken:
-        screen.print(f"{found.broken} crashed or hung; `foresee campaign --retry` runs them again")
-    screen.print(f"simulated {duration(found.simulated_s)} in {duration(found.wall_s)} of wall time")
-    tools = ", ".join(f"{count} by {tool}" for tool, count in found.tools.items())
-    screen.print(f"{folder}: {found.traces} traces {found.trace_bytes / 1e6:.1f} MB, "
-                 f"rows {found.database_bytes / 1e6:.1f} MB" + (f" ({tools})" if tools else ""))  # fmt: skip
+    if statistics.broken:
+        screen.print(f"{statistics.broken} crashed or hung; `foresee campaign --retry` runs them again")
+    screen.print(f"simulated {duration(statistics.simulated_s)} in {duration(statistics.wall_s)} of wall time")
+    tools = ", ".join(f"{count} by {tool}" for tool, count in statistics.tools.items())
+    screen.print(f"{folder}: {statistics.traces} traces {statistics.trace_bytes / 1e6:.1f} MB, "
+                 f"rows {statistics.database_bytes / 1e6:.1f} MB" + (f" ({tools})" if tools else ""))  # fmt: skip

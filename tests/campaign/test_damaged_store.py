@@ -224,7 +224,7 @@ def test_merging_says_what_it_leaves_out(tmp_path: Path) -> None:
         database.execute("UPDATE runs SET wall_s = 9.0 WHERE key IN (?, ?)", KEYS[5:7])
     done = foresee("store", "merge", source, "--into", tmp_path / "b")
     assert done.stdout.splitlines() == [
-        f"{tmp_path / 'b'}: 296 new results, 0 known ones",
+        f"{tmp_path / 'b'}: 296 new results, 0 already there",
         "left out: 3 changed on the disk, 1 without their traces; a campaign runs them again",
     ]
     again = json.loads(foresee("store", "merge", source, "--into", tmp_path / "b", "--json").stdout)

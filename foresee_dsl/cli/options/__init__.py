@@ -1,1 +1,1 @@
-"""What commands share: exit codes and errors, options, the choice of test cases, the forms of their answers."""
+"""Code that several commands share: exit codes, errors, options, the choice of test cases, output formats."""

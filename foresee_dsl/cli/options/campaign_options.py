@@ -1,4 +1,4 @@
-"""The options that `campaign` and `plan` share, and what follows from them."""
+"""The options that `campaign` and `plan` share, and the request that they result in."""
 
 from __future__ import annotations
 
@@ -44,27 +44,28 @@ class Flags:
     ranker: common.RankerOption = "foresee"
     preset: common.PresetOption = "focused"
     before: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip before its risky point.")] = 5.0
-    after: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after it.")] = 5.0
-    risky_points: Annotated[int, typer.Option(min=1, max=1000, help="Risky points of a run, at most.")] = 4
-    children: Annotated[int, typer.Option(min=0, max=1000, help="Mutated children of a clip.")] = 4
+    after: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after its risky point.")] = 5.0
+    risky_points: Annotated[int, typer.Option(min=1, max=1000, help="Maximum number of risky points per run.")] = 4
+    children: Annotated[int, typer.Option(min=0, max=1000, help="Number of mutants per clip.")] = 4
     handover: common.HandoverOption = None
     repeat: Annotated[
-        int, typer.Option(min=1, max=10_000, help="How many times each clip is mutated, each time with another seed.")
+        int, typer.Option(min=1, max=10_000, help="Number of times each clip is mutated, each with another seed.")
     ] = 1
     allocation: Annotated[
         str,
         typer.Option(
             metavar="HOW",
-            help="How children are spent: even (each clip gets --children), or adaptive (as many together, in rounds, "
-            "where those before them found most).",
+            help="How mutants are distributed: even (each clip gets --children) or adaptive (the same total in rounds; "
+            "clips whose mutants failed more often get more).",
         ),
     ] = ALLOCATION
     against: Annotated[
         str | None,
         typer.Option(
             metavar="DRIVERS",
-            help="Reference drivers, which drive every failure too, with commas: idm,pdm+ideal; in double quotes one "
-            "that holds a comma. Or none. By default idm, frenetix, pdm, and the driver itself with ideal sensors.",
+            help="Reference drivers, separated by commas, that also drive every failure: idm,pdm+ideal; put names with "
+            "a comma in double quotes. Or none. By default idm, frenetix, pdm, and the driver itself with ideal "
+            "sensors.",
             show_default=False,
         ),
     ] = None
@@ -77,7 +78,8 @@ class Flags:
     first: FirstOption = None
     only: OnlyOption = None
     shard: Annotated[
-        str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays; all/N: all N parts.")
+        str,
+        typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays; all/N joins all N parts."),
     ] = ""
     allow_outside: common.AllowOutsideOption = False
     run_programs: Annotated[
@@ -91,9 +93,9 @@ class Flags:
 
 
 def with_flags(command: Callable[..., None]) -> Callable[..., None]:
-    """Make a command of a function that takes its paths and `flags`: it gets an option for each field of `Flags`.
+    """Return a command in which one typer option per field of `Flags` replaces the parameter `flags`.
 
-    Typer reads a function's signature, so this one's is written for it: `flags` is replaced by the fields.
+    Typer reads a function's signature, so the new command carries a signature of its own.
     """
     own = inspect.signature(command, eval_str=True).parameters
     kinds = get_type_hints(Flags, include_extras=True)
@@ -114,10 +116,10 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
 
 @dataclass(frozen=True)
 class Request:
-    """What a command line, and the campaign's file that it names, ask for.
+    """What the command line, and the campaign file that it names, request.
 
     Attributes:
-        paths: the test cases. settings: one for each driver and ranker. budget_min: minutes, or None.
+        paths: the test cases. settings: one entry per driver and ranker. budget_min: time budget in minutes, or None.
     """
 
     paths: list[str]
@@ -125,16 +127,17 @@ class Request:
     budget_min: float | None = None
 
     def folder(self, settings: CampaignSettings, out: Path) -> Path:
-        """Return where a campaign's results are written: `out`, or a folder in it for each driver and ranker."""
+        """Return the folder of a campaign's results: `out`, or a subfolder per driver and ranker if there are
+        several."""
         if len(self.settings) == 1:
             return out
         return out / re.sub(r"[^\w.-]+", "_", f"{settings.driver}_{settings.ranker}").strip("_")
 
 
 def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float | None = None) -> Request:
-    """Return what to do, checked: unknown names are reported before anything runs.
+    """Return the checked request: unknown names are reported before anything runs.
 
-    A campaign's file gives settings; those that the command line gives (`ctx` knows which) take precedence.
+    A campaign file provides settings; those on the command line (`ctx` knows which) take precedence.
     """
     from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
     from foresee_dsl.drivers.consent import refuse_programs
@@ -145,30 +148,32 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     values = asdict(flags)
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:
-            raise ForeseeError("a campaign's file names its own test cases: give it alone")
+            raise ForeseeError("a campaign file names its own test cases: pass no other path beside it")
         file = read_campaign(Path(paths[0]), allow_outside=flags.allow_outside)
         sources = {name: ctx.get_parameter_source(name) for name in (*values, "budget")}
-        given = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
+        on_command_line = {
+            name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"
+        }
         (named_in,), paths = paths, list(file.paths)
-        drivers = file.drivers if file.drivers and "driver" not in given else drivers
+        drivers = file.drivers if file.drivers and "driver" not in on_command_line else drivers
         for option, names, what in (
             ("driver", file.drivers, "another driver"),
             ("against", file.against or (), "other reference drivers"),
         ):
-            if option not in given:
+            if option not in on_command_line:
                 refuse_programs(
                     ((address, Path(named_in)) for address in names),
                     f"--run-programs starts what the file says, --{option} names {what}",
                     unless=flags.run_programs,
                 )
-        rankers = file.rankers if file.rankers and "ranker" not in given else rankers
-        values |= {name: value for name, value in file.given.items() if name not in given}
-        if file.against is not None and "against" not in given:
+        rankers = file.rankers if file.rankers and "ranker" not in on_command_line else rankers
+        values |= {name: value for name, value in file.given.items() if name not in on_command_line}
+        if file.against is not None and "against" not in on_command_line:
             values["against"] = file.against
-        if "budget" not in given and file.budget_s is not None:
+        if "budget" not in on_command_line and file.budget_s is not None:
             budget = file.budget_s / 60
-    made = tuple(_settings(values, driver, ranker) for driver in drivers for ranker in rankers)
-    return Request(paths, made, budget)
+    settings = tuple(_settings(values, driver, ranker) for driver in drivers for ranker in rankers)
+    return Request(paths, settings, budget)
 
 
 def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
@@ -181,20 +186,20 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
 
     longest_s = max(values["before"] - DRIVES_S, 0.0)
     if (values["handover"] or 0.0) > longest_s:
-        message = f"it has to end {DRIVES_S:g} s before the risky point, so {longest_s:g} s is the longest here"
+        message = f"it must end {DRIVES_S:g} s before the risky point, so at most {longest_s:g} s are possible here"
         raise typer.BadParameter(message, param_hint="--handover")
-    asked_s = handover_of(_make_once(driver), longest_s)
-    if isinstance(found := load_ranker(ranker), Learned):
-        found.weights_hash(driver)  # it raises where nothing watches this driver
+    drivers_handover_s = handover_of(_make_once(driver), longest_s)
+    if isinstance(loaded_ranker := load_ranker(ranker), Learned):
+        loaded_ranker.weights_hash(driver)  # raises if no weights were learned for this driver
     load_preset(values["preset"])
     if values["allocation"] not in get_args(Allocation):
-        known = ", ".join(get_args(Allocation))
-        raise typer.BadParameter(f"{values['allocation']!r} is not one of: {known}", param_hint="--allocation")
+        allocations = ", ".join(get_args(Allocation))
+        raise typer.BadParameter(f"{values['allocation']!r} is not one of: {allocations}", param_hint="--allocation")
     by_option = {field.name.removesuffix("_s"): field.name for field in fields(CampaignSettings)}
     against = _references(values["against"], driver)
     chosen = {by_option[name]: value for name, value in values.items() if name in by_option}
     if chosen["handover_s"] is None:
-        chosen["handover_s"] = asked_s
+        chosen["handover_s"] = drivers_handover_s
     return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker, "against": against})
 
 
@@ -204,15 +209,16 @@ def _references(names: str | tuple[str, ...] | None, driver: str) -> tuple[str, 
 
     if names is None:
         return reference_drivers(driver)
-    given = common.names_in(names) if isinstance(names, str) else names
-    found = tuple(dict.fromkeys(name for name in given if name != NOBODY))
-    for name in found:
+    listed = common.names_in(names) if isinstance(names, str) else names
+    references = tuple(dict.fromkeys(name for name in listed if name != NOBODY))
+    for name in references:
         find_driver(name)
-    return tuple(name for name in found if name != driver)
+    return tuple(name for name in references if name != driver)
 
 
 def _make_once(driver: str) -> Driver:
-    """Make a driver, whose version goes into the keys of a campaign; where it raises, show its own code."""
+    """Return a driver, whose version becomes part of a campaign's keys; an error shows the place in the driver's
+    code."""
     from foresee_dsl.drivers.process_state import put_back
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.errors import DriverError
@@ -231,7 +237,7 @@ def _make_once(driver: str) -> Driver:
 
 
 def shard_of(text: str) -> Shard:
-    """Return which part of a campaign `--shard` means; all of it for ""."""
+    """Return the part of a campaign that `--shard` selects; all of it for ""."""
     from foresee_dsl.campaign.settings import Shard
 
     try:
@@ -250,7 +256,7 @@ def of_other_versions(store: Path, count: int) -> str:
 
 
 def notes_on(store: Store) -> list[str]:
-    """Return what is to be said of a store after a campaign: results that were not used, each kind in a sentence."""
+    """Return the notes on a store after a campaign: one sentence per kind of result that was not used."""
     others = store.of_other_versions()
     notes = [of_other_versions(store.folder, others)] if others else []
     return [*notes, damage] if (damage := _damage_in(store)) else notes
@@ -259,24 +265,28 @@ def notes_on(store: Store) -> list[str]:
 def _damage_in(store: Store) -> str:
     from foresee_dsl.report.safe_text import safe
 
-    said = []
+    sentences = []
     if store.damaged:
         names = sorted(set(store.damaged.values()))
-        shown = ", ".join(safe(name, 80) for name in names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
-        said.append(f"{common.counted(len(store.damaged), 'result')} had been changed on the disk: {shown}")
+        listed = ", ".join(safe(name, 80) for name in names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
+        sentences.append(f"{common.counted(len(store.damaged), 'result')} had been changed on the disk: {listed}")
     if store.rescued is not None:
         lost = f", at least {common.counted(store.lost, 'result')} could not" if store.lost else ""
-        said.append(f"{common.counted(store.rescued, 'result')} could be read from its database{lost}; the old "
+        sentences.append(f"{common.counted(store.rescued, 'result')} could be read from its database{lost}; the old "
                     "database is kept as runs.damaged-*.sqlite")  # fmt: skip
-    return f"The store {store.folder} was damaged. {'; '.join(said)}. What was missing was run again." if said else ""
+    return (
+        f"The store {store.folder} was damaged. {'; '.join(sentences)}. The campaign ran the missing results again."
+        if sentences
+        else ""
+    )
 
 
 _SHOWN = 5
-"""How many names of damaged results are shown (ours)."""
+"""Maximum number of names of damaged results in a note (ours)."""
 
 
 def executor_of(name: str, scheduler: str, dashboard: str = "") -> Callable[[RunOptions], Executor]:
-    """Return what makes the executor that `--executor`, `--scheduler` and `--dashboard` mean."""
+    """Return the factory of the executor that `--executor`, `--scheduler` and `--dashboard` select."""
     from foresee_dsl.campaign.execution.pool import local
 
     if name == "dask":

@@ -1,4 +1,4 @@
-"""What the commands share: exit codes, errors in words, JSON, the shapes of their options."""
+"""Code that all commands share: exit codes, error messages, JSON, common options."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
-"""Exit codes: nothing failed; failures were found, or the input has errors; wrong usage; our own fault."""
+"""Exit codes: nothing failed; failures were found or the input has errors; wrong usage; our own fault."""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 DriverOption = Annotated[
@@ -37,22 +37,22 @@ HandoverOption = Annotated[
         min=0,
         max=10,
         help="Seconds at a clip's beginning in which the ego follows its recorded states while the driver watches; by "
-        "default what the driver asks for, most ask for none.",
+        "default the number that the driver requests, for most drivers 0.",
     ),
 ]
 RankerOption = Annotated[
     str,
-    typer.Option("--ranker", help="What picks the risky points: foresee, careful, reach, proximity, random, ..."),
+    typer.Option("--ranker", help="How risky points are chosen: foresee, careful, reach, proximity, random, ..."),
 ]
 AllowOutsideOption = Annotated[
-    bool, typer.Option("--allow-outside", help="Files may use files outside the project folder.")
+    bool, typer.Option("--allow-outside", help="Allow files to use files outside the project folder.")
 ]
 ProfileOption = Annotated[
     bool, typer.Option("--profile", help="Also report where the time went: the driver, SUMO, or a part of the tool.")
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of all random choices.")]
 ExitZeroOption = Annotated[
-    bool, typer.Option("--exit-zero", help="Exit code 0 also when failures are found; errors keep theirs.")
+    bool, typer.Option("--exit-zero", help="Exit with 0 even when failures are found; errors keep their exit codes.")
 ]
 StepDeadlineOption = Annotated[
     float | None,
@@ -60,7 +60,7 @@ StepDeadlineOption = Annotated[
         "--step-deadline",
         min=0.05,
         max=3600,
-        help="Wall time in seconds that the driver may take for a step; by default 10 (external drivers: 1).",
+        help="Wall time in seconds that the driver may take per step; by default 10 (external drivers: 1).",
     ),
 ]
 DeadlineOption = Annotated[
@@ -68,7 +68,7 @@ DeadlineOption = Annotated[
     typer.Option(
         "--deadline",
         min=0.1,
-        help="Wall time in seconds that a run may take; by default 60 and 20 for each simulated second.",
+        help="Wall time in seconds that a run may take; by default 60, plus 20 per simulated second.",
     ),
 ]
 OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
@@ -78,7 +78,7 @@ PresetOption = Annotated[
 
 
 class Consenting(TyperCommand):
-    """A command in which the programs that its options name as drivers may be started; those in files may not."""
+    """A command that may start programs which its options name as drivers, but not programs that files name."""
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
         """Run the command."""
@@ -89,9 +89,9 @@ class Consenting(TyperCommand):
 
 
 def _named_in_options(command: TyperCommand, ctx: Any) -> Iterator[str]:  # noqa: ANN401 - as above
-    """Yield the texts that are given on the command line as options, each in whole and cut at its commas.
+    """Yield each text passed as an option on the command line, whole and split at its commas.
 
-    Arguments are files, whose names may come from elsewhere.
+    Arguments are left out: they are file names, which may come from another person.
     """
     for parameter in command.params:
         name = parameter.name or ""
@@ -104,28 +104,28 @@ def _named_in_options(command: TyperCommand, ctx: Any) -> Iterator[str]:  # noqa
 
 
 def names_in(text: str) -> tuple[str, ...]:
-    """Return the names between commas, each once; one that holds a comma stands in double quotes."""
+    """Return the names between commas, without duplicates; a name that contains a comma stands in double quotes."""
     names = next(csv.reader([text], skipinitialspace=True), [])
     return tuple(dict.fromkeys(name.strip() for name in names if name.strip()))
 
 
 WIDEST = 160
-"""Columns that a report uses at most. Ours: a sentence over more of them is hard to read."""
+"""Maximum width of a report, in columns. Ours: longer lines are hard to read."""
 _NEVER_WRAPPED = 10_000
 
 
 def console(*, error: bool = False) -> Console:
-    """Return a rich console on standard output (or error); where that is no terminal, no line is broken."""
+    """Return a rich console on standard output (or error); outside a terminal, it breaks no lines."""
     from foresee_dsl.cli.options.plain_output import harmless_console
 
-    made = harmless_console(error=error, soft_wrap=False, highlight=False)
-    made.width = min(made.width, WIDEST) if made.is_terminal else _NEVER_WRAPPED
-    return made
+    screen = harmless_console(error=error, soft_wrap=False, highlight=False)
+    screen.width = min(screen.width, WIDEST) if screen.is_terminal else _NEVER_WRAPPED
+    return screen
 
 
 @dataclass(frozen=True)
 class Call:
-    """The command that runs: its name, and the file of its `--output`."""
+    """The running command: its name, and the file of its `--output`."""
 
     command: str
     output: Path | None = None
@@ -136,7 +136,7 @@ CALL: ContextVar[Call] = ContextVar("CALL", default=Call(""))  # noqa: B039 - it
 
 @contextmanager
 def calling(call: Call) -> Iterator[None]:
-    """Remember, within it, which command runs."""
+    """Record inside this context which command runs."""
     token = CALL.set(call)
     try:
         yield
@@ -145,7 +145,7 @@ def calling(call: Call) -> Iterator[None]:
 
 
 SCHEMA_NUMBERS = {"verify": 2}
-"""The numbers of documents' schemas, where they are not 1."""
+"""Schema numbers of documents, where they differ from 1."""
 
 
 def print_json(data: object, name: str = "") -> None:
@@ -154,9 +154,9 @@ def print_json(data: object, name: str = "") -> None:
 
 
 def json_document(data: object, name: str = "") -> str:
-    """Return a record or keys with their values as JSON (`foresee_dsl.documents.plain`), as text.
+    """Return a record, or a mapping of keys to values, as JSON text (converted by `foresee_dsl.documents.plain`).
 
-    Its schema's number comes first, then its name (`docs/schemas/NAME-NUMBER.json`), by default the command's.
+    The first keys are the schema's number and name (`docs/schemas/NAME-NUMBER.json`); by default the command's name.
     """
     from foresee_dsl.documents import plain
 
@@ -165,7 +165,7 @@ def json_document(data: object, name: str = "") -> str:
 
 
 def give(text: str) -> None:
-    """Print what a tool reads, or write it whole to the file of `--output`."""
+    """Print machine-readable text, or write it to the file of `--output`."""
     output = CALL.get().output
     if output is None:
         typer.echo(text, nl=False)
@@ -193,7 +193,7 @@ def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
 
 
 def explain_error(error: Exception) -> int:
-    """Print on standard error what went wrong, and return the exit code."""
+    """Print on standard error what went wrong; return the exit code."""
     if isinstance(error, InputError):
         print_diagnostics(error.diagnostics)
         return FAILED

@@ -1,7 +1,7 @@
-"""What tools get from a command: a JSON document with its name, reports for build servers, mistakes as data, a file.
+"""Output for tools: named JSON documents, reports for build servers, errors as data, `--output FILE`.
 
-Every command that prints JSON goes through `for_tools`: it gives `--output FILE`, puts the document's name beside its
-schema number, and answers a mistake in the input with a document too.
+Every command that prints JSON passes through `for_tools`, which adds `--output FILE`, puts the document's name beside
+its schema number, and prints an error in the input as a JSON document too.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def format_option(help: str, *ours: str) -> Any:  # noqa: ANN401 - as typer has it
-    """Return the option `--format` of a command, people's form first; formats of other packages are offered too, which
-    are looked for when a name is none of ours."""
+def format_option(help: str, *ours: str) -> Any:  # noqa: ANN401 - typer's own type
+    """Return the option `--format` of a command, with the human-readable format first. It also accepts the formats of
+    other packages, which are only searched if a name is not among `ours`."""
 
     def others() -> list[str]:
         return [name for name in REPORT_FORMATS.names() if name not in (*ours, *OURS)]
@@ -56,14 +56,18 @@ FormatOption = Annotated[
 JunitOption = Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Also write JUnit XML to this file.")]
 _OutputOption = Annotated[
     Path | None,
-    typer.Option("--output", metavar="FILE", help="Write what tools read to this file, not to standard output."),
+    typer.Option(
+        "--output",
+        metavar="FILE",
+        help="Write the JSON or the other format for tools to this file, not to standard output.",
+    ),
 ]
 
 
 def for_tools(command: Callable[..., None], name: str) -> Callable[..., None]:
-    """Return a command with `--output`, whose mistakes are JSON where JSON was asked for; others as they are.
+    """Return a command with `--output` that reports errors as JSON if JSON was requested; other commands unchanged.
 
-    Typer reads a function's signature, so the option is added there.
+    Typer reads a function's signature, so the option is added to the signature.
     """
     parameters = dict(inspect.signature(command, eval_str=True).parameters)
     forms = [option for option in ("json", "format", "format_") if option in parameters]
@@ -72,13 +76,13 @@ def for_tools(command: Callable[..., None], name: str) -> Callable[..., None]:
 
     def run(**values: Any) -> None:  # noqa: ANN401 - as typer gives them
         output = values.pop("output", None)
-        asked = any(values[form] is True or values[form] == "json" for form in forms)
-        people = not asked and all(values[form] in (False, *PEOPLE) for form in forms)
+        as_json = any(values[form] is True or values[form] == "json" for form in forms)
+        people = not as_json and all(values[form] in (False, *PEOPLE) for form in forms)
         with common.calling(common.Call(name, output)), _into(output if people else None):
             try:
                 command(**values)
             except (ForeseeError, OSError) as error:
-                if not asked:
+                if not as_json:
                     raise
                 common.print_json(_error_document(error), "error")
                 raise typer.Exit(common.FAILED) from error
@@ -95,7 +99,7 @@ def for_tools(command: Callable[..., None], name: str) -> Callable[..., None]:
 
 @contextmanager
 def _into(file: Path | None) -> Iterator[None]:
-    """Write to the file, whole, what is printed within it on standard output, however it ends; None: print it."""
+    """Write everything that is printed inside this context to the file, even after an error; None: print as usual."""
     if file is None:
         yield
         return
@@ -112,13 +116,13 @@ def _into(file: Path | None) -> Iterator[None]:
 def report_results(
     form: str, report: CommandReport, *, people: Callable[[Console], None], junit: Path | None = None
 ) -> None:
-    """Give a command's results in the form that was asked for, and as JUnit XML in the file of `--junit`.
+    """Print a command's results in the requested format, and write JUnit XML to the file of `--junit`.
 
-    People's report goes to standard output, beside a file of `--output` too; where a tool reads standard output,
-    nothing else goes there, and annotations have it on standard error.
+    The human-readable report goes to standard output if that format was requested or `--output` takes the other one;
+    GitHub annotations use standard output, so there the report goes to standard error.
 
     Args:
-        people: prints the report.
+        people: prints the human-readable report.
     """
     if junit is not None:
         from foresee_dsl.files import write_whole
@@ -133,7 +137,7 @@ def report_results(
 
 
 def _error_document(error: ForeseeError | OSError) -> dict[str, Any]:
-    """A mistake in what was given, in the shape of `check --json`: `ok` is false, and why."""
+    """Return an error in the input as a document in the shape of `check --json`: `ok` is false, and the reasons."""
     place = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
     message = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
     diagnostics = error.diagnostics if isinstance(error, InputError) else ()

@@ -1,7 +1,7 @@
-"""What a command prints, made harmless: texts from files cannot steer a terminal or turn what is shown around.
+"""Harmless output: text from files cannot control the terminal or reverse the writing direction.
 
-File names, documents and drivers' words are printed in many places. So the two streams themselves write a control code
-or a sign that changes the direction of writing as Python does (`\\x1b`, `\\u202e`); only our own colours pass.
+File names, documents and messages of drivers are printed in many places. So the two streams themselves replace control
+codes and direction marks by Python's escapes (`\\x1b`, `\\u202e`); only our own colours pass.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ if TYPE_CHECKING:
 
 _SUSPECT = re.compile(r"[^\n\t\x20-\x7e]")
 _COLOUR = re.compile(r"(\x1b\[(?:\d{1,3}(?:;\d{1,3})*)?m)")
-"""Of all that a terminal obeys, the sequences that set colours: others move the cursor, set titles, fill the
-clipboard."""
+"""Escape sequences that set colours. Other sequences move the cursor, set titles or fill the clipboard, and do not
+pass."""
 
 
 def plain(text: str) -> str:
-    """Return a text without control codes and hidden signs, which are written out; line ends and tabs stay."""
+    """Return a text with control codes and invisible characters replaced by escapes; newlines and tabs remain."""
     return _SUSPECT.sub(_written, text) if _SUSPECT.search(text) else text
 
 
-def _written(found: re.Match[str]) -> str:
-    sign = found.group()
-    if unicodedata.category(sign) in ("Cc", "Cf", "Cs", "Zl", "Zp"):
-        return sign.encode("unicode_escape", "surrogatepass").decode("ascii")
-    return sign
+def _written(match: re.Match[str]) -> str:
+    character = match.group()
+    if unicodedata.category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp"):
+        return character.encode("unicode_escape", "surrogatepass").decode("ascii")
+    return character
 
 
 class PlainStream:
-    """A text stream that writes what it is given in harmless form; `trusted` is the stream behind it."""
+    """A text stream that makes everything it writes harmless; `trusted` is the underlying stream."""
 
     def __init__(self, stream: IO[str]) -> None:
         self.trusted = stream
 
     def write(self, text: str) -> int:
-        """Write a text; colours pass where somebody sees them."""
+        """Write a text; colours pass if a terminal or git's pager shows them."""
         if "\x1b" in text and (self.trusted.isatty() or "GIT_PAGER_IN_USE" in os.environ):
             parts = _COLOUR.split(text)
             self.trusted.write("".join(part if k % 2 else plain(part) for k, part in enumerate(parts)))
@@ -57,31 +57,31 @@ class PlainStream:
         for line in lines:
             self.write(line)
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream behind it has
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any attribute of the underlying stream
         return getattr(self.trusted, name)
 
 
 def exact() -> IO[str]:
-    """Return standard output as it is, for a document that another program reads, or for pictures of our own."""
+    """Return the unfiltered standard output, for a document that another program reads or for our own pictures."""
     return cast("IO[str]", getattr(sys.stdout, "trusted", sys.stdout))
 
 
 NO_READER = 141
-"""Exit code where the reader of the output has gone (`| head`): what a shell reports of a program that SIGPIPE ends.
-The signal itself would also end a campaign whose driver's process closes its pipe."""
+"""Exit code after the reader of the output has gone (`| head`), as a shell reports for a program that SIGPIPE ends.
+The signal itself would also end a campaign when the process of a driver closes its pipe."""
 
 
 class _UntilClosed(io.FileIO):
     """A standard stream: the first write without a reader ends the command quietly, later ones are dropped.
 
-    Typer and rich catch a closed pipe themselves and end with 1 (seen in typer 0.29 and rich 15), so that it is no
-    `OSError` here.
+    Typer and rich catch a closed pipe themselves and exit with 1 (seen in typer 0.29 and rich 15), so this class raises
+    `SystemExit` instead of `OSError`.
     """
 
     _gone = False
 
     def write(self, data: Buffer, /) -> int:
-        """Write, or leave.
+        """Write the data, or end the process if the reader has gone.
 
         Raises:
             SystemExit: the reader has just gone.
@@ -96,7 +96,7 @@ class _UntilClosed(io.FileIO):
 
 
 def guard_streams() -> None:
-    """Make this process's standard output and error harmless; without a reader they end the process quietly."""
+    """Replace this process's standard output and error by harmless streams that end it quietly without a reader."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None or isinstance(stream, PlainStream):
@@ -115,7 +115,7 @@ def guard_streams() -> None:
 
 
 def harmless_console(*, error: bool = False, **settings: Any) -> Console:  # noqa: ANN401 - rich's own
-    """Return a rich console whose texts are harmless, while what rich itself writes for colours and bars passes."""
+    """Return a rich console that makes texts harmless, while rich's own codes for colours and progress bars pass."""
     stream = sys.stderr if error else sys.stdout
     return cast("Console", _console_class()(file=getattr(stream, "trusted", None), stderr=error, **settings))
 
@@ -126,7 +126,7 @@ def _console_class() -> type[Any]:
     from rich.segment import Segment
 
     class Harmless(Console):
-        def render(self, renderable: Any, options: Any = None) -> Any:  # noqa: ANN401 - as rich has it
+        def render(self, renderable: Any, options: Any = None) -> Any:  # noqa: ANN401 - rich's own type
             for segment in super().render(renderable, options):
                 yield segment if segment.control else Segment(plain(segment.text), segment.style)
 

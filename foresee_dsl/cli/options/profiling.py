@@ -1,4 +1,4 @@
-"""`--profile`: what a command does is measured by part."""
+"""The option `--profile`: measure how much time each part of a command takes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def profiling() -> Iterator[Profiler]:
-    """Measure what is done within it."""
+    """Measure inside this context and yield the profiler."""
     from foresee_dsl.campaign.profiling.tasks import Profiler
 
     profiler = Profiler()

@@ -1,1 +1,1 @@
-"""Commands for what is written: beginning, checking, formatting, drawing, comparing."""
+"""Commands for authors: init, check, fmt, draw, compare."""

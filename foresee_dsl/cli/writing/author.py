@@ -1,4 +1,4 @@
-"""Commands that derive from a scenario what it stands for: compile, expand, sample."""
+"""Commands that show what a scenario stands for: compile, expand, sample."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def expand(
     ],
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Print a child, or a case, as one full scenario: its parents and its network written out.
+    """Print a child or a test case as one complete scenario, with its parents and its network written out.
 
     [dim]foresee expand out/children/scenario7/red_light_runner_r02_p1_m3.foresee[/dim]
     """
@@ -64,15 +64,15 @@ def expand(
 # ---- sample ---------------------------------------------------------------------------------------------------------
 
 DEFAULT_COUNT = 20
-"""How many cases are drawn where nothing says how many (ours: what fits on a screen with its coverage)."""
+"""Number of cases without `--count` (ours: they fit on a screen together with their coverage)."""
 _WIDTH = 80
-"""Columns of the tables."""
+"""Maximum width of the tables, in columns."""
 
 
 def sample(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A scenario with parameters.")],
-    count: Annotated[int | None, typer.Option("--count", min=1, max=10_000, help="Draw so many cases.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, max=10**9, help="Draw from this seed.")] = None,
+    count: Annotated[int | None, typer.Option("--count", min=1, max=10_000, help="Number of cases to draw.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, max=10**9, help="Seed of the draw.")] = None,
     format_: Annotated[
         str,
         format_option(
@@ -81,11 +81,10 @@ def sample(
     ] = "table",
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Draw cases of a scenario, or show those that it has, and say how much of the ranges they reach.
+    """Draw cases of a scenario, or list the cases that it has, with their coverage of the parameters' ranges.
 
     The same file, count and seed give the same cases on every machine.
-
-    Without --count and --seed the scenario's own cases are shown, those of `cases ... from seed` among them.
+    Without --count and --seed the scenario's own cases are listed, including those of `cases ... from seed`.
 
     [dim]foresee sample my.foresee
     foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
@@ -100,11 +99,11 @@ def sample(
 
         give("".join(f"  {print_item(case)}\n" for case in cases))
         return
-    found = coverage(scenario, cases)
+    covered = coverage(scenario, cases)
     report_results(
         format_,
-        CommandReport("sample", lambda: _document(file, scenario, cases, found)),
-        people=lambda _: _print_table(scenario, cases, found),
+        CommandReport("sample", lambda: _document(file, scenario, cases, covered)),
+        people=lambda _: _print_table(scenario, cases, covered),
     )
 
 
@@ -127,7 +126,7 @@ def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[
         raise ForeseeError(str(error)) from None
 
 
-def _document(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> str:
+def _document(file: Path, scenario: Scenario, cases: Sequence[Case], covered: Coverage) -> str:
     from foresee_dsl.language.printer import value_text
     from foresee_dsl.language.sampling.draws import values_of
 
@@ -139,18 +138,18 @@ def _document(file: Path, scenario: Scenario, cases: Sequence[Case], found: Cove
                 {"name": case.name, "values": {n: value_text(v) for n, v in values_of(scenario, case).items()}}
                 for case in cases
             ],
-            "distinct": found.distinct,
+            "distinct": covered.distinct,
             "parameters": [
                 {"name": r.name, "smallest": value_text(r.smallest), "largest": value_text(r.largest),
                  "reached": r.reached, "bins": r.bins, "of": r.of}
-                for r in found.reaches
+                for r in covered.reaches
             ],
-            "pairs": {"reached": found.pairs_reached, "of": found.pairs},
+            "pairs": {"reached": covered.pairs_reached, "of": covered.pairs},
         }
     )  # fmt: skip
 
 
-def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
+def _print_table(scenario: Scenario, cases: Sequence[Case], covered: Coverage) -> None:
     from foresee_dsl.language.model import Param
     from foresee_dsl.language.printer import value_text
     from foresee_dsl.language.sampling.draws import values_of
@@ -159,21 +158,21 @@ def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> 
     rows = [[case.name, *(value_text(values_of(scenario, case)[name]) for name in names)] for case in cases]
     for block in _blocks(["case", *names], rows):
         typer.echo("\n".join(block) + "\n")
-    for reach in found.reaches:
+    for reach in covered.reaches:
         values = f"{value_text(reach.smallest)} to {value_text(reach.largest)}, " if reach.of != "options" else ""
         share = f"{reach.reached} of {reach.bins} {reach.of} ({reach.reached / reach.bins:.0%})"
         typer.echo(f"{reach.name}: {values}{share}")
-    if found.pairs:
-        part = found.pairs_reached / found.pairs
-        typer.echo(f"pairs of values: {found.pairs_reached} of {found.pairs} occur together ({part:.0%})")
-    if found.distinct < found.cases:
-        again = found.cases - found.distinct
+    if covered.pairs:
+        part = covered.pairs_reached / covered.pairs
+        typer.echo(f"pairs of values: {covered.pairs_reached} of {covered.pairs} occur together ({part:.0%})")
+    if covered.distinct < covered.cases:
+        again = covered.cases - covered.distinct
         verb = "repeats" if again == 1 else "repeat"
-        typer.echo(f"note: {again} of {found.cases} cases {verb} the values of another")
+        typer.echo(f"note: {again} of {covered.cases} cases {verb} the values of another")
 
 
 def _blocks(head: list[str], rows: list[list[str]]) -> Sequence[list[str]]:
-    """Lay a table out, in several blocks below each other where it is wider than a screen."""
+    """Return the lines of a table, split into blocks below each other if it is wider than a screen."""
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
     blocks: list[list[int]] = [[]]
     used = widths[0]

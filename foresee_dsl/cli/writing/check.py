@@ -1,4 +1,4 @@
-"""The commands check (every mistake of some files, in the form that a person or a tool wants) and explain."""
+"""The commands `check` (all errors of some files, as text or as data) and `explain` (what a code means)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def check(
     format_: Annotated[
         str,
         format_option(
-            "full: for people; concise: one line each; the others: for tools.",
+            "full: for people; concise: one line per diagnostic; the others: for tools.",
             "full",
             "concise",
             "json",
@@ -53,18 +53,19 @@ def check(
     places: Annotated[
         bool, typer.Option("--places/--no-places", help="Also build the network and place every actor.")
     ] = True,
-    strict: Annotated[bool, typer.Option("--strict", help="Warnings fail the check too.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Let warnings fail the check too.")] = False,
     select: Annotated[
-        list[str] | None, typer.Option("--select", metavar="CODE", help="Of the warnings only these (FS301, or FS3).")
+        list[str] | None,
+        typer.Option("--select", metavar="CODE", help="Show only these warnings (FS301, or FS3 for a group)."),
     ] = None,
     ignore: Annotated[
-        list[str] | None, typer.Option("--ignore", metavar="CODE", help="Not these warnings. Errors always count.")
+        list[str] | None, typer.Option("--ignore", metavar="CODE", help="Hide these warnings. Errors always count.")
     ] = None,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Look for mistakes: in the text, in the names, and (with the network) in where things stand.
+    """Find errors: in the text, in the names, and (with the network) in where actors stand.
 
-    Exit code 1 where there is an error, or with --strict a warning. `foresee explain CODE` says more about each.
+    Exit code 1 if there is an error, or with --strict a warning. `foresee explain CODE` explains a code.
 
     [dim]foresee check scenarios
     foresee check --format github --strict scenarios[/dim]
@@ -75,75 +76,75 @@ def check(
     wanted, unwanted = _codes(select, "--select"), _codes(ignore, "--ignore")
     try:
         result = check_paths(paths, allow_outside=allow_outside)
-    except InputError as error:  # what is named is not there: that too in the form that was asked for
+    except InputError as error:  # a missing file is reported in the requested format too
         result = Checked(0, (), error.diagnostics)
-    found: list[Diagnostic] = list(result.diagnostics)
+    diagnostics: list[Diagnostic] = list(result.diagnostics)
     if result.campaigns:
-        from foresee_dsl.campaign.campaign_file import mistakes_of  # looks for plug-ins, which takes its time
+        from foresee_dsl.campaign.campaign_file import mistakes_of  # slow: it searches for plug-ins
 
         for document in result.campaigns:
-            found += mistakes_of(document, allow_outside=allow_outside)
+            diagnostics += mistakes_of(document, allow_outside=allow_outside)
     if places:
         from foresee_dsl.compile import placement_lints, placement_mistakes
         from foresee_dsl.language.lints.lint import without_repeated
 
-        found = [*without_repeated(found, placement_mistakes(result.cases)), *placement_lints(result.cases)]
-    shown = [
+        diagnostics = [*without_repeated(diagnostics, placement_mistakes(result.cases)), *placement_lints(result.cases)]
+    selected = [
         d
-        for d in found
+        for d in diagnostics
         if d.severity == "error" or (d.code.startswith(wanted or "") and not d.code.startswith(unwanted))
     ]
-    failed = any(strict or d.severity == "error" for d in shown)
-    _print("json" if json else format_, result, shown, failed=failed)
+    failed = any(strict or d.severity == "error" for d in selected)
+    _print("json" if json else format_, result, selected, failed=failed)
     if failed:
         raise typer.Exit(FAILED)
 
 
-def _codes(given: Iterable[str] | None, option: str) -> tuple[str, ...]:
-    """Split `FS301,FS302` and refuse what begins no code."""
-    codes = tuple(code.strip().upper() for part in given or () for code in part.split(",") if code.strip())
+def _codes(options: Iterable[str] | None, option: str) -> tuple[str, ...]:
+    """Return the codes of texts such as `FS301,FS302`; raise if no code begins with one of them."""
+    codes = tuple(code.strip().upper() for part in options or () for code in part.split(",") if code.strip())
     if codes:
         from foresee_dsl.language.codes.code import every_code
 
         for code in codes:
-            if not any(known.startswith(code) for known in every_code()):
-                raise typer.BadParameter(f"{code} is no code; `foresee explain` lists them", param_hint=option)
+            if not any(existing.startswith(code) for existing in every_code()):
+                raise typer.BadParameter(f"there is no code {code}; `foresee explain` lists all", param_hint=option)
     return codes
 
 
-def _print(format_: str, result: Checked, shown: Sequence[Diagnostic], *, failed: bool) -> None:
+def _print(format_: str, result: Checked, diagnostics: Sequence[Diagnostic], *, failed: bool) -> None:
     def data() -> str:
         return json_document(
-            {"ok": not failed, "files": result.files, "test_cases": len(result.cases), "diagnostics": shown}
+            {"ok": not failed, "files": result.files, "test_cases": len(result.cases), "diagnostics": diagnostics}
         )
 
-    if format_ in PEOPLE or CALL.get().output is not None:  # beside a file for a tool, people have theirs
-        _print_for_people(result, shown)
+    if format_ in PEOPLE or CALL.get().output is not None:  # with --output, the report still appears on the terminal
+        _print_for_people(result, diagnostics)
     if format_ not in PEOPLE:
-        give(rendered(format_, CommandReport("check", data, mistakes=lambda: shown)))
+        give(rendered(format_, CommandReport("check", data, mistakes=lambda: diagnostics)))
 
 
-def _print_for_people(result: Checked, shown: Sequence[Diagnostic]) -> None:
-    if shown:
-        print_diagnostics(tuple(shown))
-    if not any(d.severity == "error" for d in shown):
-        warned = "no mistakes, but warnings" if shown else "no mistakes found"
+def _print_for_people(result: Checked, diagnostics: Sequence[Diagnostic]) -> None:
+    if diagnostics:
+        print_diagnostics(tuple(diagnostics))
+    if not any(d.severity == "error" for d in diagnostics):
+        warned = "no mistakes, but warnings" if diagnostics else "no mistakes found"
         typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")
 
 
 # ---- explain --------------------------------------------------------------------------------------------------------
 
 _FILE = "\n--- "
-"""What begins another file of an example, in front of its name."""
+"""Text in front of the name of each further file of an example."""
 
 
 def explain(
     code: Annotated[
-        str | None, typer.Argument(metavar="CODE", help="Such as FS012; without one all are listed.")
+        str | None, typer.Argument(metavar="CODE", help="A code such as FS012; without it, all codes are listed.")
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Say what a code means: why it is wrong, what to do, a wrong and a right example.
+    """Explain a code: why the input is wrong, what to do, a wrong and a right example.
 
     [dim]foresee explain FS012
     foresee explain[/dim]
@@ -158,23 +159,23 @@ def explain(
         _list(list(codes.values()))
         return
     name = code.strip().upper()
-    found = codes.get(name)
-    if found is None:
+    meaning = codes.get(name)
+    if meaning is None:
         typer.echo(f"error: there is no code {code[:40]}{_nearest(name, list(codes))}", err=True)
         raise typer.Exit(FAILED)
     if json:
-        print_json({"codes": [found]})
+        print_json({"codes": [meaning]})
     else:
-        _show(found)
+        _show(meaning)
 
 
-def _nearest(name: str, known: list[str]) -> str:
+def _nearest(name: str, codes: list[str]) -> str:
     from foresee_dsl.language.messages.suggest import closest
 
-    small = [code.lower() for code in known]
+    small = [code.lower() for code in codes]
     digits = "".join(c for c in name if c.isdigit())
-    meant = closest(f"fs{digits.zfill(3)}", small) or closest(name.lower(), small)
-    return f": did you mean {meant.upper()}?" if meant else "; `foresee explain` lists them"
+    suggestion = closest(f"fs{digits.zfill(3)}", small) or closest(name.lower(), small)
+    return f": did you mean {suggestion.upper()}?" if suggestion else "; `foresee explain` lists them"
 
 
 def _list(codes: list[Code]) -> None:
@@ -208,8 +209,8 @@ def _show(code: Code) -> None:
 
 
 def _without_repeats(wrong: str, right: str) -> str:
-    """Return the right example without the files that are as in the wrong one."""
-    shown = wrong.split(_FILE)
+    """Return the right example without the text of files that are the same in the wrong one."""
+    wrong_parts = wrong.split(_FILE)
     first, *files = right.split(_FILE)
-    repeated = [f"{part.partition(chr(10))[0]} (as above)" if part in shown[1:] else part for part in files]
+    repeated = [f"{part.partition(chr(10))[0]} (as above)" if part in wrong_parts[1:] else part for part in files]
     return _FILE.join([first, *repeated])

@@ -1,4 +1,4 @@
-"""Commands that compare by meaning: diff, what git calls (textconv, git-diff), and repin after a parent's edit."""
+"""Commands that compare by meaning: diff, git's hooks (textconv, git-diff), and repin after a parent's edit."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 
 def diff(
-    old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE; alone: a child.")],
-    new: Annotated[str, typer.Argument(metavar="NEW", help="Another; left out: OLD is compared with its parent.")] = "",
+    old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE; without NEW, a child.")],
+    new: Annotated[
+        str, typer.Argument(metavar="NEW", help="Another; without it, OLD is compared with its parent.")
+    ] = "",
     format: Annotated[
         str,
         format_option(
@@ -32,11 +34,11 @@ def diff(
     ] = "text",
     json: JsonOption = False,
     exit_code: Annotated[
-        bool, typer.Option("--exit-code", help="Exit code 1 if they differ, as git diff has it.")
+        bool, typer.Option("--exit-code", help="Exit with 1 if they differ, as git diff does.")
     ] = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Say what differs in meaning between two files, grouped by what it touches; layout, order and units do not count.
+    """Show how two files differ in meaning, grouped by subject; layout, order and units do not count.
 
     [dim]foresee diff a.foresee b.foresee
     foresee diff a.foresee::r01 a.foresee::r02
@@ -46,27 +48,29 @@ def diff(
     from foresee_dsl.language.diff.rendering import render_groups, render_markdown
 
     first, second = (old, new) if new else (parent_address(old), old)
-    found = compare_addresses(first, second, allow_outside=allow_outside)
+    differences = compare_addresses(first, second, allow_outside=allow_outside)
 
     if format == "markdown" and not json:
-        give(render_markdown(found.changes, found.texts, old=found.old, new=found.new))
+        give(render_markdown(differences.changes, differences.texts, old=differences.old, new=differences.new))
     else:
         report_results(
             "json" if json else format,
-            CommandReport("diff", lambda: json_document(found)),
-            people=lambda _: typer.echo(render_groups(found.changes, found.texts, colour=_colour()), nl=False),
+            CommandReport("diff", lambda: json_document(differences)),
+            people=lambda _: typer.echo(
+                render_groups(differences.changes, differences.texts, colour=_colour()), nl=False
+            ),
         )
-    if exit_code and found.changes:
+    if exit_code and differences.changes:
         raise typer.Exit(FAILED)
 
 
 def textconv(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A .foresee file.")],
     people: Annotated[
-        bool, typer.Option("--people", help="Keep what only people read: doc, tags, risk, fidelity, origin.")
+        bool, typer.Option("--people", help="Keep the statements for people: doc, tags, risk, fidelity, origin.")
     ] = False,
 ) -> None:
-    """Print a file so that equal meaning is equal text, for `git diff`; a file with mistakes as it is.
+    """Print a file so that equal meaning is equal text, for `git diff`; a file with errors is printed unchanged.
 
     [dim]git config diff.foresee.textconv "foresee textconv"[/dim]
     """
@@ -89,7 +93,7 @@ def textconv(
 def git_diff(
     arguments: Annotated[list[str], typer.Argument(metavar="PATH OLD_FILE OLD_HEX OLD_MODE NEW_FILE NEW_HEX NEW_MODE")],
 ) -> None:
-    """Show one changed file in words; git calls this itself.
+    """Show one changed file in words; git calls this command itself.
 
     [dim]git config diff.foresee.command "foresee git-diff"[/dim]
     """
@@ -101,7 +105,7 @@ def git_diff(
 
 
 _GIT_ARGUMENTS = 7
-"""git gives a path and a file, hash and mode of each side; of an unmerged path only the path (git(1))."""
+"""git passes a path, then a file, hash and mode of each side; for an unmerged path only the path (git(1))."""
 
 
 def _git_diff(path: str, old: Path, new: Path) -> str:
@@ -113,7 +117,7 @@ def _git_diff(path: str, old: Path, new: Path) -> str:
     try:
         a, b = load(old, shown_as=path).model, load(new, shown_as=path).model
         changes, texts_only = diff_models(a, b), texts(a, b)
-    except InputError:  # added, removed, of another kind, or with mistakes: in text
+    except InputError:  # added, removed, of another kind, or with errors: compare as text
         return _text_diff(path, old, new)
     return f"foresee diff {path}\n\n{render_groups(changes, texts_only, colour=_colour())}\n"
 
@@ -137,7 +141,7 @@ def _text_diff(path: str, old: Path, new: Path) -> str:
 
 
 def _colour() -> bool:
-    """Whether colours reach a terminal: our own, or that of git's pager."""
+    """Return whether colours are visible: on our own terminal, or in git's pager."""
     return (sys.stdout.isatty() or "GIT_PAGER_IN_USE" in os.environ) and "NO_COLOR" not in os.environ
 
 
@@ -147,16 +151,16 @@ def _colour() -> bool:
 def repin(
     paths: Annotated[list[Path], typer.Argument(metavar="CHILD", help="Clips and mutants, or folders of them.")],
     write: Annotated[
-        bool, typer.Option("--write/--dry-run", help="Write the new pins; by default only say what would happen.")
+        bool, typer.Option("--write/--dry-run", help="Write the new pins; by default only show what would happen.")
     ] = False,
     run: Annotated[
-        bool, typer.Option("--run", help="Drive every stale child before and after: the same verdict?")
+        bool, typer.Option("--run", help="Run every stale child before and after, and compare the verdicts.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Show what a parent's edit does to its stale children, and write their new pins.
+    """Show how a parent's edit affects its stale children, and write their new pins.
 
-    A child that no longer fits its parent is a conflict: it is named, left alone, and the exit code is 1.
+    A child that no longer fits its parent is a conflict: it is reported and not changed, and the exit code is 1.
 
     [dim]foresee repin out/children
     foresee repin regressions --write
@@ -187,7 +191,7 @@ def repin(
 
 
 def _placement(case: TestCase) -> Sequence[Diagnostic]:
-    """Build the network and place every actor."""
+    """Return the errors of one case that appear when its network is built and every actor is placed."""
     from foresee_dsl.compile import placement_mistakes
 
     return placement_mistakes([case])

@@ -1,4 +1,4 @@
-"""The command that draws: a scene (or a network) from above, as a file or as a page that follows the text."""
+"""The command `draw`: a scene (or a network) from above, as a file or as a page that follows the text."""
 
 from __future__ import annotations
 
@@ -19,30 +19,33 @@ def draw(
         str,
         typer.Argument(
             metavar="FILE[::CASE]",
-            help="A scenario, case, clip, mutant or network (also .net.xml and .xodr); without a case, the first.",
+            help="A scenario, case, clip, mutant or network (also .net.xml and .xodr); by default its first case.",
             autocompletion=case_addresses,
         ),
     ],
     svg: Annotated[
-        Path | None, typer.Option("--svg", metavar="FILE", help="The SVG file; by default NAME.svg here; -: print it.")
+        Path | None,
+        typer.Option("--svg", metavar="FILE", help="The SVG file; by default NAME.svg in this folder; - prints it."),
     ] = None,
     png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="A PNG file (needs resvg-py).")] = None,
     whole: Annotated[
-        bool, typer.Option("--whole", help="The whole network, not only what concerns the actors.")
+        bool, typer.Option("--whole", help="Draw the whole network, not only the part around the actors.")
     ] = False,
     width: Annotated[
-        int, typer.Option("--width", min=240, max=4000, help="Width in pixels; letters keep their size.")
+        int, typer.Option("--width", min=240, max=4000, help="Width in pixels; the size of letters does not change.")
     ] = 720,
-    dark: Annotated[bool, typer.Option("--dark", help="The PNG in dark colours; the SVG follows its reader.")] = False,
+    dark: Annotated[
+        bool, typer.Option("--dark", help="Use dark colours in the PNG; an SVG follows its reader's setting.")
+    ] = False,
     watch: Annotated[
-        bool, typer.Option("--watch", help="Show it on a page of this machine, and draw again on every save.")
+        bool, typer.Option("--watch", help="Show the drawing on a local web page, and draw again on every save.")
     ] = False,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="--watch: the port of this machine; 0: any that is free.")
+        int, typer.Option("--port", min=0, max=65535, help="--watch: the local port; 0: any free one.")
     ] = 0,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Draw the scene at its start: roads, signals, actors, their ways, trigger places. Nothing is simulated.
+    """Draw the scene at its start: roads, signals, actors, their routes, trigger places. Nothing is simulated.
 
     [dim]foresee draw scenarios/scenario7.foresee::r01
     foresee draw scenarios/networks/town.foresee --png town.png

@@ -1,4 +1,4 @@
-"""The command `fmt`: bring files into the one layout, or say which are not in it."""
+"""The command `fmt`: bring files into the standard layout, or list the files that are not in it."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from foresee_dsl.errors import Diagnostic, InputError
 
 _STDIN = "-"
 _HEADER_LINES = 2
-"""A unified diff begins with `---` and `+++` and the file's name."""
+"""Number of lines with the file's name, `---` and `+++`, at the beginning of a unified diff."""
 _COLOURS = {"+": typer.colors.GREEN, "-": typer.colors.RED, "@": typer.colors.CYAN}
 
 
 @dataclass
 class _Tally:
-    """How many files were looked at and changed, and what was wrong with the others."""
+    """Counts of files that were read and changed, and the errors of the others."""
 
     files: int = 0
     changed: int = 0
@@ -42,9 +42,9 @@ def fmt(
         bool, typer.Option("--diff", help="Change nothing; print what would change; exit code as with --check.")
     ] = False,
 ) -> None:
-    """Bring files into the one layout: comments and grouping stay, the meaning never changes.
+    """Format files in the standard layout: comments and grouping stay, the meaning never changes.
 
-    A file with mistakes is left alone and its mistakes are shown; the others are formatted.
+    A file with errors is not changed and its errors are shown; the others are formatted.
 
     [dim]foresee fmt scenarios
     foresee fmt --check .
@@ -74,7 +74,7 @@ def fmt(
 
 
 def _files(paths: Sequence[str], tally: _Tally) -> Iterator[Path]:
-    """Return each file once; what is not there is a mistake like any other."""
+    """Yield each file once; a missing path is an error like any other."""
     from foresee_dsl.language.project.addresses import scenario_files
 
     seen: set[str] = set()
@@ -106,8 +106,8 @@ def _format_file(file: Path, tally: _Tally, *, check_only: bool, show_diff: bool
     elif check_only:
         typer.echo(f"would change {file}")
     else:
-        target = file.resolve()  # behind a link: what it points to, so that the link stays one
-        if not os.access(target, os.W_OK):  # putting a new file in place would get around that
+        target = file.resolve()  # the target of a link, so that the link remains a link
+        if not os.access(target, os.W_OK):  # replacing the file would ignore its permissions
             raise PermissionError(13, "permission denied")
         write_whole(target, after)
         typer.echo(f"formatted {file}")
@@ -130,10 +130,10 @@ def _format_stdin(*, check_only: bool, show_diff: bool) -> None:
 
 
 def _formatted(text: str, name: str) -> str:
-    """Return a text in the one layout, with the kind of newline of its first line and without a byte order mark.
+    """Return a text in the standard layout, with the newlines of its first line and without a byte order mark.
 
     Raises:
-        InputError: the text has mistakes.
+        InputError: the text has errors.
     """
     from foresee_dsl.language.parser import format_text
 

@@ -1,4 +1,4 @@
-"""The command init: a small project to begin with, which passes `check` and finds a failure in its first campaign."""
+"""The command `init`: a small project to start from, which passes `check` and finds a failure in its first campaign."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _FILES = (
     (".gitignore", "gitignore"),
     ("README.md", "README.md"),
 )
-"""Each file with its template in `templates/init`; "": an empty file."""
+"""Each file with its template in `templates/init`; "" stands for an empty file."""
 
 
 class Server(StrEnum):
-    """Whose file for a build server is written."""
+    """Build server for which a configuration file is written."""
 
     github = "github"
     gitlab = "gitlab"
@@ -39,33 +39,34 @@ _CI_FILES = {Server.github: ".github/workflows/scenarios.yml", Server.gitlab: ".
 def init(
     what: Annotated[
         str,
-        typer.Argument(metavar="[DIR]", help="Where to; it is made. By default here."),
+        typer.Argument(metavar="[DIR]", help="Folder of the project, which is created; by default this folder."),
     ] = ".",
     sketch: Annotated[
         str,
-        typer.Argument(metavar="[SKETCH]", help="Behind `network`: a street sketch, or - for standard input."),
+        typer.Argument(metavar="[SKETCH]", help="After `network`: a street sketch, or - for standard input."),
     ] = "",
     driver: DriverOption = "pdm",
-    ci: Annotated[Server, typer.Option("--ci", help="For which build server a file is written.")] = Server.github,
+    ci: Annotated[Server, typer.Option("--ci", help="Build server for which a file is written.")] = Server.github,
     install: Annotated[
         str,
         typer.Option(
             "--install",
             metavar="REQUIREMENT",
-            help="What the build server gives to pip; by default from where this foresee was installed.",
+            help="Requirement that the build server passes to pip; by default the origin of this installation.",
         ),
     ] = "",
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="Where a sketch's network is written; by default beside it."),
+        typer.Option("--out", help="File of a sketch's network; by default beside the sketch."),
     ] = None,
     scenario: Annotated[
-        Path | None, typer.Option("--scenario", help="Write a first scenario on the network of the sketch, too.")
+        Path | None,
+        typer.Option("--scenario", help="Also write a first scenario on the sketch's network, to this file."),
     ] = None,
 ) -> None:
-    """Write a small project to begin with: roads, a scenario with three cases, a campaign, files for git and CI.
+    """Write a small project to start from: roads, a scenario with three cases, a campaign, files for git and CI.
 
-    Nothing is overwritten: where one of its files is there already, nothing at all is written.
+    Nothing is overwritten: if one of the files exists already, no file is written.
 
     [dim]foresee init crossroads
     cd crossroads && foresee campaign campaign.foresee[/dim]
@@ -85,9 +86,9 @@ def init(
     load_driver(driver)  # an unknown name is reported before anything is written
     ci_file = _CI_FILES[ci]
     files = [(folder / name, template) for name, template in (*_FILES, (ci_file, f"ci/{ci}.yml"))]
-    if there := [str(file) for file, _ in files if file.exists()]:
+    if existing := [str(file) for file, _ in files if file.exists()]:
         raise ForeseeError(
-            f"nothing was written: {', '.join(there)} {'is' if len(there) == 1 else 'are'} there already"
+            f"nothing was written: {', '.join(existing)} {'is' if len(existing) == 1 else 'are'} there already"
         )
     name = re.sub(r"\W+", "_", folder.resolve().name.lower(), flags=re.ASCII).strip("_")
     values = {
@@ -105,13 +106,14 @@ def init(
     typer.echo(
         f"\nNext:\n{here}"
         "  foresee run scenarios/main_street.foresee::steps_out   # one case: it passes\n"
-        "  foresee campaign campaign.foresee                      # a minute: finds where it nearly does not\n"
+        "  foresee campaign campaign.foresee                      # a minute: finds a failure close to it\n"
         "  git init && git add . && git commit -m 'First scenarios'"
     )
 
 
 def _installed_from() -> str:
-    """Return what pip installs this tool from: the repository that it came from (PEP 610), or else a wheel."""
+    """Return the pip requirement of this installation: the repository that it came from (PEP 610), otherwise a
+    wheel."""
     try:
         url = json.loads(metadata.distribution("foresee-dsl").read_text("direct_url.json") or "{}")
     except (metadata.PackageNotFoundError, ValueError):
@@ -122,7 +124,7 @@ def _installed_from() -> str:
 
 
 def _network(sketch: str, out: Path | None, scenario: Path | None) -> None:
-    """Write the network of a street sketch, and a first scenario on it: both or none, and nothing is overwritten."""
+    """Write the network of a street sketch and a first scenario on it: both or neither, and nothing is overwritten."""
     import os
     import sys
 
@@ -133,26 +135,26 @@ def _network(sketch: str, out: Path | None, scenario: Path | None) -> None:
 
     if not sketch:
         raise typer.BadParameter(
-            "say which sketch: `foresee init network streets.txt`, or `-` for standard input "
+            "name a sketch: `foresee init network streets.txt`, or `-` for standard input "
             "(a project in a folder of this name: `foresee init ./network`)"
         )
     if sketch == "-":
-        text, shown = sys.stdin.read(), "standard input"
+        text, source = sys.stdin.read(), "standard input"
         file = out or Path("network.foresee")
     else:
-        shown = sketch
+        source = sketch
         try:
             text = read_outside_text(Path(sketch))
         except (OSError, UnicodeDecodeError) as err:
             raise ForeseeError(f"the sketch {sketch} cannot be read: {err}") from err
         file = out or Path(sketch).with_suffix(".foresee")
     targets = [file] if scenario is None else [file, scenario]
-    if there := [str(target) for target in targets if target.exists()]:
+    if existing := [str(target) for target in targets if target.exists()]:
         raise ForeseeError(
-            f"nothing was written: {', '.join(there)} {'is' if len(there) == 1 else 'are'} there already"
+            f"nothing was written: {', '.join(existing)} {'is' if len(existing) == 1 else 'are'} there already"
         )
-    network = network_of_sketch(text, _name(file), shown)
-    texts = {file: checked_text(network, shown)}
+    network = network_of_sketch(text, _name(file), source)
+    texts = {file: checked_text(network, source)}
     if scenario is not None:
         used = os.path.relpath(file, scenario.parent).replace(os.sep, "/")
         texts[scenario] = print_model(starter_of(network, _name(scenario), used))
