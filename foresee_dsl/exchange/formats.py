@@ -1,6 +1,6 @@
-"""The formats that come along, as entry points name them: the options of each, and the function that it is.
+"""The bundled formats, as entry points name them: the options and the function of each.
 
-They are imported for every help, so that what is heavy is imported inside the functions.
+This module is imported for every help, so heavy imports happen inside the functions.
 """
 
 from __future__ import annotations
@@ -17,17 +17,19 @@ if TYPE_CHECKING:
 
 Around = Annotated[
     str | None,
-    Option("Keep what is around a junction, an edge or `X,Y` of the map (m).", metavar="PLACE,RADIUS"),
+    Option("Keep the part around a junction, an edge or `X,Y` of the map; the radius is in m.", metavar="PLACE,RADIUS"),
 ]
 InBoundary = Annotated[
     str | None,
-    Option("Keep what is in a box (m), as netconvert's --keep-edges.", metavar="XMIN,YMIN,XMAX,YMAX"),
+    Option("Keep the edges in a box (m), as netconvert's --keep-edges does.", metavar="XMIN,YMIN,XMAX,YMAX"),
 ]
-InGeoBoundary = Annotated[str | None, Option("The same in degrees, west and south first.", metavar="LON,LAT,LON,LAT")]
+InGeoBoundary = Annotated[
+    str | None, Option("Keep the edges in a box in degrees, west and south first.", metavar="LON,LAT,LON,LAT")
+]
 
 
 def _part(around: str | None, in_boundary: str | None, in_geo_boundary: str | None) -> Part | None:
-    """Return the part of a map that is kept; a `ValueError` says what is wrong with the options."""
+    """Return the part of a map to keep; a `ValueError` says what is wrong with the options."""
     from foresee_dsl.exchange.maps.cutting import part_of
 
     return part_of(around, in_boundary, in_geo_boundary)
@@ -37,18 +39,19 @@ def _part(around: str | None, in_boundary: str | None, in_geo_boundary: str | No
 class CarlaOptions:
     """Options of `foresee import carla`."""
 
-    map_: Annotated[Path, Option("The town: TownXX.xodr, or a SUMO net made of it.", ("--map",))]
-    routes: Annotated[list[Path], Option("Route files (XML); may be given several times.")]
+    map_: Annotated[Path, Option("The town: TownXX.xodr, or a SUMO net made from it.", ("--map",))]
+    routes: Annotated[list[Path], Option("Route file (XML); repeat the option for several.")]
     out: OutFolder
     more: Annotated[
-        list[Path] | None, Option("More route (.xml) and trigger (.json) files.", metavar="[FILE]...", positional=True)
+        list[Path] | None,
+        Option("Further route (.xml) and trigger (.json) files.", metavar="[FILE]...", positional=True),
     ] = None
-    triggers: Annotated[list[Path] | None, Option("Trigger files (JSON); may be given several times.")] = None
+    triggers: Annotated[list[Path] | None, Option("Trigger file (JSON); repeat the option for several.")] = None
     vtypes: Annotated[Path | None, Option("CARLA's blueprints as SUMO vTypes (XML).")] = None
 
 
 def from_carla(options: CarlaOptions, tell: Tell) -> Imported:  # noqa: ARG001 - the protocol's
-    """Turn CARLA's leaderboard routes into scenarios: a file a family, a case a route.
+    """Turn CARLA's leaderboard routes into scenarios: one file per family, one case per route.
 
     [dim]foresee import carla --map Town10HD.xodr --routes S7/*.xml --triggers S7/*.json --out town10[/dim]
     """
@@ -75,7 +78,7 @@ class OpenDriveOptions:
 
 
 def from_opendrive(options: OpenDriveOptions, tell: Tell) -> Imported:
-    """Turn an OpenDRIVE map, or a part of it, into a network and a starter scenario."""
+    """Turn an OpenDRIVE map, or a part of it, into a network and a first scenario."""
     from foresee_dsl.exchange.maps import opendrive
 
     part = _part(options.around, options.in_boundary, options.in_geo_boundary)
@@ -90,7 +93,9 @@ class OsmOptions:
         Path, Option("An OpenStreetMap extract (.osm, .osm.gz, .osm.pbf).", metavar="FILE", positional=True)
     ]
     out: OutFolder
-    around: Annotated[str | None, Option("Keep what is around a place (degrees, m).", metavar="LON,LAT,RADIUS")] = None
+    around: Annotated[
+        str | None, Option("Keep the part around a place (degrees; radius in m).", metavar="LON,LAT,RADIUS")
+    ] = None
     in_geo_boundary: InGeoBoundary = None
 
     def __post_init__(self) -> None:
@@ -98,7 +103,7 @@ class OsmOptions:
 
 
 def from_osm(options: OsmOptions, tell: Tell) -> Imported:
-    """Turn an OpenStreetMap extract, or a part of it, into a network and a starter scenario."""
+    """Turn an OpenStreetMap extract, or a part of it, into a network and a first scenario."""
     from foresee_dsl.exchange.maps import osm
 
     part = _part(options.around, None, options.in_geo_boundary)
@@ -120,7 +125,7 @@ class SumoOptions:
 
 
 def from_sumo(options: SumoOptions, tell: Tell) -> Imported:
-    """Turn a SUMO network, or a part of it, into one of ours and a starter scenario.
+    """Turn a SUMO network, or a part of it, into a network and a first scenario.
 
     [dim]foresee import sumo town.net.xml --around 1200,850,300 --out town[/dim]
     """
@@ -136,23 +141,27 @@ class FromOpenScenarioOptions:
 
     file: Annotated[Path, Option("An OpenSCENARIO XML file (.xosc).", metavar="FILE", positional=True)]
     out: OutFolder
-    ego: Annotated[str, Option("The entity under test; by default `Ego` or the like, else the first vehicle.")] = ""
+    ego: Annotated[
+        str, Option("The entity under test; by default one with a name such as `Ego`, otherwise the first vehicle.")
+    ] = ""
     map_: Annotated[
         Path | None,
-        Option("The network, or a folder to look for it; by default the one that the file names.", ("--map",)),
+        Option("The road network, or a folder that contains it; by default the one that the file names.", ("--map",)),
     ] = None
-    coordinates: Annotated[Coordinates, Option("CARLA's are left-handed; by default that is found out.")] = (
+    coordinates: Annotated[Coordinates, Option("Handedness: CARLA's are left-handed; by default it is detected.")] = (
         Coordinates.auto
     )
     partial: Annotated[
         bool,
-        Option("Write it also where actions, triggers or participants are lost; comments say which.", ("--partial",)),
+        Option(
+            "Write the scenario even if actions, triggers or participants are lost; comments list them.", ("--partial",)
+        ),
     ] = False
     allow_outside: AllowOutside = False
 
 
 def from_openscenario(options: FromOpenScenarioOptions, tell: Tell) -> Imported:  # noqa: ARG001 - the protocol's
-    """Turn an OpenSCENARIO XML file into a scenario. Exit code 1 where something of it would be lost.
+    """Turn an OpenSCENARIO XML file into a scenario. Exit code 1 if a part of it would be lost.
 
     [dim]foresee import openscenario cut_in.xosc --out cut_in
     foresee import openscenario cut_in.xosc --out cut_in --partial[/dim]
@@ -178,10 +187,15 @@ class ToOpenScenarioOptions:
     out: OutFolder
     behaviour: Annotated[
         bool,
-        Option("What actors do and when, as far as it goes; or where they went.", ("--behaviour/--trajectories",)),
+        Option(
+            "Write the actors' actions and triggers, as far as possible; or the recorded trajectories.",
+            ("--behaviour/--trajectories",),
+        ),
     ] = False
-    driver: Annotated[str, Option("The driver; by default the one that a mutant records, else pdm.")] = ""
-    seed: Annotated[int | None, Option("By default what a mutant records, else 0.", least=0, most=2**31 - 1)] = None
+    driver: Annotated[str, Option("The driver; by default the one that a mutant records, otherwise pdm.")] = ""
+    seed: Annotated[
+        int | None, Option("The seed; by default the one that a mutant records, otherwise 0.", least=0, most=2**31 - 1)
+    ] = None
     allow_outside: AllowOutside = False
 
 
@@ -210,15 +224,15 @@ class CarlaRouteOptions:
         list[str], Option("Clips, mutants or test cases on one map.", metavar="FILE[::CASE]...", positional=True)
     ]
     out: Annotated[Path, Option("The file to write.")]
-    town: Annotated[str, Option("CARLA's name of the map; by default that of its file.")] = ""
-    route_format: Annotated[
-        str, Option("CARLA's version, by which the file is laid out: 0.9.10 or 0.9.15.", ("--format",))
-    ] = "0.9.10"
+    town: Annotated[str, Option("CARLA's name of the map; by default its file name.")] = ""
+    route_format: Annotated[str, Option("Version of CARLA that reads the file: 0.9.10 or 0.9.15.", ("--format",))] = (
+        "0.9.10"
+    )
     allow_outside: AllowOutside = False
 
 
 def to_carla_route(options: CarlaRouteOptions, tell: Tell) -> Imported:  # noqa: ARG001 - the protocol's
-    """Write where the ego starts and where it goes as a route file of CARLA's leaderboard, a route each.
+    """Write the ego's start and goal of each test case as a route file of CARLA's leaderboard.
 
     [dim]foresee export carla-route out/clips/*.foresee --out routes.xml[/dim]
     """

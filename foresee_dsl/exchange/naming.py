@@ -1,4 +1,4 @@
-"""Names, sentences and numbers from other tools, as the language can express them."""
+"""Conversion of names, sentences and numbers from other tools into forms that the language can express."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from foresee_dsl.language.model import Quantity
 from foresee_dsl.language.units import Dimension
 
 _LONGEST = 40
-"""Ours: half of what the language allows, so that campaigns can add to it."""
+"""Ours: half of the language's limit, so that campaigns can append to it."""
 _LONGEST_FILE_NAME = 120
-"""Ours: most file systems allow 255 bytes, which a letter may have four of."""
+"""Ours: most file systems allow 255 bytes, and a letter may take four."""
 _LONGEST_ID = 200
 _ID = re.compile(rf'[^"\n\r\\]{{1,{_LONGEST_ID}}}')
-"""What `language.model.values.Id` allows."""
+"""The same as `language.model.values.Id`."""
 _LONGEST_SENTENCE = 300
-"""Ours: what is read at a glance."""
+"""Ours: a text that is read at a glance."""
 DIGITS = 4
 """Decimals of metres, m/s and degrees, as in clips: they rebuild a run exactly."""
 _LARGEST = 1e7
-"""In SI: map projections come to 1e7 m (ours)."""
+"""In SI units: map projections reach 1e7 m (ours)."""
 
 
 def name_of(text: str, otherwise: str) -> str:
-    """Return the snake_case name nearest to a text: `NPC Car-1` is `npc_car_1`.
+    """Return the snake_case name nearest to a text: `NPC Car-1` becomes `npc_car_1`.
 
-    `otherwise` stands in front when the text begins with no letter, and alone when nothing is left of it.
+    `otherwise` is put in front if the text does not begin with a letter, and used alone if no character remains.
     """
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", plain).lower()
@@ -45,45 +45,45 @@ def name_of(text: str, otherwise: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """Return a text as a `doc` can hold it: on one line, without double quotes, not too long."""
+    """Return a text in the form of a `doc`: on one line, without double quotes, not too long."""
     return " ".join(re.sub(r"[\x00-\x1f\x7f]", " ", text.replace('"', "'")).split())[:_LONGEST_SENTENCE]
 
 
 def file_name(name: str) -> str:
-    """Return a file's name as a scenario can say it in double quotes; nearly all names are that already."""
+    """Return a file name that a scenario can contain in double quotes; nearly all names remain unchanged."""
     return re.sub(r'["\x00-\x1f\x7f]', "_", name)[-_LONGEST_FILE_NAME:]
 
 
 def check_network(network: Topology, where: str) -> None:
-    """Make sure that cars can drive on a network, and that the language can express its ids; `where` is its file.
+    """Raise unless cars can drive on a network and the language can express its ids; `where` names its file.
 
     Raises:
-        ExchangeError: no lane is for cars, or the id of an edge or junction holds a double quote, a backslash or a line
-            break, or is longer than 200 letters.
+        ExchangeError: no lane is for cars, or the id of an edge or junction contains a double quote, a backslash or a
+            line break, or is longer than 200 letters.
     """
     if not any(edge.for_kind("car") for edge in network.edges.values()):
-        raise ExchangeError(f"{where} has no lanes for cars: nobody could drive on it")
+        raise ExchangeError(f"{where} has no lanes for cars, so the ego cannot drive on it")
     for name in (*network.edges, *network.junctions):
         if not _ID.fullmatch(name):
-            shown = f"'{name[:40]}...' ({len(name)} letters)" if len(name) > _LONGEST_ID else repr(name)
+            quoted = f"'{name[:40]}...' ({len(name)} letters)" if len(name) > _LONGEST_ID else repr(name)
             raise ExchangeError(
-                f"{where} calls an edge or junction {shown}, which the language cannot express: ids have at most "
+                f"{where} has an edge or junction {quoted}, which the language cannot express: ids have at most "
                 f"{_LONGEST_ID} letters, and no double quotes, backslashes or line breaks; rename it there"
             )
 
 
 def distinct_name(text: str, otherwise: str, taken: Collection[str]) -> str:
-    """Return the same, with a number behind it where the name is taken."""
+    """Return the name nearest to a text, with a number appended if that name is taken."""
     name = name_of(text, otherwise)
     numbered = (f"{name}_{count}" for count in itertools.count(2))
-    return next(found for found in itertools.chain([name], numbered) if found not in taken)
+    return next(candidate for candidate in itertools.chain([name], numbered) if candidate not in taken)
 
 
 def quantity(value_si: float, dimension: Dimension) -> Quantity:
-    """Return a quantity in the unit of generated files, rounded, without needless zeros; an `ExchangeError` for one
-    that is larger than anything that is driven."""
+    """Return a quantity in the unit of generated files, rounded, without needless zeros; `ExchangeError` if it is
+    larger than any real value."""
     if not abs(value_si) <= _LARGEST:
-        raise ExchangeError(f"{value_si:g} is no {dimension} that can be meant")
+        raise ExchangeError(f"{value_si:g} is not a plausible {dimension}")
     exact = Quantity.of(value_si, dimension, DIGITS)
     plain = exact.value.normalize()
     if plain.as_tuple().exponent not in range(-DIGITS, 1):  # 1E+2
@@ -92,5 +92,5 @@ def quantity(value_si: float, dimension: Dimension) -> Quantity:
 
 
 def number(element: Element, name: str, default: float | None = None) -> float:
-    """Return an attribute as a number; an `ExchangeError` where `opendrive_geometry.number` has its error."""
+    """Return an attribute as a number; `ExchangeError` if `opendrive_geometry.number` refuses it."""
     return opendrive_geometry.number(element, name, default, error=ExchangeError, of="the")

@@ -1,4 +1,4 @@
-"""What an import gives: files that appear together or not at all, and what could not be taken over."""
+"""Results of an import or export: files that appear together or not at all, and a report on the parts left out."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
 
 class ExchangeError(ForeseeError):
-    """A foreign file cannot be read, or not be written as we are asked; the message names the file and what to do."""
+    """A foreign file cannot be read, or cannot be written with these options; the message names the file and a fix."""
 
 
 class SourceError(ExchangeError):
-    """The foreign file itself is at fault: incomplete, in contradiction with itself, of another kind."""
+    """The foreign file itself is at fault: incomplete, contradictory, or of another kind."""
 
 
-class NotExpressed(Exception):  # noqa: N818 - no error: it is counted and reported
-    """Something of the source has no counterpart in the other format; the text is what is counted, in words."""
+class NotExpressed(Exception):  # noqa: N818 - not an error: it is counted and reported
+    """A part of the source has no counterpart in the other format; the text describes it for the report."""
 
 
 class Coordinates(StrEnum):
-    """How world positions are meant."""
+    """Handedness of world positions."""
 
     auto = "auto"
     right = "right-handed"
@@ -43,12 +43,12 @@ class Imported:
     """The result of an import or export.
 
     Attributes:
-        files: what was written.
-        cases: how many test cases are in them.
-        taken: what was taken over, in words, with counts.
-        left_out: what the source holds and the result does not express, in words, with counts.
-        notes: what we added or guessed, one sentence each.
-        lost: actions, triggers and participants without which the result is something else, in words, with counts.
+        files: the written files.
+        cases: number of test cases in them.
+        taken: counts of the parts that were taken over, by description.
+        left_out: counts of the parts of the source that the result does not express, by description.
+        notes: additions and guesses, one sentence each.
+        lost: counts of actions, triggers and participants whose absence changes the scenario, by description.
     """
 
     files: tuple[Path, ...] = ()
@@ -62,12 +62,12 @@ class Imported:
 
 
 def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]:
-    """Have files written to a temporary folder, then move them into place.
+    """Let files be written to a temporary folder, then move them into place.
+
 
     Args:
-        out: the folder that is meant; made where it is missing. Files of the same names are replaced.
-        write: writes its files into the folder that it is given (files only, no folders). If it raises, nothing is
-            left behind.
+        out: the target folder; it is created if missing. Files of the same names are replaced.
+        write: writes files (no folders) into the folder that it receives. If it raises, no file remains.
 
     Returns:
         The files, in `out`, by name.
@@ -76,7 +76,7 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
         ExchangeError: `out` cannot be written.
     """
     try:
-        made = [folder for folder in (out, *out.parents) if not folder.exists()]  # the innermost first
+        new_folders = [folder for folder in (out, *out.parents) if not folder.exists()]  # the innermost first
         out.mkdir(parents=True, exist_ok=True)
         fresh = Path(tempfile.mkdtemp(prefix=".foresee-import-", dir=out))
     except OSError as err:
@@ -87,10 +87,12 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
         for name in names:
             (fresh / name).replace(out / name)
     except BaseException as error:
-        if error.args and isinstance(error, ForeseeError):  # the folder is gone by the time that somebody reads this
+        if error.args and isinstance(
+            error, ForeseeError
+        ):  # the temporary folder no longer exists when the message is read
             error.args = (str(error.args[0]).replace(f"{fresh}{os.sep}", ""), *error.args[1:])
         shutil.rmtree(fresh, ignore_errors=True)
-        for folder in made:
+        for folder in new_folders:
             if not any(folder.iterdir()):
                 folder.rmdir()
         raise
@@ -99,16 +101,16 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
 
 
 def import_together(out: Path, write: Callable[[Path], Imported]) -> Imported:
-    """Write files as `write_together` does, and return the report that `write` gives, with the files in it."""
+    """Write files as `write_together` does; return the report of `write`, completed by the files."""
     reports: list[Imported] = []
     files = write_together(out, lambda folder: reports.append(write(folder)))
     return replace(reports[0], files=files)
 
 
 def write_text(file: Path, model: Definition, remarks: Mapping[int, Sequence[str]] | None = None) -> None:
-    """Write a scenario, network or catalogue in the one layout.
+    """Write a scenario, network or catalogue in the standard layout.
 
-    `remarks` are comments that stand before its statements, by their places in its body.
+    `remarks`: comments before its statements, by the statements' indices in its body.
     """
     from foresee_dsl.language.printer import print_model, remarked
 

@@ -1,4 +1,4 @@
-"""Street sketches: a short list of nodes and of streets between them becomes a network, with a starter if wanted.
+"""Street sketches: a short list of nodes and streets between them becomes a network, optionally with a scenario.
 
 a 0 0
 b 200 0 signals
@@ -25,9 +25,9 @@ from foresee_dsl.language.units import UNITS
 CODE = "FS272"
 _CONTROLS = ("signals", "priority", "right_before_left", "stop", "roundabout")
 _GREEN_S = 25
-"""Green of a stage, s (ours: that of the project that `foresee init` writes)."""
+"""Green time of a stage, s (ours: as in the project of `foresee init`)."""
 _OPPOSITE_RAD = math.radians(45)
-"""Two streets that leave a node this far off a straight line have green together (ours)."""
+"""Two streets that leave a node within this angle of a straight line share their green (ours)."""
 _RADIUS_M = 18
 _SIDEWALK_M = "2"
 _NUMBERS: Mapping[str, str] = {
@@ -43,7 +43,7 @@ _NUMBERS: Mapping[str, str] = {
     "shoulder": "m",
     "lane_width": "m",
 }
-"""What a street may say, with the unit of its number where none is written."""
+"""Settings of a street, each with the unit of a number without one."""
 _WORDS = (*_NUMBERS, "oneway", "name", "via")
 _NODE = "`a 0 0`, or `a 0 0 signals`"
 _STREET = "`a-b`, or `a-b lanes 2 speed 50`"
@@ -60,11 +60,11 @@ class _Street:
 
 
 class _Reader:
-    """Reads a sketch line by line and gathers what is wrong with it."""
+    """Reads a sketch line by line and collects its errors."""
 
     def __init__(self, text: str, path: str) -> None:
         self._lines, self._path = text.splitlines(), path
-        self.found: list[Diagnostic] = []
+        self.diagnostics: list[Diagnostic] = []
         self.nodes: dict[str, tuple[str, str, str]] = {}
         self.streets: dict[str, _Street] = {}
         for number, line in enumerate(self._lines, start=1):
@@ -75,20 +75,20 @@ class _Reader:
                 self._node(number, words)
         for street in self.streets.values():
             self._ends(street)
-        if not self.streets and not self.found:
+        if not self.streets and not self.diagnostics:
             self._wrong(1, 1, "", "this sketch has no streets", f"write one such as {_STREET}")
 
     def _wrong(self, line: int, column: int, word: str, message: str, help: str) -> None:
         source = self._lines[line - 1] if self._lines else ""
         span = Span(line, column, line, column + max(len(word), 1))
-        self.found.append(Diagnostic(CODE, message, help, self._path, span, source[:200]))
+        self.diagnostics.append(Diagnostic(CODE, message, help, self._path, span, source[:200]))
 
     def _node(self, line: int, words: Sequence[tuple[str, int]]) -> None:
         (name, column), *rest = words
         plain = _plain(name)
         if not plain:
             help = f"a line is a node, {_NODE}, or a street, {_STREET}"
-            self._wrong(line, column, name, f"`{name}` is no name of a node", help)
+            self._wrong(line, column, name, f"`{name}` is not a name for a node", help)
             return
         if plain in self.nodes:
             self._wrong(line, column, name, f"there are two nodes called '{plain}'", "give one of them another name")
@@ -96,7 +96,7 @@ class _Reader:
         bad = next(((word, at) for (word, at), number in zip(rest, numbers, strict=False) if number is None), None)
         if bad is not None or len(rest) < 2:
             word, at = bad or words[-1]
-            message = f"`{word}` is no coordinate" if bad else f"node '{plain}' has no position"
+            message = f"`{word}` is not a coordinate" if bad else f"node '{plain}' has no position"
             self._wrong(line, at, word, message, f"write metres east and north: {_NODE}")
             self.nodes.setdefault(plain, ("0", "0", ""))
             return
@@ -144,9 +144,9 @@ class _Reader:
         word, at = waiting.pop(0) if waiting else ("", key[1])
         number = _NUMBER.fullmatch(word)
         if number is None:
-            shown = f"`{word}` is no number" if word else "a number is missing"
+            problem = f"`{word}` is not a number" if word else "a number is missing"
             usual = "30" if key[0] == "speed" else "2"
-            self._wrong(line, at, word or key[0], f"{shown} for `{key[0]}`", f"write it like `{key[0]} {usual}`")
+            self._wrong(line, at, word or key[0], f"{problem} for `{key[0]}`", f"write it like `{key[0]} {usual}`")
         elif (number[2] or _NUMBERS[key[0]]) not in _same_units(_NUMBERS[key[0]]):
             units = " or ".join(f"`{unit}`" for unit in _same_units(_NUMBERS[key[0]]) if unit) or "no unit"
             self._wrong(line, at, word, f"`{word}` has no unit for `{key[0]}`", f"it takes {units}")
@@ -173,25 +173,27 @@ class _Reader:
 
 
 def network_of_sketch(text: str, name: str, path: str) -> m.Network:
-    """Return the network of a sketch; an `InputError` with every line that is wrong."""
+    """Return the network of a sketch; `InputError` with every faulty line."""
     sketch = _Reader(text, path)
-    if sketch.found:
-        raise InputError(tuple(sorted(sketch.found, key=lambda d: (d.span.line, d.span.column) if d.span else (0, 0))))
+    if sketch.diagnostics:
+        raise InputError(
+            tuple(sorted(sketch.diagnostics, key=lambda d: (d.span.line, d.span.column) if d.span else (0, 0)))
+        )
     streets = tuple(sketch.streets.values())
     body = [_junction(node, sketch, streets) for node in sketch.nodes]
     return m.Network(name=name, body=(*body, *map(_road, streets)))
 
 
 def checked_text(network: m.Network, path: str) -> str:
-    """Return the text of a network of a sketch, after a check and a build; an `InputError` that says what cannot be."""
+    """Return the text of a sketch's network after a check and a build; `InputError` with what cannot be built."""
     from foresee_dsl.compile.nets.network_builder import build_network
     from foresee_dsl.language.checks.documents import check_document
     from foresee_dsl.language.printer import print_model
     from foresee_dsl.language.project.document import Document
 
     text = print_model(network)
-    found = check_document(Document(path, text, network, {}))
-    errors = tuple(Diagnostic(d.code, d.message, d.help, path) for d in found if d.severity == "error")
+    diagnostics = check_document(Document(path, text, network, {}))
+    errors = tuple(Diagnostic(d.code, d.message, d.help, path) for d in diagnostics if d.severity == "error")
     if errors:
         raise InputError(errors)
     with tempfile.TemporaryDirectory(prefix="foresee-sketch-") as folder:
@@ -204,8 +206,7 @@ def checked_text(network: m.Network, path: str) -> str:
 
 
 def starter_of(network: m.Network, name: str, file: str) -> m.Scenario:
-    """Return a scenario to begin with on a network that is used as `file`; an `ExchangeError` where no way is long
-    enough."""
+    """Return a first scenario on a network that is used as `file`; `ExchangeError` if no route is long enough."""
     from foresee_dsl.compile.nets.network_builder import build_network
     from foresee_dsl.exchange.maps.starter import Ground, starter
     from foresee_dsl.exchange.outcome import ExchangeError
@@ -217,7 +218,7 @@ def starter_of(network: m.Network, name: str, file: str) -> m.Scenario:
         ground = Ground.of(net)
         on_rings = [edge for ring in rings_of(network).values() for edge in ring.edges]
         doc = "A first drive on the streets of a sketch."
-        try:  # a way that begins and ends on a street
+        try:  # a route that begins and ends on a street, not on a roundabout
             scenario, _ = starter(ground, name=name, network=file, doc=doc, without=on_rings)
         except ExchangeError:
             scenario, _ = starter(ground, name=name, network=file, doc=doc)
@@ -225,12 +226,12 @@ def starter_of(network: m.Network, name: str, file: str) -> m.Scenario:
 
 
 def _same_units(unit: str) -> tuple[str, ...]:
-    """Return the units of the same dimension as one; "" alone for a count."""
+    """Return the units of the same dimension as one; only "" for a count."""
     return tuple(other for other, what in UNITS.items() if what.dimension == UNITS[unit].dimension) if unit else ("",)
 
 
 def _plain(name: str) -> str:
-    """Return a name as the language has them; "" for none."""
+    """Return a name in the form of the language; "" if that is impossible."""
     plain = re.sub(r"\W+", "_", name.lower(), flags=re.ASCII).strip("_")
     return plain if re.match(r"[a-z]", plain) else ""
 
@@ -263,13 +264,13 @@ def _junction(node: str, sketch: _Reader, streets: Sequence[_Street]) -> m.Junct
     if control == "signals":
         stages = tuple(_stages(node, sketch, touching))
         return m.Junction(name=node, at=at, control="signals", crossings=crossings, stages=stages)
-    given = {"control": control} if control else {}
-    return m.Junction.model_validate({"name": node, "at": at, "crossings": crossings, **given})
+    control_field = {"control": control} if control else {}
+    return m.Junction.model_validate({"name": node, "at": at, "crossings": crossings, **control_field})
 
 
 def _stages(node: str, sketch: _Reader, touching: Sequence[_Street]) -> Iterator[m.Stage]:
-    """Yield a stage for each pair of streets that lie opposite, and for each that is alone; one-way streets that lead
-    away have none."""
+    """Yield a stage for each pair of opposite streets, and for each single street; one-way streets that lead away get
+    none."""
     x, y = (float(value) for value in sketch.nodes[node][:2])
     angles: dict[str, float] = {}
     for street in touching:

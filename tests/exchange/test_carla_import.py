@@ -193,7 +193,7 @@ def test_an_unknown_family_is_driven_through_traffic_and_said(town: tuple[Path, 
     ends = carla_place(network, "south", 30), carla_place(network, "north_back", 60)
     routes = [write_routes(tmp_path / "Town77_Scenario10.xml", ends)]
     done = carla_import.run(net, routes, out=tmp_path / "out")
-    assert done.left_out == {"behaviour of Scenario10, which we do not know": 1}
+    assert done.left_out == {"behaviour of Scenario10, which is unknown to us": 1}
     assert [file.name for file in done.files] == ["Town77.net.xml", "scenario10.foresee"]
     assert placement_mistakes(load_test_cases([tmp_path / "out"])) == ()
 

@@ -132,7 +132,7 @@ def test_an_actor_that_brakes_at_the_end_of_its_lane_is_named(tmp_path: Path) ->
     """225 m of road lie ahead of a target with 14 m/s; nothing is said where the road is long enough."""
     short = importer.run(osc.write(tmp_path / "short", osc.scenario(), road=_STRAIGHT_300), out=tmp_path / "a")
     assert [n for n in short.notes if "brakes at the end" in n] == [
-        "target_1 brakes at the end of its lane, 225 m on: from there the map leads it nowhere"
+        "target_1 brakes at the end of its lane, 225 m ahead: the map has no lane from there"
     ]
     long = importer.run(osc.write(tmp_path / "long", osc.scenario()), out=tmp_path / "b")
     assert not any("brakes at the end" in note for note in long.notes)

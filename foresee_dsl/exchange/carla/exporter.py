@@ -1,4 +1,4 @@
-"""Writes clips as routes of CARLA's leaderboard: where the ego starts and where it goes (paper, section 3.3)."""
+"""Export of clips as routes of CARLA's leaderboard: the ego's start and its goal (paper, section 3.3)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROUTE_FORMATS = ("0.9.10", "0.9.15")
 _LOW_SUN_DEG, _HIGH_SUN_DEG = 9.0, 70.0
 """The altitude of a low sun, which dazzles (ours: as in exported OpenSCENARIO), and scenario_runner's default."""
 _DIGITS = 6
-"""Decimals of metres and degrees, as CARLA's own route files have them."""
+"""Decimals of metres and degrees (as in CARLA's own route files)."""
 
 
 def run(
@@ -34,21 +34,21 @@ def run(
     route_format: str = ROUTE_FORMATS[0],
     allow_outside: bool = True,
 ) -> Imported:
-    """Write a route file with a route for each test case, in the order named; their ids count from 0.
+    """Write a route file with one route per test case, in the given order; their ids count from 0.
 
     Args:
         addresses: clips, mutants or test cases, whose networks are CARLA's maps.
         out: the file, `.xml`.
-        town: CARLA's name of the map; by default what stands before the first dot of the network's file name.
+        town: CARLA's name of the map; by default the network's file name up to its first dot.
         route_format: one of `ROUTE_FORMATS`.
         allow_outside: see `project.load_test_case`.
 
     Raises:
-        ExchangeError: `out` cannot be written, there is no such format, or there is no telling which town it is.
-        InputError, CompileError: a test case has mistakes.
+        ExchangeError: `out` cannot be written, the format is unknown, or the town is unknown.
+        InputError, CompileError: a test case has errors.
     """
     if out.suffix != ".xml":
-        raise ExchangeError(f"{out} is no name of a route file: it must end in .xml")
+        raise ExchangeError(f"{out} is not a name for a route file: it must end in .xml")
     if route_format not in ROUTE_FORMATS:
         raise ExchangeError(f"there is no format {route_format}: name {' or '.join(ROUTE_FORMATS)}")
     project = Project(allow_outside=allow_outside)
@@ -79,7 +79,8 @@ def run(
 
 
 def _add_parts(route: Element, bundle: SumoBundle) -> None:
-    """Add what scenario_runner's parser asks for: the weather, where the route leads, and its (here no) scenarios."""
+    """Add the elements that scenario_runner's parser requires: weather, the ends of the route, an empty scenario
+    list."""
     if weather := _weather(bundle.scene):
         weathers = SubElement(route, "weathers")
         values = {name: f"{value:g}" for name, value in weather.items()}
@@ -92,7 +93,7 @@ def _add_parts(route: Element, bundle: SumoBundle) -> None:
 
 
 def _weather(scene: Scene) -> dict[str, float]:
-    """Return CARLA's figures (percent, degrees) for a scene's weather; none where it is dry and clear."""
+    """Return CARLA's weather values (percent, degrees) for a scene; empty if it is dry and clear."""
     wet = 1 - scene.friction / DRY_FRICTION
     if not (scene.rain or scene.fog or scene.sun or wet > 0):
         return {}
@@ -107,17 +108,17 @@ def _weather(scene: Scene) -> dict[str, float]:
 
 def _town(case: TestCase) -> str:
     if not isinstance(case.network, Path):
-        raise ExchangeError(f"the network of {case.id} is no map of CARLA's: say which one it is with --town")
+        raise ExchangeError(f"the network of {case.id} is not a file of a CARLA map: name the map with --town")
     return case.network.name.partition(".")[0]
 
 
 def _waypoints(bundle: SumoBundle) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Return the middle of the ego at the beginning, and its goal: x, y in m of the map, heading in rad."""
+    """Return the centre of the ego at the start, and its goal: x, y in m of the map, heading in rad."""
     scene = bundle.scene
     ego, line = scene.ego, scene.ego.line
     if line is None:
         raise ExchangeError(f"the ego of {bundle.name} has no route")
-    back = ego.model.length_m / 2  # it is placed by its front; CARLA spawns a vehicle by its middle
+    back = ego.model.length_m / 2  # we place a vehicle by its front, CARLA by its centre
     ox, oy = offset_of(parse_net(bundle.net_file))
     start = ego.x - back * math.cos(ego.heading_rad) - ox, ego.y - back * math.sin(ego.heading_rad) - oy
     goal_x, goal_y, goal_heading = line.at(scene.goal_s)
@@ -125,7 +126,8 @@ def _waypoints(bundle: SumoBundle) -> tuple[tuple[float, float, float], tuple[fl
 
 
 def _waypoint(x: float, y: float, heading_rad: float) -> dict[str, str]:
-    """CARLA is left-handed: y points south, yaw turns clockwise (degrees)."""
+    """Return a route point's attributes for CARLA, which is left-handed: y points south, yaw turns clockwise,
+    degrees."""
     yaw = math.degrees(math.remainder(-heading_rad, math.tau))
     values = {"x": x, "y": -y, "z": 0.0, "pitch": 0.0, "roll": 0.0, "yaw": yaw}
     return {name: f"{round(value, _DIGITS) + 0.0:.{_DIGITS}f}" for name, value in values.items()}

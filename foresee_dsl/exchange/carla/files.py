@@ -1,6 +1,6 @@
-"""Reads CARLA's leaderboard files: routes (XML), scenario triggers (JSON), blueprints as vTypes (XML).
+"""Readers of CARLA's leaderboard files: routes (XML), scenario triggers (JSON), blueprints as vTypes (XML).
 
-CARLA's world is left-handed: y points south, yaw turns clockwise, in degrees. Everything here is right-handed already:
+CARLA's world is left-handed: y points south, yaw turns clockwise, in degrees. All results here are right-handed:
 y = -y_carla, heading = -yaw.
 """
 
@@ -25,14 +25,14 @@ from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.files import read_outside
 
 _LISTS = ("waypoints", "positions")
-"""Elements that hold a route's places in newer files."""
+"""Elements that contain a route's places in newer files."""
 _FAMILY = re.compile(r"[Ss]cenario_?(\d{1,3})(?!\d)")
 _LEVEL_DEG = 0.5
-"""Pitch and roll up to this are level (ours: roundings of CARLA's recorder)."""
+"""Pitch and roll up to this value, in degrees, count as level (ours: rounding in CARLA's recorder)."""
 _LEVEL_M = 0.5
-"""Files in which no place is higher than this say no heights: CARLA's older route files have 0 everywhere (ours)."""
+"""If no place of a file is higher than this, m, its heights are ignored: CARLA's older route files have 0 (ours)."""
 _DENSE_M = 15.0
-"""Places without a yaw that are nearer to the next one than this have its direction (ours: no corner lies between)."""
+"""A place without a yaw gets the direction to the next place up to this distance, m (ours: no corner in between)."""
 _NAMES = {
     "3": ("DynamicObjectCrossing", "ParkingCrossingPedestrian", "PedestrianCrossing"),
     "4": ("VehicleTurningRoute", "VehicleTurningRoutePedestrian"),
@@ -40,13 +40,13 @@ _NAMES = {
     "8": ("SignalizedJunctionLeftTurn", "NonSignalizedJunctionLeftTurn"),
     "9": ("SignalizedJunctionRightTurn", "NonSignalizedJunctionRightTurn"),
 }
-"""The families' names in leaderboard 2.0 (classes of scenario_runner; which belongs to which family is ours)."""
+"""Names of the families in leaderboard 2.0 (classes of scenario_runner; their assignment to families is ours)."""
 _FAMILY_OF = {name: family for family, names in _NAMES.items() for name in names}
 
 
 @dataclass(frozen=True)
 class Trigger:
-    """Where a scenario of a family fires. `order`: its place in its file."""
+    """The place at which a scenario of a family starts. `order`: its index in its file."""
 
     family: str
     town: str
@@ -60,10 +60,10 @@ class CarlaRoute:
     """A route.
 
     Attributes:
-        id: its name in the file. town: as `Town10HD`, or empty. family: `3`, or empty where nothing says it.
-        start, end: its first and last place. between: the others.
-        file: where it comes from. order: its place there.
-        triggers: those that it holds itself, in newer files.
+        id: its name in the file. town: such as `Town10HD`, or empty. family: such as `3`; empty if unknown.
+        start, end: its first and last place. between: the places in between.
+        file: the route file. order: the route's index in it.
+        triggers: triggers inside the route, in newer files.
     """
 
     id: str
@@ -78,12 +78,12 @@ class CarlaRoute:
 
     @property
     def key(self) -> str:
-        """How messages call it."""
+        """Name of the route in messages."""
         return f"route {self.id} of {self.file.name}"
 
 
 def pose_of(x: float, y: float, yaw_deg: float, z: float | None = None) -> Pose:
-    """Return a place of CARLA in our coordinates; a yaw of NaN is a direction that is not known."""
+    """Return a place of CARLA in our coordinates; a yaw of NaN means an unknown direction."""
     return Pose(x, -y, math.nan if math.isnan(yaw_deg) else wrap(math.radians(-yaw_deg)), z)
 
 
@@ -93,11 +93,11 @@ def read_routes(path: Path, left_out: Counter[str]) -> tuple[CarlaRoute, ...]:
     Args:
         path: `<routes><route id town><waypoint x y z pitch roll yaw/>...`, or `<waypoints><position x y z/>...` and
             `<scenarios><scenario type><trigger_point x y z yaw/>...`.
-        left_out: gets what is not taken over, with counts.
+        left_out: receives the counts of everything that is left out.
 
     Raises:
-        CompileError: it is unreadable, too large, no XML, or declares entities.
-        ExchangeError: it holds no route, or one that is incomplete.
+        CompileError: the file is unreadable, too large, not XML, or declares entities.
+        ExchangeError: the file has no complete route, or two routes of one id.
     """
     root = parse_xml(path, "routes", "a CARLA route file")
     routes = []
@@ -141,12 +141,12 @@ def _route(
 
 
 def family_of(kind: str) -> str:
-    """Return the family of a scenario's type: `Scenario7`, or a name that a newer leaderboard has for it."""
+    """Return the family of a scenario's type: of `Scenario7`, or of a name in a newer leaderboard; empty if unknown."""
     return _number(kind) or _FAMILY_OF.get(kind, "")
 
 
 def _points(route: Element) -> Iterator[Element]:
-    """The elements that say a route's places, in order."""
+    """Yield the elements that contain a route's places, in order."""
     for child in route:
         if child.tag == "waypoint":
             inner = child.find("position")
@@ -158,22 +158,22 @@ def _points(route: Element) -> Iterator[Element]:
 
 
 def _directed(places: Sequence[Pose]) -> list[Pose]:
-    """Give places that say no direction the one to the next place, where that is near."""
-    found = list(places)
+    """Return the places; a place without a direction gets the direction to the next one, if that is near."""
+    poses = list(places)
     for k, (here, there) in enumerate(pairwise(places)):
         dx, dy = there.x - here.x, there.y - here.y
         if 0 < math.hypot(dx, dy) <= _DENSE_M:
             towards = math.atan2(dy, dx)
             for at in (k, k + 1) if k == len(places) - 2 else (k,):
                 if math.isnan(places[at].heading_rad):
-                    found[at] = replace(places[at], heading_rad=towards)
-    return found
+                    poses[at] = replace(places[at], heading_rad=towards)
+    return poses
 
 
 def read_triggers(path: Path, left_out: Counter[str]) -> tuple[Trigger, ...]:
-    """Read a trigger file; arguments and errors as of `read_routes`."""
+    """Read a trigger file; arguments and errors as in `read_routes`."""
     data = _json(path)
-    found: list[Trigger] = []
+    triggers: list[Trigger] = []
     try:
         for towns in data["available_scenarios"]:
             for town, scenarios in towns.items():
@@ -184,7 +184,9 @@ def read_triggers(path: Path, left_out: Counter[str]) -> tuple[Trigger, ...]:
                     if not family:
                         left_out[f"triggers of the unknown kind {sentence(kind) or 'without a name'}"] += len(events)
                     for event in events:
-                        found.append(Trigger(family, town_in(town), _transform(event["transform"]), path, len(found)))
+                        triggers.append(
+                            Trigger(family, town_in(town), _transform(event["transform"]), path, len(triggers))
+                        )
                         if event.get("other_actors"):
                             left_out["actors that a trigger names (`other_actors`)"] += 1
     except (KeyError, TypeError, ValueError, AttributeError) as err:
@@ -192,11 +194,11 @@ def read_triggers(path: Path, left_out: Counter[str]) -> tuple[Trigger, ...]:
             f"{path} is not a CARLA trigger file (available_scenarios > TOWN > available_event_configurations > "
             f"transform): {type(err).__name__} {err}"
         ) from err
-    return tuple(found)
+    return tuple(triggers)
 
 
 def read_vtypes(path: Path) -> tuple[dict[str, str], ...]:
-    """Return the attributes of the vehicle types in a SUMO file, in its order; errors as of `read_routes`."""
+    """Return the attributes of the vehicle types in a SUMO file, in its order; errors as in `read_routes`."""
     types = tuple(dict(element.attrib) for element in parse_xml(path, "routes", "a SUMO file of types").iter("vType"))
     if not types:
         raise ExchangeError(f"{path} holds no vType")
@@ -204,28 +206,29 @@ def read_vtypes(path: Path) -> tuple[dict[str, str], ...]:
 
 
 def offset_of(net: Element) -> XY:
-    """Return what a SUMO net's coordinates have been moved by, m; a `ValueError` where that is no pair of numbers."""
+    """Return the offset by which a SUMO net's coordinates were moved, m; `ValueError` if it is not a pair of
+    numbers."""
     location = net.find("location")
     x, y = (float(part) for part in (location.get("netOffset", "0,0") if location is not None else "0,0").split(","))
     return x, y
 
 
 def town_of(path: Path) -> str:
-    """Return the town that a map's file name says (`Town10HD`), or an empty string."""
+    """Return the town in a map's file name (`Town10HD`), or an empty string."""
     return town_in(path.name)
 
 
 def town_in(text: str) -> str:
-    """Return the town that a text names: `Town10HD` for `Carla/Maps/Town10HD_Opt`; the text itself where none is known.
+    """Return the town in a text: `Town10HD` for `Carla/Maps/Town10HD_Opt`; without a town name, the text itself.
 
-    A map's file name that names no town says nothing.
+    A file name without a town name gives an empty string.
     """
-    found = re.search(r"Town\d+[A-Z]*", text)
-    return found.group() if found else "" if "." in text else text
+    match = re.search(r"Town\d+[A-Z]*", text)
+    return match.group() if match else "" if "." in text else text
 
 
 def _waypoint(path: Path, route: str, element: Element, *, high: bool) -> Pose:
-    """Read a place; newer files leave the yaw out: the lane says it. `high`: whether the file says heights."""
+    """Return a place; in newer files the yaw may be missing, then the lane gives it. `high`: heights are meaningful."""
     try:
         x, y = (float(element.attrib[key]) for key in ("x", "y"))
         yaw = float(element.get("yaw", "nan"))
@@ -233,7 +236,7 @@ def _waypoint(path: Path, route: str, element: Element, *, high: bool) -> Pose:
     except KeyError as err:
         raise ExchangeError(f"{path}: a waypoint of route {route} has no {err}") from err
     except ValueError as err:
-        raise ExchangeError(f"{path}: a waypoint of route {route} is no number: {err}") from err
+        raise ExchangeError(f"{path}: a waypoint of route {route} is not a number: {err}") from err
     if not (math.isfinite(x) and math.isfinite(y)) or math.isinf(yaw):
         raise ExchangeError(f"{path}: a waypoint of route {route} is not finite")
     return pose_of(x, y, yaw, z if math.isfinite(z) else None)
@@ -270,7 +273,7 @@ def _json(path: Path) -> dict[str, Any]:
     try:
         data = json.loads(read_outside(path))
     except json.JSONDecodeError as err:
-        raise ExchangeError(f"{path} is not a CARLA trigger file: it is no JSON from line {err.lineno} on") from err
+        raise ExchangeError(f"{path} is not a CARLA trigger file: it is not JSON from line {err.lineno} on") from err
     except OSError as err:
         raise unreadable(path, err, ExchangeError) from err
     except (ValueError, RecursionError) as err:
@@ -285,5 +288,5 @@ def _family(path: Path) -> str:
 
 
 def _number(text: str) -> str:
-    found = _FAMILY.search(text)
-    return str(int(found.group(1))) if found else ""
+    match = _FAMILY.search(text)
+    return str(int(match.group(1))) if match else ""

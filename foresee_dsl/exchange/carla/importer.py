@@ -1,4 +1,4 @@
-"""`foresee import carla`: CARLA's leaderboard routes become scenarios, a file a family, a case a route."""
+"""`foresee import carla`: CARLA's leaderboard routes become scenarios, one file per family, one case per route."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_togethe
 from foresee_dsl.language.model import Catalogue
 
 MOST_LOST = 0.5
-"""With more than this share of routes that are not on the map, it is another town's (ours)."""
+"""If more than this share of the routes is not on the map, the map is of another town (ours)."""
 _LEAST_WAY_M = 1.0
 
 
 @dataclass
 class Town:
-    """A map, and the report of what was imported on it so far."""
+    """A map, and the report on the import so far."""
 
     network: RoadNetwork
     signals: Mapping[str, Signal]
@@ -53,35 +53,36 @@ class Town:
 
     @cached_property
     def bridges(self) -> tuple[XY, ...]:
-        """Where roads go over others."""
-        return tuple((one.x, one.y) for one in bridges(self.network, self.heights))
+        """Places where a road goes over another, m."""
+        return tuple((bridge.x, bridge.y) for bridge in bridges(self.network, self.heights))
 
     @cached_property
     def has_sidewalks(self) -> bool:
-        """Whether there is a place for people anywhere."""
+        """Whether the map has a sidewalk anywhere."""
         return any(lane.kinds == {"pedestrian"} and not lane.internal for lane in self.network.lanes.values())
 
 
 def routes_in_town(map_file: Path, routes: Sequence[CarlaRoute], left_out: Counter[str]) -> list[CarlaRoute]:
-    """Return the routes in the town of a map; those in others are counted. All in others: an `ExchangeError`."""
+    """Return the routes in the town of a map and count the others; `ExchangeError` if all are in other towns."""
     town = town_of(map_file)
-    found = [route for route in routes if not town or route.town in ("", town)]
-    if not found:
+    in_town = [route for route in routes if not town or route.town in ("", town)]
+    if not in_town:
         route = routes[0]
         raise ExchangeError(
             f"{route.file}: route {route.id} is in {route.town}, but the map {map_file.name} is {town}: "
             f"use the map of {route.town}, or leave this file out"
         )
     left_out.update(f"routes in {route.town}" for route in routes if town and route.town not in ("", town))
-    return found
+    return in_town
 
 
 def place_routes(town: Town, routes: Sequence[CarlaRoute], triggers: Sequence[Trigger]) -> list[PlacedRoute]:
-    """Put the routes on the map; those that are not on it, or cannot be driven there, are counted and reported.
+    """Return the routes that the ego can drive on the map; count and report the others.
 
-    An `ExchangeError` where most are not on it.
+    Raises:
+        ExchangeError: most routes are not on the map.
     """
-    found: list[PlacedRoute] = []
+    drivable: list[PlacedRoute] = []
     lost: list[str] = []
     broken: list[str] = []
     of_family = Counter(route.family for route in routes)
@@ -93,22 +94,22 @@ def place_routes(town: Town, routes: Sequence[CarlaRoute], triggers: Sequence[Tr
             lost.append(f"{route.key}: {err}")
             continue
         if placed.start_off_m > NEAR_M:
-            lost.append(f"{route.key}: the ego would start {placed.start_off_m:.1f} m from its place")
+            lost.append(f"{route.key}: the ego would start {placed.start_off_m:.1f} m from CARLA's start")
         elif placed.finish_m <= _LEAST_WAY_M:
-            lost.append(f"{route.key}: its end is where it starts")
+            lost.append(f"{route.key}: its end is at its start")
         elif placed_route.turns_back(placed):
-            broken.append(f"{route.key}: its way goes over lanes of the map that run backwards")
+            broken.append(f"{route.key}: it uses lanes of the map that run backwards")
         elif (off := placed_route.strays(town.network, placed))[0] > 0:
-            broken.append(f"{route.key}: its way leaves the road at ({off[1]:.0f} m, {off[2]:.0f} m) by {off[0]:.1f} m")
+            broken.append(f"{route.key}: it leaves the road at ({off[1]:.0f} m, {off[2]:.0f} m) by {off[0]:.1f} m")
         else:
-            found.append(placed)
+            drivable.append(placed)
     if len(lost) > MOST_LOST * len(routes):
         raise ExchangeError(f"{len(lost)} of {len(routes)} routes are not on this map; is it another town's? {lost[0]}")
     town.left_out["routes that are not on the map"] += len(lost)
-    town.left_out["routes that nobody can drive on this map"] += len(broken)
+    town.left_out["routes that cannot be driven on this map"] += len(broken)
     town.notes += lost + broken
-    _report_places(town, found, triggers)
-    return found
+    _report_places(town, drivable, triggers)
+    return drivable
 
 
 def _placed(town: Town, route: CarlaRoute, triggers: Sequence[Trigger], of_family: Counter[str]) -> PlacedRoute:
@@ -121,35 +122,35 @@ def _placed(town: Town, route: CarlaRoute, triggers: Sequence[Trigger], of_famil
 
 
 def _place(trigger: Trigger) -> tuple[str, int, int]:
-    """A trigger's family and place, to the metre: CARLA's files repeat some."""
+    """Return a trigger's family and place, rounded to metres, as CARLA's files repeat some triggers."""
     return trigger.family, round(trigger.pose.x), round(trigger.pose.y)
 
 
 def _report_places(town: Town, placed: Sequence[PlacedRoute], triggers: Sequence[Trigger]) -> None:
-    used = {_place(one.trigger) for one in placed if one.trigger is not None}
-    known = {one.route.town for one in placed if one.route.town}
-    elsewhere = [t for t in triggers if t.town and known and t.town not in known]
+    used = {_place(route.trigger) for route in placed if route.trigger is not None}
+    towns = {route.route.town for route in placed if route.route.town}
+    elsewhere = [t for t in triggers if t.town and towns and t.town not in towns]
     town.left_out.update(f"triggers in {trigger.town}" for trigger in elsewhere)
     unused = sum(_place(t) not in used for t in triggers if t not in elsewhere)
     town.left_out["triggers that no case uses (each stages one)"] += unused
-    moved = [one.start_off_m for one in placed if one.start_off_m > placed_route.MISSED_M]
+    moved = [route.start_off_m for route in placed if route.start_off_m > placed_route.MISSED_M]
     if moved:
         town.notes.append(
             f"routes that start beside CARLA's place (at most {max(moved):.1f} m): {len(moved)}; their map was another"
         )
-    without = sum(one.trigger is None for one in placed)
+    without = sum(route.trigger is None for route in placed)
     if without and triggers:
         town.notes.append(
             f"routes without a trigger within 5 m, where what happens is placed from the start: {without}"
         )
     town.left_out["goals beside the lane that the ego comes on (the goal is a length along its route)"] += sum(
-        math.dist(one.line.at(one.goal_s)[:2], (one.route.end.x, one.route.end.y)) > placed_route.BESIDE_GOAL_M
-        for one in placed
+        math.dist(route.line.at(route.goal_s)[:2], (route.route.end.x, route.route.end.y)) > placed_route.BESIDE_GOAL_M
+        for route in placed
     )
 
 
 SIDEWALK_MOST_MPS = 30.0
-"""Roads up to this limit get sidewalks (ours: all of CARLA's towns but for the motorways of Town04 and 05)."""
+"""Speed limit up to which roads get sidewalks, m/s (ours: all CARLA towns except the motorways of Town04 and 05)."""
 
 
 def run(
@@ -160,19 +161,19 @@ def run(
     out: Path,
     vtypes: Path | None = None,
 ) -> Imported:
-    """Write a scenario file for each family, with a case for each route, and the network that they use.
+    """Write one scenario file per family, with one case per route, and the network that they use.
 
     Args:
-        map_file: `TownXX.xodr`, which is copied, or a SUMO net made of it, which is prepared: without an offset, with
+        map_file: `TownXX.xodr`, which is copied; or a SUMO net made from it, which gets an offset of 0,
             sidewalks and crossings.
-        route_files: XML. trigger_files: JSON. A file's name (or its folder's) says the family: `Scenario7`.
+        route_files: XML. trigger_files: JSON. The name of the file or its folder contains the family: `Scenario7`.
         out: the folder to write into.
-        vtypes: CARLA's blueprints; they become a catalogue, and the ego one of them.
+        vtypes: CARLA's blueprints, which become a catalogue with the ego's model.
 
     Raises:
-        CompileError: a file is unreadable, too large, no such file, or declares entities.
-        ExchangeError: the routes belong to another town, or nothing can be imported.
-        InputError: what was written has mistakes (a fault of ours).
+        CompileError: a file is missing, unreadable, too large, or declares entities.
+        ExchangeError: the routes belong to another town, or no route can be imported.
+        InputError: the written files have errors (our own fault).
     """
     if not route_files:
         raise ExchangeError("there are no route files: name at least one")
@@ -209,23 +210,23 @@ def _put_network(map_file: Path, folder: Path) -> Path:
     if map_file.name.endswith(".net.xml"):
         prepare_net(map_file, copy)
     elif map_file.suffix == ".xodr":
-        parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")  # says what is wrong before anything is copied
+        parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")  # reports errors before the file is copied
         shutil.copyfile(map_file, copy)
     else:
-        raise ExchangeError(f"{map_file} is no map: its name must end in .xodr or .net.xml")
+        raise ExchangeError(f"{map_file} is not a map: its name must end in .xodr or .net.xml")
     return copy
 
 
 def prepare_net(source: Path, out: Path) -> None:
-    """Write a net in the coordinates of the map that it was made of, with sidewalks and crossings if it has none.
+    """Write a net in the coordinates of its original map, with sidewalks and crossings if it has none.
 
-    Programs of signals are replaced by ours: those of a net that was made of CARLA's map are netconvert's guesses.
+    Signal programs are replaced by ours, because those of a net made from CARLA's map are netconvert's guesses.
     """
     root = parse_net(source)
     try:
         x, y = offset_of(root)
     except ValueError as err:
-        raise ExchangeError(f"{source} has a netOffset that is no pair of numbers") from err
+        raise ExchangeError(f"{source} has a netOffset that is not a pair of numbers") from err
     options = ["--offset.disable-normalization", "true", "--offset.x", f"{-x}", "--offset.y", f"{-y}"]
     if not any(lane.get("allow") == "pedestrian" for lane in root.iter("lane")):
         options += ["--sidewalks.guess", "true", "--sidewalks.guess.max-speed", f"{SIDEWALK_MOST_MPS}"]
@@ -237,7 +238,7 @@ def prepare_net(source: Path, out: Path) -> None:
         close_parking(net)
         repair_overlaps(net)
         give_programs(net)
-        fix_times(net)  # of joint signals, which keep theirs
+        fix_times(net)  # of joint signals, which keep their programs
         write_net(net, out)
 
 
@@ -253,16 +254,16 @@ def _town(net: Path, catalogue: Catalogue | None, left_out: Counter[str]) -> Tow
 def _scenario_files(
     town: Town, routes: Sequence[PlacedRoute], net: str, catalogue: Catalogue | None
 ) -> list[ScenarioFile]:
-    """Sort the cases into files by name: a family, and where need be what of it has no signal or nothing staged."""
+    """Return the files, sorted by name: one per family, and separate ones for cases without a signal or behaviour."""
     cases: dict[str, list[Case]] = {}
     sources: dict[str, dict[str, None]] = {}
     names: dict[str, set[str]] = {}
     count: Counter[str] = Counter()
     for route in routes:
         family = route.route.family
-        taken = names.setdefault(family, set())
-        name = distinct_name(f"route_{route.route.id}", "route", taken)
-        taken.add(name)
+        used_names = names.setdefault(family, set())
+        name = distinct_name(f"route_{route.route.id}", "route", used_names)
+        used_names.add(name)
         case = _case(town, route, name, count[family], net, catalogue)
         if case is None:
             town.left_out["routes that the compiler cannot place"] += 1
@@ -270,10 +271,10 @@ def _scenario_files(
         count[family] += 1
         cases.setdefault(_file_name(case), []).append(case)
         sources.setdefault(_file_name(case), {})[route.route.file.name] = None
-    _report_families(town, [case for found in cases.values() for case in found])
+    _report_families(town, [case for cases_of_file in cases.values() for case in cases_of_file])
     return [
-        ScenarioFile(name, net, tuple(found), catalogue, tuple(sources[name]), town_of(Path(net)))
-        for name, found in sorted(cases.items())
+        ScenarioFile(name, net, tuple(cases_of_file), catalogue, tuple(sources[name]), town_of(Path(net)))
+        for name, cases_of_file in sorted(cases.items())
     ]
 
 
@@ -282,17 +283,17 @@ def _report_families(town: Town, cases: Sequence[Case]) -> None:
     for family, number in sorted(count.items(), key=lambda item: item[0].zfill(3)):
         town.taken[f"routes of family {family}" if family else "routes without a family"] += number
         if family not in STAGED:
-            town.left_out[f"behaviour of Scenario{family or '?'}, which we do not know"] += number
+            town.left_out[f"behaviour of Scenario{family or '?'}, which is unknown to us"] += number
     unstaged = sum(case.variant == "open" and case.family in STAGED for case in cases)
     town.left_out["routes on which there is no place for their family's behaviour"] += unstaged
     bridged = sum(case.bridge for case in cases)
     town.left_out["routes over or under another road (the world is flat: they have no traffic)"] += bridged
     if not town.has_sidewalks:
-        town.notes.append("the map has no sidewalks: besides those of the families nobody walks around")
+        town.notes.append("the map has no sidewalks: only the families' own pedestrians walk there")
 
 
 def _case(town: Town, route: PlacedRoute, name: str, number: int, net: str, catalogue: Catalogue | None) -> Case | None:
-    """The case of a route: staged where the compiler finds a place for every actor, else open; None for neither."""
+    """Return a route's case, with its family's behaviour if the compiler can place every actor; None if it cannot."""
     bridge = placed_route.passes(route, town.bridges)
     for staged in (True, False):
         case = case_of(town.network, town.signals, route, name=name, number=number, staged=staged)

@@ -1,4 +1,4 @@
-"""Finds the vehicle that the ego meets in a junction: the movement of the family, and a stretch of road before it."""
+"""The vehicle that the ego meets in a junction: a movement that suits the family, and the road before and after it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.exchange.carla.ways import through_of
 
 APPROACH_M = 80.0
-"""How much road a partner has before the junction, where there is so much (ours: 6 s at 50 km/h)."""
+"""Length of road before the junction for the other vehicle, m, if there is as much (ours: 6 s at 50 km/h)."""
 BEYOND_M = 30.0
-"""And behind it (ours: it should not vanish in the ego's view)."""
+"""Length of road after the junction, m (ours: the vehicle should not vanish in the ego's view)."""
 LEAST_M = 12.0
-"""With less before the junction it cannot get up speed (ours: two car lengths and a half)."""
+"""With less road before the junction, m, the vehicle cannot gain speed (ours: two and a half car lengths)."""
 _MOST_EDGES = 12
 
 
@@ -26,8 +26,8 @@ class OtherVehicle:
     """A vehicle that comes to the same junction.
 
     Attributes:
-        named: the two edges to write; the shortest way between them is its route.
-        begin_m: from its route's beginning to its front at the start.
+        named: the two edges to write; the shortest path between them is its route.
+        begin_m: distance from the beginning of its route to its front at the start.
     """
 
     named: tuple[str, str]
@@ -35,12 +35,13 @@ class OtherVehicle:
 
 
 def other_vehicle(network: RoadNetwork, passage: Passage, family: str, away_m: float) -> OtherVehicle | None:
-    """Return the vehicle that meets the ego in a junction, or None where no path conflicts with the ego's.
+    """Return the vehicle that meets the ego in a junction, or None if no movement conflicts with the ego's.
 
-    7: crossing traffic, straight on where there is any. 8: oncoming traffic, straight on. 9: traffic that comes to the
-    road that the ego turns into, from the left where there is any.
+    Family 7: crossing traffic, preferably straight on. 8: oncoming traffic, straight on. 9: traffic that comes to the
+    road that the ego turns into, preferably from the left.
 
-    It should start `away_m` from the junction.
+    Args:
+        away_m: intended distance of its start from the junction.
     """
     own = passage.movement
     junction = network.junctions[passage.junction]
@@ -50,14 +51,14 @@ def other_vehicle(network: RoadNetwork, passage: Passage, family: str, away_m: f
         if "car" in other.kinds and other.from_edge != own.from_edge and junction.conflicts(own.index, other.index)
     ]
     for foe in sorted(foes, key=lambda other: (_rank(network, own, other, family), other.from_lane, other.to_lane)):
-        found = _on_road(network, foe, away_m)
-        if found is not None:
-            return found
+        vehicle = _on_road(network, foe, away_m)
+        if vehicle is not None:
+            return vehicle
     return None
 
 
 def _rank(network: RoadNetwork, own: Movement, other: Movement, family: str) -> tuple[float, ...]:
-    """How little a movement is what a family is about; the smallest is the best."""
+    """Return a sort key by which the movement that suits the family best comes first."""
     angle = wrap(_heading(network, other) - _heading(network, own))
     straight = other.turn != "straight"
     if family == "8":
@@ -74,7 +75,8 @@ def _heading(network: RoadNetwork, movement: Movement) -> float:
 
 
 def _on_road(network: RoadNetwork, foe: Movement, away_m: float) -> OtherVehicle | None:
-    """Give a movement a route with enough road before and behind it, as far as the shortest way is that route."""
+    """Return the movement as a vehicle with enough road before and after it, as far as two edges determine its
+    route."""
     before = _before(network, foe.from_edge)
     behind = _behind(network, foe.to_edge, before)
     while True:

@@ -1,4 +1,4 @@
-"""From a CARLA route to what a case says: edges, lengths along the route, kerbs, the junction that is meant."""
+"""A CARLA route on a network: edges, lengths along the route, kerbs, and the junction at which the scenario happens."""
 
 from __future__ import annotations
 
@@ -20,26 +20,27 @@ from foresee_dsl.exchange.maps.bridges import Heights
 from foresee_dsl.language import model as m
 
 TRIGGER_NEAR_M, TRIGGER_FAR_M = 2.0, 5.0
-"""A trigger belongs to a route that comes within 2 m of it (CARLA's leaderboard, with 10 degrees); where none does,
-within 5 m, which finds one for each of Town10HD's routes (measured)."""
+"""A trigger belongs to a route that passes it within 2 m (CARLA's leaderboard, with 10 degrees); if none does, within
+5 m, which finds a trigger for each of Town10HD's routes (measured)."""
 _BACK_RAD = math.radians(100)
-"""No road turns so much within a metre (ours: the tightest corner of CARLA's towns has a radius of 4 m)."""
+"""No road turns by more than this within a metre (ours: the tightest corner of CARLA's towns has a radius of 4 m)."""
 _SAME_WAY_RAD = math.radians(60)
 _BESIDE_M = 0.05
-"""A start that is hardly beside the middle of its lane is on it (ours: no place of Town10HD is farther off)."""
+"""A start at most this far from the middle of its lane is on the middle (ours: no place of Town10HD is farther off)."""
 BESIDE_GOAL_M, _ON_GOAL_M = 1.0, 0.5
-"""A line that is farther from the goal passes it on another lane; one that is nearer than half of that is on its lane
-(ours: a goal lies 3.5 m from the middle of the next lane)."""
+"""A line farther from the goal than the first value, m, passes it on another lane; up to the second, it is on the
+goal's lane (ours: a goal lies 3.5 m from the middle of the next lane)."""
 _EDGES_BEHIND_GOAL = 3
-"""Ours: a goal lies just behind a junction, and lanes of a street part again at the next one or two."""
+"""Number of edges after the goal that are searched (ours: a goal lies just after a junction, and lanes part at the
+next one or two)."""
 MISSED_M = 0.5
-"""A start that is farther from CARLA's is worth a note (ours: roundings come to 1 cm)."""
+"""A start farther than this from CARLA's, m, is reported in a note (ours: rounding gives up to 1 cm)."""
 _STRAY_M = 0.5
-"""A centreline that is farther beside the road than this takes wheels off it (ours: half a car is 0.9 m)."""
+"""A centre line farther beside the road than this, m, takes wheels off it (ours: half a car is 0.9 m wide)."""
 _NEAR_SPOT_M = 30.0
-"""An ego that passes a bridge at less than this has the other road's traffic in view (ours)."""
+"""At less than this distance, m, from a bridge the ego sees the traffic of the other road (ours)."""
 _LOOK_M, _LOOK_STEP_M = 25.0, 0.25
-"""How far to look for a kerb, and in what steps (ours: six lanes and a median)."""
+"""Distance up to which a kerb is searched, and the step, both m (ours: six lanes and a median)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +48,13 @@ class PlacedRoute:
     """A route of CARLA on a network.
 
     Attributes:
-        named: the edges to write; the shortest ways between them make up the route. The last may be behind the goal.
-        begin_m: from the route's beginning to the ego's front. beside_m: to the left of the lane that is meant first.
-        finish_m: from there to the goal, along the line.
-        start_off_m: how far CARLA's start is from where the ego's middle is put.
-        line: what the ego follows. s: where it starts on it.
-        trigger_m: from the ego's start to the trigger's place. trigger: it, or None where none belongs to the route.
+        named: the edges to write; the route is made up of the shortest paths between them. The last may be after the
+            goal.
+        begin_m: from the beginning of the route to the ego's front. beside_m: to the left of its first lane.
+        finish_m: from the ego's front to the goal, along the line.
+        start_off_m: distance between CARLA's start and the ego's centre at its start.
+        line: the line that the ego follows. s: position of the ego's front on it, m.
+        trigger_m: from the ego's start to the trigger. trigger: the trigger, or None if none belongs to the route.
     """
 
     route: CarlaRoute
@@ -69,7 +71,7 @@ class PlacedRoute:
 
     @property
     def goal_s(self) -> float:
-        """The goal along the line."""
+        """Position of the goal on the line, m."""
         return self.s + self.finish_m
 
 
@@ -82,10 +84,14 @@ def place_route(
     in_order: bool,
     heights: Heights | None = None,
 ) -> PlacedRoute:
-    """Return how a route is written, and where its trigger is; a `RouteError` where its places are not on the map, or
-    not connected.
+    """Return how a route is written, with its trigger.
 
-    `triggers`: of its family and town; `in_order`: whether the k-th belongs to the k-th route. `spec`: the ego's model.
+    Args:
+        triggers: those of its family and town. spec: the ego's model.
+        in_order: the k-th trigger belongs to the k-th route.
+
+    Raises:
+        RouteError: its places are not on the map, or not connected.
     """
     placed = _over_goal_lane(network, way_between(network, route.start, route.end, route.between, heights), route, spec)
     drive = _Drive(placed.line, placed.s, placed.goal_s)
@@ -96,9 +102,9 @@ def place_route(
 
 
 def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: ModelSpec) -> PlacedRoute:
-    """Place a route on the edges of a way, where needed with the fewest beyond it that only the goal's lane leads to.
+    """Place a route on the edges of a path, if necessary with further edges to which only the goal's lane leads.
 
-    A line takes the rightmost of the lanes that need no change; which these are depends on what follows the goal.
+    A line uses the rightmost lanes that need no lane change; they depend on the edges after the goal.
     """
     whole, goal_off_m = _placed(network, way, way.edges, route, spec)
     if goal_off_m <= BESIDE_GOAL_M:
@@ -122,9 +128,9 @@ def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: Mod
 def _placed(
     network: RoadNetwork, way: Way, edges: tuple[str, ...], route: CarlaRoute, spec: ModelSpec
 ) -> tuple[PlacedRoute, float]:
-    """Return a route on some edges, all of them named and without its trigger, and how far its line is from the goal,
-    m."""
-    half_m = spec.length_m / 2  # CARLA puts a vehicle's middle on a place, we its front
+    """Return a route on some edges, all of them named and without its trigger, and the distance of its line from the
+    goal, m."""
+    half_m = spec.length_m / 2  # CARLA places a vehicle by its centre, we by its front
     begin, beside = _front_on(network.line(edges), route.start, half_m)
     beside = 0.0 if abs(beside) < _BESIDE_M else round(beside, 2)
     offset = m.Quantity.of(beside, "length", 2) if beside else None
@@ -140,7 +146,7 @@ def _placed(
         named=edges,
         begin_m=round(begin, 2),
         beside_m=beside,
-        finish_m=math.floor((goal_s - start.s) * 100) / 100,  # a rounding must not put it behind the end
+        finish_m=math.floor((goal_s - start.s) * 100) / 100,  # rounding must not move the goal past the end
         start_off_m=math.hypot(x - route.start.x, y - route.start.y),
         line=start.line,
         s=start.s,
@@ -149,9 +155,9 @@ def _placed(
 
 
 def _front_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float]:
-    """Return the length along a line and the offset of the front of a vehicle whose middle is at a place.
+    """Return the position on a line and the lateral offset of the front of a vehicle whose centre is at a place.
 
-    In a bend the nearest point of the line is not exact: offsets turn with the line, segment by segment.
+    In a bend the nearest point of the line is not exact, because offsets turn with the line, segment by segment.
     """
     s = length_to(line, place, 0.0)
     beside = line.project(place.x, place.y, s)[1]
@@ -165,7 +171,7 @@ def _front_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float
 
 
 def turns_back(route: PlacedRoute) -> bool:
-    """Say whether the way turns back on itself between two points: lanes of the net overlap wrongly."""
+    """Return whether the route turns back between two points, because lanes of the net overlap wrongly."""
     marks, angles = route.line.marks, route.line.angles
     return any(
         route.s <= at <= route.goal_s and abs(wrap(b - a)) > _BACK_RAD
@@ -174,9 +180,9 @@ def turns_back(route: PlacedRoute) -> bool:
 
 
 def strays(network: RoadNetwork, route: PlacedRoute) -> tuple[float, float, float]:
-    """Return how far the way leaves the road, m, and where (x, y in m); 0 where it stays on it.
+    """Return how far the route leaves the road, m, and where (x, y in m); 0 if it stays on it.
 
-    A lane of a map may end beside the one that follows it; the line then goes straight from one to the other.
+    A lane of a map may end beside its successor; the line then goes straight from one to the other.
     """
     import numpy as np
 
@@ -187,7 +193,7 @@ def strays(network: RoadNetwork, route: PlacedRoute) -> tuple[float, float, floa
 
 
 def passes(route: PlacedRoute, spots: Sequence[XY]) -> bool:
-    """Say whether the way comes near one of some places."""
+    """Return whether the route comes near one of some places."""
     driven = _driven(route)
     return any(math.dist(spot, xy) < _NEAR_SPOT_M for spot in spots for xy in driven)
 
@@ -198,23 +204,23 @@ def _driven(route: PlacedRoute) -> list[XY]:
 
 
 def family_on_way(route: PlacedRoute, triggers: Sequence[Trigger]) -> str:
-    """Return the family of the first trigger on a way; empty where there is none."""
-    found = _Drive(route.line, route.s, route.goal_s).first(triggers)
-    return found.family if found is not None else ""
+    """Return the family of the first trigger on a route; empty if there is none."""
+    trigger = _Drive(route.line, route.s, route.goal_s).first(triggers)
+    return trigger.family if trigger is not None else ""
 
 
 def passages_of(network: RoadNetwork, route: PlacedRoute) -> list[Passage]:
-    """Return the junctions that the trigger may stand for: those behind it that the ego comes to, in order.
+    """Return the junctions at which the scenario may happen: those after the trigger on the ego's route, in order.
 
-    Places where two roads merely join are no junctions here. Where none is behind the trigger, all on the way count.
+    Places where two roads merely join do not count. Without a junction after the trigger, all on the route count.
     """
-    found = []
+    passages = []
     for passage in route.line.passages:
         arms = {movement.from_edge for movement in network.movements_at(passage.junction) if "car" in movement.kinds}
         if route.s + 1.0 < passage.entry_s < route.goal_s and len(arms) > 2:
-            found.append(passage)
-    behind = [one for one in found if one.exit_s > route.s + route.trigger_m - TRIGGER_FAR_M]
-    return behind or found
+            passages.append(passage)
+    behind = [passage_ for passage_ in passages if passage_.exit_s > route.s + route.trigger_m - TRIGGER_FAR_M]
+    return behind or passages
 
 
 def kerbs(network: RoadNetwork, line: RouteLine, s: float) -> tuple[float, float]:
@@ -229,7 +235,7 @@ def _edge(network: RoadNetwork, line: RouteLine, s: float, side: int) -> float:
     places = [line.at(s, offset)[:2] for offset in steps]
     on_road = shapely.contains_xy(network.drivable, [x for x, _ in places], [y for _, y in places])
     beyond = next((offset for offset, road in zip(steps, on_road, strict=True) if not road), steps[-1])
-    return beyond + side * 0.75  # a step beyond the kerb
+    return beyond + side * 0.75  # beyond the kerb
 
 
 @dataclass(frozen=True)
@@ -241,20 +247,22 @@ class _Drive:
     goal_s: float
 
     def s_of(self, pose: Pose) -> float:
-        """Where on it a place is nearest."""
+        """Return the position on the line that is nearest to a place, m."""
         return min(length_to(self.line, pose, max(self.start_s - TRIGGER_FAR_M, 0.0)), self.goal_s)
 
     def off(self, pose: Pose) -> float:
-        """How far a place is from it; infinite for one of another direction."""
+        """Return the distance of a place from the line, m; infinite for a place of another direction."""
         x, y, heading = self.line.at(self.s_of(pose))
         if abs(wrap(heading - pose.heading_rad)) > _SAME_WAY_RAD:
             return math.inf
         return math.hypot(x - pose.x, y - pose.y)
 
     def first(self, triggers: Sequence[Trigger]) -> Trigger | None:
-        """Return the trigger that it comes to first, of those that lie on it."""
+        """Return the first trigger, of those on the line, that the ego reaches."""
         away = [(self.off(trigger.pose), trigger.order, trigger) for trigger in triggers]
         for within_m in (TRIGGER_NEAR_M, TRIGGER_FAR_M):
-            if near := [one for one in away if one[0] <= within_m]:
-                return min(near, key=lambda one: (round(self.s_of(one[2].pose), 1), one[0], one[1]))[2]
+            if near := [candidate for candidate in away if candidate[0] <= within_m]:
+                return min(
+                    near, key=lambda candidate: (round(self.s_of(candidate[2].pose), 1), candidate[0], candidate[1])
+                )[2]
         return None

@@ -1,4 +1,4 @@
-"""Writes the cases of a family as a scenario file, and CARLA's blueprints as a catalogue of models."""
+"""Scenario files with the cases of a family, and CARLA's blueprints as a catalogue of models."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from foresee_dsl.language.project.document import PlacementError, TestCase
 from foresee_dsl.language.project.loading import bundled_models
 
 CATALOGUE = "carla_models.foresee"
-"""The catalogue's file."""
+"""Name of the catalogue's file."""
 _SUMO_CLASSES = {
     "car": ("passenger", "evehicle", "taxi", "authority", "private"),
     "van": ("emergency", "delivery"),
@@ -34,18 +34,18 @@ _SUMO_CLASSES = {
     "pedestrian": ("pedestrian",),
 }
 _CLASSES = {sumo: ours for ours, classes in _SUMO_CLASSES.items() for sumo in classes}
-"""Our class for each of SUMO's vehicle classes."""
+"""Our class of each SUMO vehicle class."""
 _EGO = ("car.lincoln_mkz2017", "car.lincoln_mkz", "car.tesla_model3", "car.sedan")
-"""Model of the ego, the first that there is: CARLA's leaderboard drives a Lincoln MKZ (route_scenario.py)."""
+"""Models of the ego by preference: CARLA's leaderboard uses a Lincoln MKZ (route_scenario.py)."""
 _MIXED = (
     *("car.compact", "car.sedan", "car.suv", "van.delivery", "truck.light", "bus.midi"),
     *("motorcycle.street", "motorcycle.scooter", "bicycle.city", "bicycle.racing"),
 )
-"""Background traffic of all kinds."""
+"""Models of background traffic, of all kinds."""
 
 
 def catalogue_of(types: Sequence[Mapping[str, str]], left_out: Counter[str]) -> Catalogue:
-    """Return a catalogue of vTypes, given by their attributes; everything but size and class is the class's default."""
+    """Return a catalogue of vTypes by their attributes: sizes and classes are theirs, all else the class's default."""
     models: dict[str, VehicleModel] = {}
     for type_ in types:
         group = _CLASSES.get(type_.get("vClass", "passenger"))
@@ -54,8 +54,8 @@ def catalogue_of(types: Sequence[Mapping[str, str]], left_out: Counter[str]) -> 
             left_out["blueprints of another class, or without a size"] += 1
             continue
         variant = type_.get("id", "").removeprefix("vehicle.").replace(".", "_")
-        known = {name.partition(".")[2] for name in models if name.startswith(f"{group}.")}
-        name = f"{group}.{distinct_name(variant, 'model', known)}"
+        variants = {name.partition(".")[2] for name in models if name.startswith(f"{group}.")}
+        name = f"{group}.{distinct_name(variant, 'model', variants)}"
         models[name] = VehicleModel(
             name=name,
             length=sizes["length"],
@@ -79,12 +79,12 @@ def models_with(catalogue: Catalogue | None) -> dict[str, VehicleModel]:
 
 
 def ego_of(models: Mapping[str, VehicleModel] | Sequence[str]) -> str:
-    """Return the model that the ego drives, of those that there are."""
+    """Return the ego's model: the first of `_EGO` that is available."""
     return next(name for name in _EGO if name in models or name == _EGO[-1])
 
 
 def mix_of(catalogue: Catalogue | None) -> tuple[str, ...]:
-    """Return the models of background traffic: the catalogue's where there is one, else bundled ones of all kinds."""
+    """Return the models of background traffic: the catalogue's, and bundled ones for the missing classes."""
     own = [name for name in vehicles_of(catalogue) if not name.startswith("pedestrian")] if catalogue else []
     classes = {name.partition(".")[0] for name in own}
     return (*own, *(name for name in _MIXED if name.partition(".")[0] not in classes))
@@ -101,9 +101,9 @@ def _size(text: str) -> Quantity | None:
 _NO_LENGTH = "0.00 m"
 _TITLES = {
     "open": "routes through traffic",
-    "crossing": "where there is no room behind a turn: somebody crosses in front of the ego",
-    "walker": "a junction where nobody's way conflicts with the ego's: somebody walks over the road behind it",
-    "3": "family 3: somebody crosses in front of the ego where there is no crossing",
+    "crossing": "no room behind a turn: a pedestrian crosses in front of the ego",
+    "walker": "a junction without conflicting traffic: a pedestrian crosses the road behind it",
+    "3": "family 3: a pedestrian crosses in front of the ego away from a crossing",
     "4": "family 4: an obstacle and a cyclist behind a turn",
     "7": "family 7: another vehicle runs the red light",
     "8": "family 8: the ego turns left through oncoming traffic",
@@ -113,12 +113,13 @@ _TITLES = {
 
 @dataclass(frozen=True)
 class ScenarioFile:
-    """A scenario file to be.
+    """A scenario file before it is written.
+
 
     Attributes:
-        name: of the file, without `.foresee`. network: the file that it uses. cases: what it holds.
-        catalogue: of CARLA's models, or None for the bundled ones. sources: the files that the routes come from.
-        town: as in `Town10HD`, or empty.
+        name: its name without `.foresee`. network: the network file that it uses. cases: its cases.
+        catalogue: CARLA's models, or None for the bundled ones. sources: the route files.
+        town: such as `Town10HD`, or empty.
     """
 
     name: str
@@ -130,13 +131,13 @@ class ScenarioFile:
 
 
 def text_of(file: ScenarioFile) -> str:
-    """Return a file's text, in the one layout."""
+    """Return a file's text in the standard layout."""
     document = parse(_rendered(file), f"{file.name}.foresee")
     return print_model(document.model, document.comments)
 
 
 def misplaced(file: ScenarioFile, network: RoadNetwork, signals: Mapping[str, Signal]) -> bool:
-    """Say whether the compiler finds something impossible in a file's first case on its network."""
+    """Return whether the compiler cannot place the actors of a file's first case on its network."""
     document = parse(text_of(file), f"{file.name}.foresee")
     if not isinstance(document.model, Scenario):
         return True
@@ -154,8 +155,10 @@ def misplaced(file: ScenarioFile, network: RoadNetwork, signals: Mapping[str, Si
 
 def _rendered(file: ScenarioFile) -> str:
     case, town = file.cases[0], file.town or "town"
-    names = dict.fromkeys(name for one in file.cases for name in one.values)
-    if all(one.values["beside"] == _NO_LENGTH for one in file.cases):  # in most files every start is on its lane
+    names = dict.fromkeys(name for file_case in file.cases for name in file_case.values)
+    if all(
+        file_case.values["beside"] == _NO_LENGTH for file_case in file.cases
+    ):  # in most files every start is on the middle of its lane
         del names["beside"]
     defaults = {name: common(file.cases, name) for name in names}
     family = f"scenario{case.family}" if case.family else "routes"
@@ -180,12 +183,12 @@ def _rendered(file: ScenarioFile) -> str:
             bridge=case.bridge,
             walkers=case.walkers,
             vehicles=mix_of(file.catalogue),
-            rows=[{"name": one.name, "assignments": _assigned(one, defaults)} for one in file.cases],
+            rows=[{"name": file_case.name, "assignments": _assigned(file_case, defaults)} for file_case in file.cases],
         )
     )
 
 
 def _assigned(case: Case, defaults: Mapping[str, str]) -> list[str]:
-    """What a case says: the values that are not the defaults."""
+    """Return the assignments of a case: the values that differ from the defaults."""
     values = {name: value_of(case, name) for name in defaults}
     return [f"{name} = {value}" for name, value in values.items() if value != defaults[name]]

@@ -1,8 +1,8 @@
-"""What happens on a CARLA route, family by family: the values of a case, as text of the language.
+"""The behaviour on a CARLA route, family by family: the values of a case, as text of the language.
 
-CARLA's triggers hold places only, and its scenario code says the rest. What is here is modelled by us after the names
-and descriptions of its scenarios: who takes part, where, and how fast. The values vary from route to route, so that a
-family is no repetition of one situation; they are ours.
+CARLA's triggers contain places only; its scenario code contains the rest. The behaviour here is modelled by us after
+the names and descriptions of its scenarios: which actors take part, where, and how fast. The values vary from route to
+route, so that the cases of a family differ; they are ours.
 """
 
 from __future__ import annotations
@@ -22,30 +22,29 @@ from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.language.traversal import si_of
 
 STAGED = ("3", "4", "7", "8", "9")
-"""The families whose behaviour we know."""
+"""The families whose behaviour is modelled."""
 Variant = Literal["", "walker", "crossing", "open"]
-"""What happens: the family's behaviour (empty); for 7 to 9, where no movement conflicts with the ego's, a pedestrian
-who crosses behind the junction; for 4, where there is no room behind it, what happens in family 3; or nothing
-(open)."""
+"""Kind of behaviour: the family's (empty); for 7 to 9, if no movement conflicts with the ego's, a pedestrian that
+crosses behind the junction; for 4, if there is no room behind the junction, that of family 3; or none (open)."""
 
 AHEAD_M = 12.0
-"""A pedestrian crosses this far behind the trigger: the default `distance` of CARLA's DynamicObjectCrossing
+"""Distance of a crossing pedestrian behind the trigger, m: the default `distance` of CARLA's DynamicObjectCrossing
 (scenario_runner, object_crash_vehicle.py)."""
 PACE_MPS = 8.0
-"""Mean speed of the ego before a junction (ours: 29 km/h), only for guesses of when it arrives."""
+"""Assumed mean speed of the ego before a junction (ours: 29 km/h), to estimate when it arrives."""
 LEAST_S, SLOW_MPS, RED_S = 90, 4.0, 45.0
-"""A run may take 90 s, or the time at 14 km/h and two red lights (ours: an ego that takes longer is stuck)."""
+"""Time limit of a run: at least 90 s; otherwise the time at 14 km/h plus two red lights (ours: a slower ego is
+stuck)."""
 _NEAREST_M = 22.0
-"""The least distance from the start to a crossing: 25 km/h, a reaction of 1 s and braking with 4 m/s^2 take 13 m
-(ours)."""
+"""Least distance from the start to a crossing: 25 km/h, a reaction of 1 s and braking at 4 m/s^2 need 13 m (ours)."""
 _BEFORE_GOAL_M = 4.0
 _COVER_BEFORE_M = 1.2
-"""Room between the end of what hides a pedestrian and the line on which that steps out, m (ours: a step)."""
+"""Distance between the end of the obstacle that hides a pedestrian and the pedestrian's path, m (ours: a step)."""
 _LEAST_ROOM_M = 8.0
-"""Room behind a junction for an obstacle and a crossing (ours)."""
+"""Room behind a junction for an obstacle and a crossing, m (ours)."""
 _HALF_LANE_M = 1.75
 _GREEN_AHEAD_S = 6.0
-"""Green begins this long before the ego is expected, where it can (ours: it need not brake for amber)."""
+"""Green begins this long before the ego is expected, if possible (ours: the ego need not brake for amber)."""
 
 _WALKERS = (
     ("pedestrian.adult", "1.4 m/s"),
@@ -60,7 +59,7 @@ _OTHER_SPEEDS = (45, 50, 40, 55, 48)
 _GAPS = {"7": ("0.2 s", "0.6 s", "0.0 s", "0.9 s"), "8": ("0.5 s", "1.2 s", "2.0 s", "0.2 s")}
 _GAPS["9"] = ("0.8 s", "1.4 s", "0.4 s", "2.2 s")
 _START_SPEEDS = (30, 25, 36)
-"""km/h; a start inside a junction has 20 km/h: 36 km/h in a bend of 8 m would be 12 m/s^2 sideways."""
+"""In km/h; a start inside a junction has 20 km/h: 36 km/h in a bend of 8 m would be 12 m/s^2 sideways."""
 _COVERS = ("obstacle.parked_van", "obstacle.parked_suv", "obstacle.parked_van", "obstacle.parked_truck")
 _PARKED = ("obstacle.parked_car", "obstacle.skip", "obstacle.parked_van", "obstacle.barrier", "obstacle.parked_suv")
 _CYCLISTS = (("bicycle.city", 13), ("bicycle.racing", 20), ("bicycle.cargo", 11), ("bicycle.child", 9))
@@ -84,8 +83,8 @@ _PARAMS: Mapping[str, tuple[str, str]] = {
     "oncoming_speed": _ANY_SPEED,
     "crossing_speed": _ANY_SPEED,
 }
-"""The type of a parameter and its range (empty for none); those that are not here are lengths, or what their name's
-ending says."""
+"""Type and range (empty for none) of each parameter; other parameters are lengths, or of the type that the ending of
+their name implies."""
 _ROUTE_PARAMS = ("first", "last", "begin", "beside", "finish", "start_speed", "traffic_seed", "limit")
 
 
@@ -98,7 +97,7 @@ def declared(name: str, default: str) -> str:
 
 
 def is_of_route(name: str) -> bool:
-    """Say whether a parameter is about the ego's route, and not about what happens on it."""
+    """Return whether a parameter concerns the ego's route, and not the behaviour on it."""
     return name in _ROUTE_PARAMS or name.startswith("through")
 
 
@@ -107,10 +106,10 @@ class Case:
     """A case of a scenario file, with its values as text.
 
     Attributes:
-        family: `3`. variant: what happens.
-        values: of all parameters that its file has.
-        bridge: whether its route goes over or under another road; the world is flat, so there is no traffic around.
-        walkers: whether there is background traffic on foot.
+        family: such as `3`. variant: kind of behaviour.
+        values: the values of all parameters of its file.
+        bridge: its route goes over or under another road; the world is flat, so it gets no background traffic.
+        walkers: there are pedestrians in the background traffic.
     """
 
     name: str
@@ -122,7 +121,7 @@ class Case:
 
     @property
     def signal(self) -> bool:
-        """Whether the junction that is meant has a signal."""
+        """Whether the junction of the scenario has a signal."""
         return "shown" in self.values
 
 
@@ -135,10 +134,10 @@ def case_of(
     number: int,
     staged: bool = True,
 ) -> Case:
-    """Return the case of a route, the `number`th of its family: what varies comes from that.
+    """Return the case of a route, the `number`th of its family; the values vary with the number.
 
-    `signals`: of the town, by junction. `staged`: whether to stage the family's behaviour, where there is a place for
-    it.
+    Args:
+        signals: those of the town, by junction. staged: with the family's behaviour, if there is room for it.
     """
     family = placed.route.family
     stage = _STAGES.get(family) if staged else None
@@ -166,7 +165,7 @@ _NOTHING: _Staged = ("open", {})
 
 
 def _crossing(network: RoadNetwork, _: Mapping[str, Signal], placed: PlacedRoute, number: int) -> _Staged:
-    """Family 3: a pedestrian crosses behind the trigger, and a cyclist further on."""
+    """Return family 3: a pedestrian crosses behind the trigger, and a cyclist farther on."""
     room = placed.finish_m - _BEFORE_GOAL_M
     if room < _NEAREST_M:
         return _NOTHING
@@ -194,10 +193,10 @@ def _crossing(network: RoadNetwork, _: Mapping[str, Signal], placed: PlacedRoute
 
 
 def _after_turn(network: RoadNetwork, signals: Mapping[str, Signal], placed: PlacedRoute, number: int) -> _Staged:
-    """Family 4: something stands behind the junction, and a cyclist crosses behind it."""
-    passages = sorted(passages_of(network, placed), key=lambda one: one.turn not in ("left", "right"))
-    rooms = [(one, min(placed.goal_s, placed.line.end_s) - one.exit_s - 1.0) for one in passages]
-    passage, room = next(((one, room) for one, room in rooms if room >= _LEAST_ROOM_M), (None, 0.0))
+    """Return family 4: an obstacle stands behind the junction, and a cyclist crosses behind it."""
+    passages = sorted(passages_of(network, placed), key=lambda junction: junction.turn not in ("left", "right"))
+    rooms = [(junction, min(placed.goal_s, placed.line.end_s) - junction.exit_s - 1.0) for junction in passages]
+    passage, room = next(((junction, room) for junction, room in rooms if room >= _LEAST_ROOM_M), (None, 0.0))
     if passage is None:
         variant, values = _crossing(network, signals, placed, number)
         return ("crossing" if values else variant), values
@@ -211,7 +210,7 @@ def _after_turn(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pla
         **_green(signals, passage, placed),
         "parked_model": parked,
         "beyond": _m(beyond),
-        # half of it stands in the lane, or all of it in the lane beside the ego's
+        # half of the obstacle stands in the lane, or all of it in the lane beside the ego's
         "parked_side": _m(-(_HALF_LANE_M + 0.6)),
         "crossing": _m(crossing),
         "near_kerb": _m(near),
@@ -223,19 +222,19 @@ def _after_turn(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pla
 
 
 def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: PlacedRoute, number: int) -> _Staged:
-    """Families 7, 8, 9: another vehicle comes to the junction at the same time."""
+    """Return family 7, 8 or 9: another vehicle reaches the junction at the same time."""
     family = placed.route.family
-    passages = sorted(passages_of(network, placed), key=lambda one: one.signal is None)
+    passages = sorted(passages_of(network, placed), key=lambda junction: junction.signal is None)
     speed = _OTHER_SPEEDS[number % len(_OTHER_SPEEDS)]
-    found = passage = None
+    vehicle = passage = None
     for passage in passages:
         away = (passage.entry_s - placed.s) * speed / 3.6 / PACE_MPS
-        found = other_vehicle(network, passage, family, away)
-        if found is not None:
+        vehicle = other_vehicle(network, passage, family, away)
+        if vehicle is not None:
             break
     if passage is None:
         return _NOTHING
-    if found is None:  # no way conflicts with the ego's: a pedestrian walks over the road behind the first junction
+    if vehicle is None:  # no conflicting movement: a pedestrian crosses the road behind the first junction
         passage = passages[0]
         return "walker", {
             "junction": _word(passage.junction),
@@ -246,9 +245,9 @@ def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pl
     return "", {
         "junction": _word(passage.junction),
         **_green(signals, passage, placed),
-        f"{other}_first": _word(found.named[0]),
-        f"{other}_last": _word(found.named[1]),
-        f"{other}_begin": _m(found.begin_m),
+        f"{other}_first": _word(vehicle.named[0]),
+        f"{other}_last": _word(vehicle.named[1]),
+        f"{other}_begin": _m(vehicle.begin_m),
         f"{other}_model": _OTHER_MODELS[number % len(_OTHER_MODELS)],
         f"{other}_speed": f"{speed} km/h",
         "gap": _GAPS[family][number % len(_GAPS[family])],
@@ -257,7 +256,7 @@ def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pl
 
 
 def _walker(network: RoadNetwork, placed: PlacedRoute, passage: Passage, number: int) -> dict[str, str]:
-    """A pedestrian on the crossing of the road that the ego turns into."""
+    """Return a pedestrian on the crossing of the road that the ego turns into."""
     walk = max(min(6.0, placed.line.end_s - passage.exit_s - 0.5), 0.0)
     near, far = kerbs(network, placed.line, passage.exit_s + walk)
     walker, pace = _WALKERS[number % len(_WALKERS)]
@@ -272,19 +271,19 @@ def _walker(network: RoadNetwork, placed: PlacedRoute, passage: Passage, number:
 
 
 _OTHERS = {"7": "runner", "8": "oncoming", "9": "crossing"}
-"""What the other vehicle is called."""
+"""Name of the other vehicle, by family."""
 _STAGES = {"3": _crossing, "4": _after_turn, "7": _in_junction, "8": _in_junction, "9": _in_junction}
 
 
 def _green(signals: Mapping[str, Signal], passage: Passage, placed: PlacedRoute) -> dict[str, str]:
-    """The signal's stage and time at the beginning, so that the ego's movement has green when it arrives."""
+    """Return the signal's stage and its elapsed time at the start, chosen so that the ego has green when it arrives."""
     signal = signals.get(passage.junction)
     link = passage.movement.link
     if signal is None or passage.signal is None or link < 0:
         return {}
     *starts, cycle = accumulate((phase.duration_s for phase in signal.phases), initial=0.0)
-    shown = zip(starts, (phase.state for phase in signal.phases), strict=True)
-    green = next((at for at, state in shown if link < len(state) and state[link] in "Gg"), None)
+    phase_starts = zip(starts, (phase.state for phase in signal.phases), strict=True)
+    green = next((at for at, state in phase_starts if link < len(state) and state[link] in "Gg"), None)
     if green is None or cycle <= 0:
         return {}
     lead = max((passage.entry_s - placed.s) / PACE_MPS - _GREEN_AHEAD_S, 0.0)
@@ -303,16 +302,16 @@ def _word(name: str) -> str:
 
 
 def through(k: int) -> str:
-    """Return what the k-th edge between the first and the last is called: `through`, `through_2`, ..."""
+    """Return the name of the k-th edge between the first and the last: `through`, `through_2`, ..."""
     return "through" if k == 0 else f"through_{k + 1}"
 
 
 def common(cases: Sequence[Case], name: str) -> str:
-    """Return the value that most cases have: the default of the parameter."""
-    found = [value_of(case, name) for case in cases]
-    return max(dict.fromkeys(found), key=found.count)
+    """Return the value that occurs most often among the cases: the default of the parameter."""
+    values = [value_of(case, name) for case in cases]
+    return max(dict.fromkeys(values), key=values.count)
 
 
 def value_of(case: Case, name: str) -> str:
-    """Return a case's value: a route without so many edges between goes through its last one."""
+    """Return a case's value; a route with fewer edges in between repeats its last one."""
     return case.values.get(name, case.values["last"]) if name.startswith("through") else case.values[name]

@@ -1,4 +1,4 @@
-"""Finds the start and end places of CARLA's routes on a road network, and the way between them."""
+"""Paths of CARLA's routes on a road network: the lanes of their start and end places, and the way between them."""
 
 from __future__ import annotations
 
@@ -16,24 +16,25 @@ from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.exchange.maps.bridges import Heights
 
 NEAR_M = 3.5
-"""A place farther from every lane's centre is not on this map. Ours: a lane's width; the farthest of CARLA's places
-lies 2.9 m off, on a map of another year."""
+"""A place farther than this from every lane's centre, m, is not on this map. Ours: a lane's width; the farthest of
+CARLA's places is 2.9 m off, on a map of another year."""
 SAME_WAY_RAD = math.radians(60)
-"""Largest difference between the directions of a place and of its lane: with 60 degrees all 612 routes of Town01 to 10
+"""Largest difference between the directions of a place and its lane: with 60 degrees all 612 routes of Town01 to 10
 are found (measured)."""
 ALIKE_M, NEARLY_M = 0.1, 1.0
-"""A place may be on any lane that is this much farther away than the nearest (ours); the shorter way decides. Lanes up
-to a metre farther count where the others lead there only by a long detour: lanes of a junction lie over each other."""
+"""A place may be on any lane at most `ALIKE_M` farther than the nearest (ours); the shorter way decides. Lanes up to
+`NEARLY_M` farther count if the others need a long detour: lanes of a junction overlap."""
 TURNED_M = 20.0
 """Cost of a difference in direction, in metres of route length per radian (ours: roads that cross at 30 degrees)."""
 _SLACK_M = 2.0
-"""A place on the way counts as reached if it is at most this far behind the last one (ours: lanes of a road differ by
-that)."""
+"""A place counts as reached if it is at most this far behind the previous one, m (ours: lanes of a road differ by as
+much)."""
 STOREY_M = 3.0
-"""Ours: less than the clearance of any bridge, and more than routes' places lie above the road (up to 2 m)."""
+"""Difference in height that separates two storeys, m. Ours: less than the clearance of any bridge, and more than the
+heights of routes' places above the road (up to 2 m)."""
 INSIDE_M = 5.0
-"""Cost of a place on a lane inside a junction, in metres of route length (ours): where a road ends and its junction
-begins, the road is meant."""
+"""Cost of a place on a lane inside a junction, in metres of route length (ours): at the border of a road and its
+junction, the road is preferred."""
 DETOUR = 200.0
 """Cost of lateral distance to a lane, in metres of route length per metre. Ours: seven routes of Town03 start or end
 0.1 m to 0.4 m nearer to a lane that takes a detour of 350 m or more; with 200 these seven change, and none of the
@@ -46,8 +47,8 @@ class OnLane:
 
     Attributes:
         lane: outside junctions or inside one.
-        at_m: along it. off_m: distance from its centre line. turned_rad: how much its direction is another.
-        edges: the lane's edge; of a lane inside a junction the edge before and the edge after it.
+        at_m: position along it. off_m: distance from its centre line. turned_rad: difference between the directions.
+        edges: the lane's edge; for a lane inside a junction the edges before and after it.
     """
 
     lane: Lane
@@ -59,7 +60,7 @@ class OnLane:
 
 @dataclass(frozen=True)
 class Way:
-    """A way between two places: the edges, where on their lanes it starts and ends, and how far it is, m."""
+    """A way between two places: its edges, its start and end on lanes, and its length, m."""
 
     edges: tuple[str, ...]
     start: OnLane
@@ -68,12 +69,12 @@ class Way:
 
 
 def lanes_at(network: RoadNetwork, place: Pose, heights: Heights | None = None) -> list[OnLane]:
-    """Return the car lanes that a place may be on, the nearest first; those up to a metre farther come along.
+    """Return the car lanes on which a place may be, the nearest first, up to `NEARLY_M` farther than the nearest.
 
-    Lanes whose direction differs by more than 60 degrees from the place's are left out; of a road and one that goes
-    over it the one of the place's height is meant.
+    Lanes whose direction differs by more than 60 degrees from the place's are left out; if one road goes over another,
+    only lanes at the place's height count.
     """
-    found: list[OnLane] = []
+    places: list[OnLane] = []
     around = _around(network)
     for lane in network.lanes.values():
         if "car" not in lane.kinds or lane.edge in network.walking_areas or not _may_be_near(lane, place):
@@ -85,30 +86,31 @@ def lanes_at(network: RoadNetwork, place: Pose, heights: Heights | None = None) 
         off = math.hypot(x - place.x, y - place.y)
         turned = _turned(heading, place)
         if off <= NEAR_M and turned <= SAME_WAY_RAD:
-            found += [OnLane(lane, at, off, turned, pair) for pair in edges]
-    if place.z is not None and heights is not None and found:
-        above = [abs(heights.at(one.lane.id, one.at_m) - place.z) for one in found]
-        found = [one for one, m in zip(found, above, strict=True) if m <= min(above) + STOREY_M]
-    found.sort(key=lambda one: one.off_m)
-    return [one for one in found if one.off_m <= found[0].off_m + NEARLY_M]
+            places += [OnLane(lane, at, off, turned, pair) for pair in edges]
+    if place.z is not None and heights is not None and places:
+        above = [abs(heights.at(place_.lane.id, place_.at_m) - place.z) for place_ in places]
+        places = [place_ for place_, m in zip(places, above, strict=True) if m <= min(above) + STOREY_M]
+    places.sort(key=lambda place_: place_.off_m)
+    return [place_ for place_ in places if place_.off_m <= places[0].off_m + NEARLY_M]
 
 
 def way_between(
     network: RoadNetwork, start: Pose, end: Pose, between: Sequence[Pose] = (), heights: Heights | None = None
 ) -> Way:
-    """Return the shortest way between two places, over others in their order, of which those on no lane are left out.
+    """Return the shortest way between two places through others in their order; places on no lane are skipped.
 
-    A `RouteError` where the start or the end is on no lane, there is no way, or it goes over a road twice.
+    Raises:
+        RouteError: the start or the end is on no lane, there is no way, or it uses a road twice.
     """
     starts, ends = lanes_at(network, start, heights), lanes_at(network, end, heights)
-    for name, found, place in (("start", starts, start), ("end", ends, end)):
-        if not found:
-            raise RouteError(f"its {name} ({place.x:.1f} m, {place.y:.1f} m) is on no car lane of the map")
-    stops = [found for place in between if (found := lanes_at(network, place, heights))]
+    for name, candidates, place in (("start", starts, start), ("end", ends, end)):
+        if not candidates:
+            raise RouteError(f"its {name} ({place.x:.1f} m, {place.y:.1f} m) is not on a car lane of the map")
+    stops = [candidates for place in between if (candidates := lanes_at(network, place, heights))]
     if stops:
         ways = [_way_over(network, (starts, *stops, ends))]
     else:
-        ways = [way for one in starts for other in ends if (way := _joined(network, one, other)) is not None]
+        ways = [way for first in starts for other in ends if (way := _joined(network, first, other)) is not None]
     if not ways:
         raise RouteError(f"there is no way from {starts[0].edges[0]} to {ends[0].edges[-1]}")
     start_m, end_m = starts[0].off_m + ALIKE_M, ends[0].off_m + ALIKE_M
@@ -119,30 +121,30 @@ def way_between(
     way = min(ways, key=lambda way: (cost_m(way), way.edges))
     twice = next((edge for k, edge in enumerate(way.edges) if edge in way.edges[:k]), None)
     if twice is not None:
-        raise RouteError(f"it goes over {twice} twice, which cannot be said by lengths along a route")
+        raise RouteError(f"it uses {twice} twice, which lengths along a route cannot express")
     return way
 
 
-def _cost_m(one: OnLane, best_m: float) -> float:
-    """Return what it costs that a place is on this lane, in metres of route; within `best_m` lanes are equally good."""
-    beyond = max(one.off_m - best_m, 0.0)
-    return 10 * one.off_m + DETOUR * beyond + INSIDE_M * one.lane.internal + TURNED_M * one.turned_rad
+def _cost_m(place: OnLane, best_m: float) -> float:
+    """Return the cost of placing a place on this lane, in metres of route; up to `best_m` lanes are equally good."""
+    beyond = max(place.off_m - best_m, 0.0)
+    return 10 * place.off_m + DETOUR * beyond + INSIDE_M * place.lane.internal + TURNED_M * place.turned_rad
 
 
 def through_of(network: RoadNetwork, edges: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the fewest edges between which the shortest ways make up a route: `route [first, ..., last]`."""
-    kept = [edges[0]]
+    """Return the fewest edges that determine a route by the shortest paths between them: `route [first, ..., last]`."""
+    named = [edges[0]]
     at = 0
     while at < len(edges) - 1:
         reach = next(k for k in range(len(edges) - 1, at, -1) if _shortest(network, edges[at : k + 1]))
-        kept.append(edges[reach])
+        named.append(edges[reach])
         at = reach
-    return tuple(kept)
+    return tuple(named)
 
 
 def length_to(line: RouteLine, place: Pose, least_m: float) -> float:
-    """Return the length along a line of the point nearest to a place, at or behind `least_m`."""
-    # a route may pass a place's surroundings twice; headings tell the passes apart
+    """Return the position on a line that is nearest to a place, at `least_m` or later, m."""
+    # a route may pass a place twice; the headings distinguish the passes
     best = min(
         (math.hypot(x - place.x, y - place.y) + _turned(angle, place), s)
         for s, (x, y), angle in zip(line.marks, line.xy, line.angles, strict=True)
@@ -152,15 +154,15 @@ def length_to(line: RouteLine, place: Pose, least_m: float) -> float:
 
 
 def _turned(angle: float, place: Pose) -> float:
-    """Return how much a direction is another than a place's, rad; 0 for a place without one."""
+    """Return the difference between a direction and a place's, rad; 0 for a place without a direction."""
     return 0.0 if math.isnan(place.heading_rad) else abs(wrap(angle - place.heading_rad))
 
 
 def _way_over(network: RoadNetwork, stages: Sequence[Sequence[OnLane]]) -> Way:
-    """Return the shortest way over places, of which each may be on several lanes; a `RouteError` for none."""
+    """Return the shortest way through places, each of which may be on several lanes; `RouteError` if there is none."""
     first = stages[0][0].off_m + ALIKE_M
     best: list[tuple[float, OnLane, tuple[str, ...], OnLane]] = [
-        (_cost_m(one, first), one, one.edges, one) for one in stages[0]
+        (_cost_m(previous, first), previous, previous.edges, previous) for previous in stages[0]
     ]
     for stage in stages[1:]:
         nearest = stage[0].off_m + ALIKE_M
@@ -168,8 +170,8 @@ def _way_over(network: RoadNetwork, stages: Sequence[Sequence[OnLane]]) -> Way:
         for other in stage:
             ways = [
                 (cost + more[0] + _cost_m(other, nearest), start, (*edges, *more[1]), other)
-                for cost, start, edges, one in best
-                if (more := _onward(network, one, other)) is not None
+                for cost, start, edges, previous in best
+                if (more := _onward(network, previous, other)) is not None
             ]
             if ways:
                 offers.append(min(ways, key=lambda way: (round(way[0], 3), way[2])))
@@ -177,25 +179,25 @@ def _way_over(network: RoadNetwork, stages: Sequence[Sequence[OnLane]]) -> Way:
             raise RouteError(f"there is no way from {best[0][3].edges[0]} to {stage[0].edges[-1]}")
         best = offers
     cost, start, edges, end = min(best, key=lambda way: (round(way[0], 3), way[2]))
-    network.line(edges, start_lane=start.lane.id)  # whether lanes lead there
+    network.line(edges, start_lane=start.lane.id)  # raises if no lanes lead there
     return Way(edges, start, end, cost)
 
 
-def _onward(network: RoadNetwork, one: OnLane, other: OnLane) -> tuple[float, tuple[str, ...]] | None:
-    """Return how far it is from one place to the next, about, and the edges that come on top; None for no way."""
-    ahead_m = other.at_m - one.at_m
-    if one.edges == other.edges and ahead_m > -_SLACK_M:
+def _onward(network: RoadNetwork, first: OnLane, other: OnLane) -> tuple[float, tuple[str, ...]] | None:
+    """Return the approximate distance from one place to the next, m, and the edges to append; None without a way."""
+    ahead_m = other.at_m - first.at_m
+    if first.edges == other.edges and ahead_m > -_SLACK_M:
         return max(ahead_m, 0.0), ()
-    if one.edges[-1] == other.edges[0] and one.lane.internal and not other.lane.internal:
-        return one.lane.line.length_m - one.at_m + other.at_m, ()
+    if first.edges[-1] == other.edges[0] and first.lane.internal and not other.lane.internal:
+        return first.lane.line.length_m - first.at_m + other.at_m, ()
     try:
-        edges = shortest_route(network, one.edges[-1], other.edges[0])
+        edges = shortest_route(network, first.edges[-1], other.edges[0])
     except RouteError:
         return None
-    if len(edges) == 1 and not (one.lane.internal or other.lane.internal):
-        return None  # back on the same road: once around the block
+    if len(edges) == 1 and not (first.lane.internal or other.lane.internal):
+        return None  # a way back to the same road would go around the block
     length_m = sum(network.edges[edge].drivable[0].line.length_m for edge in edges)
-    before_m = one.lane.line.length_m - one.at_m if one.lane.internal else -one.at_m
+    before_m = first.lane.line.length_m - first.at_m if first.lane.internal else -first.at_m
     behind_m = other.at_m if other.lane.internal else other.at_m - other.lane.line.length_m
     return max(length_m + before_m + behind_m, 0.0), (*edges[1:], *other.edges[1:])
 
@@ -210,7 +212,7 @@ def _joined(network: RoadNetwork, start: OnLane, end: OnLane) -> Way | None:
         except RouteError:
             return None
         if start.lane.edge == end.lane.edge and not start.lane.internal and end.at_m <= start.at_m:
-            return None  # once around the block is no way that a route of two places means
+            return None  # a route of two places does not mean a way around the block
         edges = (*start.edges[:-1], *between, *end.edges[1:])
     try:
         line = network.line(edges, start_lane=start.lane.id)
@@ -222,7 +224,7 @@ def _joined(network: RoadNetwork, start: OnLane, end: OnLane) -> Way | None:
     rest_m = end.lane.line.length_m - end.at_m
     if end.lane.internal and end.lane.id in ends:
         until_m = ends[end.lane.id] + end.at_m
-    elif end.lane.internal:  # another lane of the same movement is driven
+    elif end.lane.internal:  # the line uses another lane of the same movement
         until_m = line.length_m - network.edges[edges[-1]].drivable[0].line.length_m - rest_m
     else:
         until_m = line.length_m - rest_m
@@ -240,13 +242,13 @@ def _shortest(network: RoadNetwork, edges: tuple[str, ...]) -> bool:
 
 @lru_cache(maxsize=4)
 def _around(network: RoadNetwork) -> dict[str, tuple[tuple[str, str], ...]]:
-    """For each lane inside a junction, the edges before and after it."""
-    found: dict[str, dict[tuple[str, str], None]] = {}
+    """Return, for each lane inside a junction, the edges before and after it."""
+    pairs_of_lane: dict[str, dict[tuple[str, str], None]] = {}
     for movement in network.movements:
         if "car" in movement.kinds:
             for lane in movement.via:
-                found.setdefault(lane, {})[movement.from_edge, movement.to_edge] = None
-    return {lane: tuple(pairs) for lane, pairs in found.items()}
+                pairs_of_lane.setdefault(lane, {})[movement.from_edge, movement.to_edge] = None
+    return {lane: tuple(pairs) for lane, pairs in pairs_of_lane.items()}
 
 
 def _may_be_near(lane: Lane, place: Pose) -> bool:

@@ -1,1 +1,1 @@
-"""Maps that were made elsewhere: OpenDRIVE, OpenStreetMap, SUMO."""
+"""Import of maps: OpenDRIVE, OpenStreetMap, SUMO."""

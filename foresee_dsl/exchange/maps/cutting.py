@@ -1,4 +1,4 @@
-"""Cuts a part out of a map, with netconvert's options `--keep-edges.in-boundary` and `--keep-edges.in-geo-boundary`."""
+"""Cutting a part out of a map, with netconvert's `--keep-edges.in-boundary` and `--keep-edges.in-geo-boundary`."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.outcome import ExchangeError
 
 EMPTY = ("No edges loaded", "No nodes loaded")
-"""What netconvert 1.28 says where nothing of a map is left."""
+"""Messages of netconvert 1.28 if no edge of a map remains."""
 _METRES_A_DEGREE = 111_320.0
-"""Of latitude: the earth's circumference at the equator, 40,075 km, over 360."""
+"""Metres per degree of latitude: the earth's circumference at the equator, 40,075 km, over 360."""
 _LARGEST = 1e8
-"""Ours: more than any coordinate of a map, m."""
+"""Ours: larger than any coordinate of a map, m."""
 CUT = "cut a part out (`--around`, `--in-boundary`, `--in-geo-boundary`)"
-"""What messages advise where a map is too large."""
+"""Advice in messages about maps that are too large."""
 _SIDES = ("west", "south", "east", "north")
 
 
 @dataclass(frozen=True)
 class Boundary:
-    """A box, of which a map keeps the edges that lie in it wholly or partly.
+    """A box; a map keeps the edges that lie wholly or partly in it.
+
 
     Attributes:
-        west, south, east, north: its sides: m of the map's coordinates, or degrees.
-        geo: whether they are degrees.
+        west, south, east, north: its sides, in m of the map's coordinates or in degrees.
+        geo: the sides are in degrees.
     """
 
     west: float
@@ -56,12 +57,12 @@ class Boundary:
 
     @property
     def option(self) -> tuple[str, str]:
-        """Netconvert's option, and its value."""
+        """Name and value of netconvert's option."""
         name = "--keep-edges.in-geo-boundary" if self.geo else "--keep-edges.in-boundary"
         return name, ",".join(str(getattr(self, side)) for side in _SIDES)
 
     def __str__(self) -> str:
-        """The box in words."""
+        """Return the box in words."""
         unit, digits = (" degrees", 5) if self.geo else (" m", 1)
         west, south, east, north = (f"{getattr(self, side):.{digits}f}" for side in _SIDES)
         return f"from ({west}, {south}) to ({east}, {north}){unit}"
@@ -69,12 +70,13 @@ class Boundary:
 
 @dataclass(frozen=True)
 class Around:
-    """What lies around a place of a map, as far as `radius_m` to each side.
+    """The part of a map up to `radius_m` to each side of a place.
+
 
     Attributes:
-        place: the id of a junction or edge, or two numbers with a comma: x and y, m; of an OpenStreetMap extract
-            longitude and latitude, degrees.
-        radius_m: m.
+        place: the id of a junction or edge, or two numbers with a comma: x and y in m; for an OpenStreetMap extract
+            longitude and latitude in degrees.
+        radius_m: half the side of the box.
     """
 
     place: str
@@ -94,7 +96,7 @@ class Around:
 
     @property
     def point(self) -> tuple[float, float] | None:
-        """The place, where it is two numbers."""
+        """The place as two numbers; None if it is an id."""
         try:
             x, y = _numbers(self.place, "", 2)
         except ValueError:
@@ -102,12 +104,12 @@ class Around:
         return x, y
 
     def box(self, x: float, y: float) -> Boundary:
-        """Return the box around a place, m."""
+        """Return the box around a point, m."""
         r = self.radius_m
         return Boundary(x - r, y - r, x + r, y + r)
 
     def geo_box(self) -> Boundary:
-        """Return the box around a place that is given as longitude and latitude; an `ExchangeError` for another."""
+        """Return the box around a longitude and latitude; `ExchangeError` if the place is something else."""
         if self.point is None or abs(self.point[0]) > 180 or abs(self.point[1]) >= 90:
             raise ExchangeError(f"{self.place} is not a longitude and a latitude in degrees: write `13.605,52.325,300`")
         lon, lat = self.point
@@ -127,14 +129,14 @@ def _numbers(text: str, form: str, count: int) -> list[float]:
 
 
 Part = Boundary | Around
-"""What is kept of a map."""
+"""A part of a map to keep."""
 
 
 def part_of(around: str | None, in_boundary: str | None, in_geo_boundary: str | None) -> Part | None:
-    """Return the part that one of three options asks for, None where none is given.
+    """Return the part that one of three options selects; None without any option.
 
     Raises:
-        ValueError: several are given, or one is not understood.
+        ValueError: more than one option is present, or its value is invalid.
     """
     if sum(text is not None for text in (around, in_boundary, in_geo_boundary)) > 1:
         raise ValueError("--around, --in-boundary and --in-geo-boundary exclude each other")
@@ -147,12 +149,13 @@ def part_of(around: str | None, in_boundary: str | None, in_geo_boundary: str | 
 
 @dataclass(frozen=True)
 class _Whole:
-    """What a SUMO network says of itself.
+    """Properties of a SUMO network.
+
 
     Attributes:
-        edges: how many it has, without those inside junctions. extent: of its junctions, m.
-        degrees: the same as its `origBoundary` has it, where it has a projection.
-        place: of the junction or edge that was asked for. digits: how many its coordinates have.
+        edges: number of its edges, without those inside junctions. extent: bounding box of its junctions, m.
+        degrees: the extent in degrees, from its `origBoundary`; empty without a projection.
+        place: position of the requested junction or edge, m. digits: decimals of its coordinates.
     """
 
     edges: int
@@ -163,12 +166,12 @@ class _Whole:
 
 
 def cut_net(file: Path, part: Part, folder: Path, tell: Tell) -> tuple[Path, str]:
-    """Write a part of a SUMO network into a folder; return the file, and in words which part it is.
+    """Write a part of a SUMO network into a folder; return the file, and a description of the part.
 
-    Ids, coordinates, signal programs and what is inside junctions stay; edges at the border are kept whole.
+    Ids, coordinates, signal programs and junctions remain unchanged; edges at the border are kept whole.
 
     Raises:
-        ExchangeError: the network cannot be read, has nothing there, or is refused by netconvert.
+        ExchangeError: the network cannot be read, has no edge there, or is refused by netconvert.
     """
     tell(f"reading {file.name}")
     whole = _whole(file, part.place if isinstance(part, Around) else "")
@@ -235,7 +238,7 @@ def _whole(file: Path, wanted: str) -> _Whole:
                 if wanted and element.get("id") == wanted:
                     place = xs[-1], ys[-1]
     except (KeyError, ValueError, IndexError, StopIteration) as err:
-        raise ExchangeError(f"{file} is no sound SUMO network: {err}") from err
+        raise ExchangeError(f"{file} is not a sound SUMO network: {err}") from err
     if not edges or not xs or not located:
         raise ExchangeError(f"{file} is not a complete SUMO network: it has no edges or no location")
     return _Whole(edges, Boundary(min(xs), min(ys), max(xs), max(ys)), degrees, place, digits)

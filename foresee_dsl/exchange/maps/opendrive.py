@@ -1,4 +1,4 @@
-"""OpenDRIVE maps: taken over with a starter scenario, what they hold that the world has not, and written."""
+"""OpenDRIVE maps: import with a first scenario, a report on the parts that are left out, and export."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from foresee_dsl.files import read_outside
 from foresee_dsl.language.model import Network
 
 _LIGHTS = ("1000001", "1000002", "1000009", "1000010", "1000011")
-"""Types of traffic lights: the first five that CARLA's reader of OpenDRIVE knows (road/SignalType.cpp, after OpenDRIVE
-1.5M). Netconvert 1.28 reads them as such; ours: the towns have no others."""
+"""Types of traffic lights: the first five are those of CARLA's OpenDRIVE reader (road/SignalType.cpp, after OpenDRIVE
+1.5M). Netconvert 1.28 reads them as such; ours: CARLA's towns have no others."""
 _TAKEN_LANES = (
     *("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop"),
     *("sidewalk", "none", "biking", "parking"),
 )
 _NO_CROSSING = "crosswalk objects at no crossing (they lie at no junction where sidewalks meet)"
 _ON_CROSSING_M = 0.5
-"""Ours: crossings are moved to where the crosswalk is, but for roundings."""
+"""Largest distance between a crossing and its crosswalk, m. Ours: crossings are moved there, up to rounding."""
 _LEVEL_M = 0.01
 _DATE = re.compile(rb'(<header\b[^>]*?) date="[^"]*"')
 _LANE_TYPES = {b"bus_lane": b"bus", b"bay": b"bus", b"cycle_lane": b"biking", b"cycle_track": b"biking"}
-"""OpenDRIVE's types (1.4, e_laneType) of the lanes that we write: netconvert 1.28 writes the types of the net."""
+"""OpenDRIVE's types (1.4, e_laneType) of the lanes that we write; netconvert 1.28 writes the net's types instead."""
 _LANE_TYPE = re.compile(rb'(<lane id="[^"]*" type=")(' + b"|".join(_LANE_TYPES) + rb')(?=")')
 _OPTIONS = ("--precision", "4", "--no-warnings", "true")
 
@@ -44,12 +44,12 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
     """Write `NAME.xodr` and the scenario `NAME.foresee` for an OpenDRIVE map.
 
     Args:
-        part: what is kept of it, as a SUMO network `NAME_part.net.xml`; all by default.
-        tell: is called with the steps that take long.
+        part: the part to keep, as a SUMO network `NAME_part.net.xml`; None: the whole map.
+        tell: called with each step that takes long.
     """
     plain = file.name.removesuffix(".gz")
     if not plain.endswith(".xodr"):
-        raise ExchangeError(f"{file} is not called like an OpenDRIVE map: its name must end in .xodr")
+        raise ExchangeError(f"{file} does not have the name of an OpenDRIVE map: its name must end in .xodr")
     tell("reading the map")
     root = parse_xml(file, "OpenDRIVE", "an OpenDRIVE map")
     if part is not None:
@@ -66,7 +66,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
 
 
 def _run_part(file: Path, part: Part, out: Path, tell: Tell) -> Imported:
-    """Write the part as a SUMO network: it is netconvert that cuts it out, when it makes a net of the map."""
+    """Write the part as a SUMO network, because netconvert cuts it out while it converts the map."""
     name = part_name(name_of(file.name.removesuffix(".gz").removesuffix(".xodr"), "map"))
     box = part if isinstance(part, Boundary) else _around(part, file)
     with tempfile.TemporaryDirectory(prefix="foresee-map-") as folder:
@@ -99,7 +99,7 @@ def _around(part: Around, file: Path) -> Boundary:
 
 
 def _extent(file: Path) -> str:
-    """Return in words how far a map reaches: between the beginnings of its pieces of road."""
+    """Return in words the box that contains the starts of a map's road pieces."""
     pieces = list(parse_xml(file, "OpenDRIVE", "an OpenDRIVE map").iter("geometry"))
     try:
         xs, ys = ([float(piece.attrib[name]) for piece in pieces] for name in ("x", "y"))
@@ -109,7 +109,7 @@ def _extent(file: Path) -> str:
 
 
 def taken_from(parts: Topology) -> dict[str, int]:
-    """Return what a net has, in words."""
+    """Return counts of a net's elements, by name."""
     lanes = [lane for edge in parts.edges.values() for lane in edge.lanes]
     return {
         "edges": len(parts.edges),
@@ -122,31 +122,31 @@ def taken_from(parts: Topology) -> dict[str, int]:
 
 
 def left_out_of(root: Element, parts: Topology) -> Counter[str]:
-    """Return what an OpenDRIVE map holds and the net that was made of it (`parts`) does not, with counts."""
-    found: Counter[str] = Counter()
+    """Return counts of the elements of an OpenDRIVE map that are missing in the net made from it (`parts`)."""
+    counts: Counter[str] = Counter()
     for signal in root.iter("signal"):
         if signal.get("type") not in _LIGHTS:
-            found["signs (right of way is computed from the roads)"] += 1
+            counts["signs (right of way is computed from the roads)"] += 1
     for thing in root.iter("object"):
         crosswalk = thing.get("type") == "crosswalk"
-        found[_NO_CROSSING] += crosswalk
-        found["objects"] += not crosswalk
-    found[_NO_CROSSING] -= _from_map(root, parts)[0]
+        counts[_NO_CROSSING] += crosswalk
+        counts["objects"] += not crosswalk
+    counts[_NO_CROSSING] -= _from_map(root, parts)[0]
     for lane in root.iter("lane"):
         kind = lane.get("type", "none")
         if kind == "bidirectional":
-            found["lanes of type bidirectional (one direction, 5 km/h)"] += 1
+            counts["lanes of type bidirectional (one direction, 5 km/h)"] += 1
         elif kind not in _TAKEN_LANES:
-            found[f"lanes of type {kind}"] += 1
+            counts[f"lanes of type {kind}"] += 1
     for profile in root.iter("elevation"):
         steep = any(abs(float(profile.get(key, "0") or 0)) > _LEVEL_M for key in ("a", "b", "c", "d"))
-        found["stretches with a height or slope (the world is flat)"] += steep
-    found["tables of signal controllers"] += sum(1 for _ in root.iterfind("controller"))
-    return +found
+        counts["stretches with a height or slope (the world is flat)"] += steep
+    counts["tables of signal controllers"] += sum(1 for _ in root.iterfind("controller"))
+    return +counts
 
 
 def _from_map(root: Element, parts: Topology) -> tuple[int, int]:
-    """How many crosswalks of a map have a crossing, and how many crossings lie there."""
+    """Return how many crosswalks of a map have a crossing, and how many crossings lie on crosswalks."""
     crossings: set[str] = set()
     used = 0
     for crosswalk in crosswalks_of(root):
@@ -164,11 +164,11 @@ def _is_over(line: Polyline, x: float, y: float, beyond_m: float) -> bool:
 
 
 def notes_on(root: Element, parts: Topology) -> tuple[str, ...]:
-    """Return what we added to a map, a sentence each."""
+    """Return a note on each thing that was added to a map."""
     notes = []
     if any(m.tls is not None for m in parts.movements):
-        notes.append("the map says where signals are, not what they show: each got a program of ours with a stage for "
-                     "each pair of opposite approaches (20 s green, 3 s amber, 2 s all red)")  # fmt: skip
+        notes.append("the map contains the places of signals, not their programs: each got a program of ours, with a "
+                     "stage for each pair of opposite approaches (20 s green, 3 s amber, 2 s all red)")  # fmt: skip
     mapped = _from_map(root, parts)[1]
     if mapped:
         notes.append(f"{mapped} pedestrian crossings lie where the map has its crosswalks")
@@ -183,8 +183,8 @@ def notes_on(root: Element, parts: Topology) -> tuple[str, ...]:
 
 
 def opendrive_of(network: Network | Path, net_file: Path) -> bytes:
-    """Return an OpenDRIVE map in the net's own coordinates (the same net gives the same bytes); an imported map as it
-    is."""
+    """Return an OpenDRIVE map in the net's own coordinates (the same net gives the same bytes); an imported map
+    unchanged."""
     if isinstance(network, Path) and network.name.endswith(".xodr"):
         try:
             return read_outside(network)

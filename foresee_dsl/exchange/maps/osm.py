@@ -1,4 +1,4 @@
-"""Takes over an extract of OpenStreetMap: streets, signals, sidewalks and crossings become a SUMO network."""
+"""Import of an OpenStreetMap extract: its streets, signals, sidewalks and crossings become a SUMO network."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.files import open_outside
 
 _TYPEMAPS = ("osmNetconvert.typ.xml", "osmNetconvertUrbanDe.typ.xml", "osmNetconvertPedestrians.typ.xml")
-"""SUMO's own tables of what a `highway=...` is: lanes, limits, who may go there; then town limits and sidewalks."""
+"""SUMO's own tables of `highway=...`: lanes, limits, permissions; then urban limits and sidewalks."""
 _OPTIONS = (
-    *("--geometry.remove", "true"),  # nodes that only bend a street are no junctions
+    *("--geometry.remove", "true"),  # nodes at which a street only bends are not junctions
     *("--junctions.join", "true"),  # a crossing of two dual carriageways is one junction, not four
     *("--junctions.corner-detail", "5"),
     *("--roundabouts.guess", "true"),  # extracts often lack the tag
     *("--tls.guess-signals", "true"),  # OSM puts signals at stop lines, before the junction
-    *("--tls.discard-simple", "true"),  # a signal where no streams cross is one of a pedestrians' crossing
+    *("--tls.discard-simple", "true"),  # a signal without crossing streams belongs to a pedestrian crossing
     *("--tls.join", "true"),  # one program for a junction that has several nodes
     *("--tls.default-type", "static"),
     *("--sidewalks.guess", "true"),
@@ -51,9 +51,9 @@ _OPTIONS = (
     *("--no-warnings", "true"),
 )
 _NOT_ALONE = ("--remove-edges.isolated", "true")
-"""Streets that lead to no others are left out, unless there are no others."""
+"""Removes streets that lead to no other street; not used if all streets are such."""
 _MAPPED_CROSSINGS = ("--osm.crossings", "true")
-"""Crossings where the map has them; netconvert 1.28 dies of it for some extracts (3 of 28 of osm2streets')."""
+"""Uses the map's own crossings; netconvert 1.28 crashes on some extracts with it (3 of 28 of osm2streets)."""
 _AGAIN = (
     "--junctions.corner-detail",
     "5",
@@ -78,7 +78,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
     """Write `NAME.net.xml` and the scenario `NAME.foresee` for an extract `NAME.osm` that has streets.
 
     Args:
-        part: what is kept of it, as `NAME_part`; all by default. tell: is called with the steps that take long.
+        part: the part to keep, as `NAME_part`; None: all. tell: called with each step that takes long.
     """
     box = part.geo_box() if isinstance(part, Around) else part
     tell(f"reading {file.name}")
@@ -99,7 +99,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
     if b"<edge " not in net and box is not None:
         raise ExchangeError(f"{file} has no street for cars in the box {box}; it reaches {extent}")
     if b"<edge " not in net:
-        raise ExchangeError(f"{file} has no street that leads anywhere: a larger extract is needed")
+        raise ExchangeError(f"{file} has no street that leads to another: use a larger extract")
     return with_starter(
         net,
         f"{name}{NET}",
@@ -116,7 +116,7 @@ def _kept(box: Boundary | None) -> tuple[str, ...]:
 
 
 def extent_of(root: Element) -> Boundary | None:
-    """Return the box of an extract's nodes; None where it has none."""
+    """Return the bounding box of an extract's nodes; None if it has none."""
     places = list(_places(root).values())
     if not places:
         return None
@@ -125,9 +125,9 @@ def extent_of(root: Element) -> Boundary | None:
 
 
 def keep_within(root: Element, box: Boundary) -> None:
-    """Remove the ways of an extract that lie wholly to one side of a box, and the nodes that no way needs then.
+    """Remove the ways of an extract that lie wholly on one side of a box, and the nodes that no other way needs.
 
-    netconvert cuts exactly; this only spares it the rest.
+    netconvert makes the exact cut; this only reduces its input.
     """
     places = _places(root)
     needed: set[str] = set()
@@ -148,7 +148,7 @@ def keep_within(root: Element, box: Boundary) -> None:
 
 
 def _places(root: Element) -> dict[str, tuple[float, float]]:
-    """Longitude and latitude of each node, degrees."""
+    """Return longitude and latitude of each node, degrees."""
     places = {}
     for node in root.iterfind("node"):
         with suppress(ValueError, KeyError):
@@ -156,15 +156,17 @@ def _places(root: Element) -> dict[str, tuple[float, float]]:
     return places
 
 
-_GUESSED = ("signals without known times have netconvert's fixed programs of 90 s; sidewalks and crossings that OSM "
-            "does not say are guessed")  # fmt: skip
+_GUESSED = ("signals without known times have netconvert's fixed programs of 90 s; sidewalks and crossings that are "
+            "missing in OSM are guessed")  # fmt: skip
 
 
 def converted(root: Element, *, alone: bool = False, box: Boundary | None = None) -> tuple[bytes, tuple[str, ...]]:
-    """Return the net of an extract, and what to say of it.
+    """Return the net of an extract, and notes on the conversion.
 
-    It is written anew for netconvert: so that meets no document type that it would fetch. `alone`: streets that lead to
-    no others too. `box`: what is kept; all by default.
+    The extract is written again for netconvert, so that no document type remains which it would download.
+
+    Args:
+        alone: keep streets that lead to no other street. box: the part to keep; None: all.
     """
     from xml.etree.ElementTree import tostring
 
@@ -185,8 +187,8 @@ def converted(root: Element, *, alone: bool = False, box: Boundary | None = None
             except NetconvertDiedError as err:
                 run_netconvert(command, folder)
                 put = _put_crossings(root, folder)
-                notes = (f"{err} while it put the map's crossings: {put} of them are put by ourselves, at the arms of "
-                         "junctions with sidewalks; others are guessed",)  # fmt: skip
+                notes = (f"{err} while it added the map's crossings: {put} of them were added by this tool, at the "
+                         "arms of junctions with sidewalks; others are guessed",)  # fmt: skip
         except CompileError as err:
             if any(words in str(err) for words in EMPTY):
                 return b"", ()
@@ -197,7 +199,7 @@ def converted(root: Element, *, alone: bool = False, box: Boundary | None = None
 
 
 def _put_crossings(root: Element, folder: Path) -> int:
-    """Put an extract's crossings into the net in a folder, and return how many."""
+    """Add an extract's crossings to the net in a folder; return how many were added."""
     net = folder / f"map{NET}"
     before = read_net(net)
     wanted = crossings_of(root, before)
@@ -215,27 +217,27 @@ def _put_crossings(root: Element, folder: Path) -> int:
 
 
 def _left_out(root: Element) -> Counter[str]:
-    """Count what the extract holds and the network does not."""
-    found: Counter[str] = Counter()
+    """Return counts of the elements of the extract that are missing in the network."""
+    counts: Counter[str] = Counter()
     for way in root.iterfind("way"):
         highway = _tag(way, "highway")
         if highway and highway not in _CAR_STREETS:
-            found[f"ways for others: {highway}"] += 1
+            counts[f"ways for others: {highway}"] += 1
         elif not highway:
             kind = next((key for key in _OTHER_WAYS if _tag(way, key)), "other ways")
-            found[f"outlines and lines: {kind}"] += 1
+            counts[f"outlines and lines: {kind}"] += 1
         elif _tag(way, "maxspeed:conditional") or _tag(way, "access:conditional"):
-            found["conditions on time or weather"] += 1
+            counts["conditions on time or weather"] += 1
     for node in root.iterfind("node"):
         if (highway := _tag(node, "highway")) in ("stop", "give_way", "speed_camera", "bus_stop"):
-            found[f"signs and stops: {highway}"] += 1
+            counts[f"signs and stops: {highway}"] += 1
         if _tag(node, "traffic_calming"):
-            found["traffic calming"] += 1
+            counts["traffic calming"] += 1
     for relation in root.iterfind("relation"):
         kind = _tag(relation, "type")
         if kind != "restriction":  # netconvert obeys them
-            found[f"relations: {kind or 'without a type'}"] += 1
-    return found
+            counts[f"relations: {kind or 'without a type'}"] += 1
+    return counts
 
 
 def _tag(element: Element, key: str) -> str:
@@ -243,8 +245,8 @@ def _tag(element: Element, key: str) -> str:
 
 
 _LEFT = (
-    # west, south, east, north, in degrees: boxes inside countries whose traffic keeps to the left. Ours: coarse, and
-    # nowhere over a border to the other side; tags of the extract go before them.
+    # west, south, east, north, in degrees: boxes inside countries with left-hand traffic. Ours: coarse, and none
+    # crosses a border to a right-hand country; tags of the extract take precedence.
     (-10.8, 49.8, 1.8, 61.0),  # Great Britain, Ireland
     (32.2, 34.5, 34.7, 35.8),  # Cyprus
     (14.1, 35.7, 14.7, 36.1),  # Malta
@@ -266,7 +268,7 @@ _LEFT = (
 
 
 def read_osm(file: Path) -> Element:
-    """Return the root of an extract: `.osm`, the same packed by gzip, or `.osm.pbf`."""
+    """Return the root of an extract: `.osm`, also compressed by gzip, or `.osm.pbf`."""
     if not file.name.endswith(".pbf"):
         return parse_xml(file, "osm", "an OpenStreetMap file", ExchangeError)
     try:
@@ -286,7 +288,7 @@ def read_osm(file: Path) -> Element:
         return parse_xml(plain, "osm", "an OpenStreetMap file", ExchangeError)
 
 
-def _write_plain(osmium: Any, file: Path, plain: Path) -> None:  # noqa: ANN401 - it may not be installed
+def _write_plain(osmium: Any, file: Path, plain: Path) -> None:  # noqa: ANN401 - an optional package
     elements = 0
     with osmium.SimpleWriter(str(plain)) as writer:
         for thing in osmium.FileProcessor(str(file)):
@@ -297,7 +299,7 @@ def _write_plain(osmium: Any, file: Path, plain: Path) -> None:  # noqa: ANN401 
 
 
 def drives_on_the_left(root: Element) -> bool:
-    """Say whether an extract's traffic keeps to the left: what its `driving_side` tags say, or else where it lies."""
+    """Return whether an extract has left-hand traffic, by its `driving_side` tags, otherwise by its location."""
     sides = [tag.get("v") for tag in root.iter("tag") if tag.get("k") == "driving_side"]
     if sides:
         return 2 * sides.count("left") > len(sides)

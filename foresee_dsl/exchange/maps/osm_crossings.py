@@ -1,4 +1,4 @@
-"""Puts pedestrian crossings where an OpenStreetMap extract has them, for extracts of which netconvert dies doing so."""
+"""Pedestrian crossings of an OpenStreetMap extract, added by this tool for extracts on which netconvert crashes."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from foresee_dsl.compile.roads.polyline import XY, distance_to
 from foresee_dsl.compile.roads.topology import Edge, Topology
 
 _FROM_JUNCTION_M = 25.0
-"""A crossing so near to a junction is one of its arm (ours; over four lanes stop lines are 15 m before the middle)."""
+"""Largest distance of a crossing from its junction, m (ours: with four lanes, stop lines are 15 m from the centre)."""
 _BESIDE_M = 6.0
-"""A crossing's node is no farther from the middle of its street (ours: of a street whose directions lie apart)."""
+"""Largest distance of a crossing's node from the middle of its street, m (ours: for a street with a median)."""
 _LEAST_JUNCTIONS = 3
 
 
 def crossings_of(root: Element, net: Topology) -> bytes | None:
-    """Return what netconvert needs to put an extract's crossings into a net that was made of it; None for none.
+    """Return netconvert's input that adds an extract's crossings to the net made from it; None if there are none.
 
-    Each lies at the arm of a junction; arms that have a crossing already, and those without a sidewalk near, get none.
+    Each is placed at the arm of a junction; arms that have a crossing, or no sidewalk near, get none.
     """
     places = list(_places(root, net))
     taken = {edge for crossing in net.crossings.values() for edge in crossing.edges}
     connections = Element("connections")
     for place in places:
-        found = _arm(net, place)
-        if found is None or taken & {edge.id for edge in found[1]}:
+        arm = _arm(net, place)
+        if arm is None or taken & {edge.id for edge in arm[1]}:
             continue
-        taken |= {edge.id for edge in found[1]}
-        edges = " ".join(edge.id for edge in found[1])
-        SubElement(connections, "crossing", {"node": found[0], "edges": edges, "width": "4.00"})
+        taken |= {edge.id for edge in arm[1]}
+        edges = " ".join(edge.id for edge in arm[1])
+        SubElement(connections, "crossing", {"node": arm[0], "edges": edges, "width": "4.00"})
     return tostring(connections, encoding="utf-8", xml_declaration=True) if len(connections) else None
 
 
 def _places(root: Element, net: Topology) -> Iterator[XY]:
-    """The places of the crossings, m, from those of the junctions that are named after a node.
+    """Yield the places of the crossings, m, derived from the junctions that have the id of a node.
 
-    Within an extract UTM coordinates are linear in longitude and latitude, to some decimetres.
+    Within an extract, UTM coordinates are linear in longitude and latitude, up to some decimetres.
     """
     import numpy as np
 
@@ -53,19 +53,19 @@ def _places(root: Element, net: Topology) -> Iterator[XY]:
         degrees[node.get("id", "")] = at
         if any(tag.get("k") == "highway" and tag.get("v") == "crossing" for tag in node.iterfind("tag")):
             crossings.append(at)
-    known = [(degrees[name], (junction.x, junction.y)) for name, junction in net.junctions.items() if name in degrees]
-    if len(known) < _LEAST_JUNCTIONS or not crossings:
+    pairs = [(degrees[name], (junction.x, junction.y)) for name, junction in net.junctions.items() if name in degrees]
+    if len(pairs) < _LEAST_JUNCTIONS or not crossings:
         return
-    middle = np.mean([at for at, _ in known], axis=0)
-    rows = np.array([(*(np.array(at) - middle), 1.0) for at, _ in known])
-    to_metres, *_ = np.linalg.lstsq(rows, np.array([xy for _, xy in known]), rcond=None)
+    middle = np.mean([at for at, _ in pairs], axis=0)
+    rows = np.array([(*(np.array(at) - middle), 1.0) for at, _ in pairs])
+    to_metres, *_ = np.linalg.lstsq(rows, np.array([xy for _, xy in pairs]), rcond=None)
     for at in crossings:
         x, y = np.array((*(np.array(at) - middle), 1.0)) @ to_metres
         yield float(x), float(y)
 
 
 def _arm(net: Topology, place: XY) -> tuple[str, tuple[Edge, ...]] | None:
-    """The junction, and the edges of its arm, that a crossing belongs to."""
+    """Return the junction, and the edges of its arm, to which a crossing belongs."""
     best: tuple[float, str, tuple[Edge, ...]] | None = None
     for name, junction in net.junctions.items():
         if math.dist(place, (junction.x, junction.y)) > _FROM_JUNCTION_M:

@@ -1,4 +1,4 @@
-"""A first scenario on a network from elsewhere: a drive over a signalised junction, with traffic around."""
+"""A first scenario on an imported network: a drive over a signalised junction, with traffic around."""
 
 from __future__ import annotations
 
@@ -21,38 +21,39 @@ from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language import model as m
 
 SHORTEST_M, LONGEST_M = 150.0, 400.0
-"""How long the ego's way is: from a whole approach and exit to what takes about a minute (ours)."""
+"""Length of the ego's route: from a whole approach and exit up to a drive of about a minute (ours)."""
 CLEAR_M = 10.0
-"""Free road behind the ego's front at the start, and beyond its goal (ours: two car lengths)."""
+"""Free road behind the ego's front at the start, and after its goal, m (ours: two car lengths)."""
 _SMALL_MAPS = ((SHORTEST_M, CLEAR_M, CLEAR_M), (40.0, CLEAR_M, CLEAR_M), (5.0, 6.0, 6.0), (3.0, 5.0, 1.0))
-"""The shortest way, and the free road behind the start and beyond the goal, m: those of the first are taken that a map
-has room for (ours; the smallest maps are a piece of road of 10 m, on which a car of 5 m stands and moves)."""
+"""The least length of the route, and the free road behind the start and after the goal, m; the first row that fits the
+map is used (ours; the smallest maps are a road of 10 m, on which a car of 5 m stands and moves)."""
 APPROACH_M = 120.0
-"""At most so much of the first and of the last edge is driven (ours: signals are seen from there)."""
+"""Largest length that is driven on the first and on the last edge, m (ours: signals are visible from there)."""
 _ROOMY_M = 40.0
-"""A first edge with so much ahead is a street to start in, and no piece of a roundabout (ours)."""
+"""A first edge with this much road ahead is a street to start in, not a piece of a roundabout (ours)."""
 _SLOW_STREET_MPS = 20 / 3.6
-"""A limit below that is a yard's, or a fault of the map's (ours; an edition of CARLA's Town03 has 1.39 m/s)."""
+"""A lower limit belongs to a yard, or is an error of the map (ours; an edition of CARLA's Town03 has 1.39 m/s)."""
 _MOST_WAYS = 10_000
-"""Ways looked at (ours: a district; more would take seconds)."""
+"""Maximum number of routes that are compared (ours: a district; more would take seconds)."""
 _MOST_EDGES = 30
 _VEHICLES, _WALKERS = 10, 6
 _ROUND_M = 120.0
 _WAITING_S = 60.0
-"""At most so long at a signal: cycles of 90 s, netconvert's default, with a third of green (ours)."""
+"""Time allowed per signal, s: cycles of 90 s, netconvert's default, with a third of green (ours)."""
 _SLOW = 0.5
-"""The share of the limits that a drive through traffic reaches at least (ours)."""
+"""Share of the speed limits that a drive through traffic reaches at least (ours)."""
 
 
 @dataclass(frozen=True)
 class Way:
-    """A drive.
+    """A drive of the ego.
+
 
     Attributes:
-        edges: its route. start_m: where on the first edge it begins. goal_m: where on the last edge it ends.
-        length_m: from there to there, without what lies inside junctions.
-        signals: the junctions with a signal on it. turns: how often it does not go straight on.
-        free_s: what it takes at the limits, s. slowest_mps: the least of them.
+        edges: its route. start_m: its start on the first edge. goal_m: its goal on the last edge.
+        length_m: length from start to goal, without the parts inside junctions.
+        signals: the junctions with a signal on it. turns: number of movements that are not straight on.
+        free_s: duration at the speed limits, s. slowest_mps: the lowest of these limits.
     """
 
     edges: tuple[str, ...]
@@ -67,11 +68,12 @@ class Way:
 
 @dataclass(frozen=True)
 class Ground:
-    """A map as the search for a way needs it; it is read once, also where several ways are tried.
+    """A map in the form that the search for a route needs; it is read once for several searches.
+
 
     Attributes:
-        file: the map's name, for messages. roads: its network. signals: the junctions with a signal that has a program.
-        bridges: where its roads go over others. geometry: what was wrong with its lines. notes: how its net was made.
+        file: the map's name, for messages. roads: its network. signals: the junctions whose signal has a program.
+        bridges: places where its roads go over others. geometry: faults of its lines. notes: on its conversion.
     """
 
     file: str
@@ -83,9 +85,9 @@ class Ground:
 
     @classmethod
     def of(cls, map_file: Path, tell: Tell = in_silence) -> Ground:
-        """Read a `.net.xml` or `.xodr`; an `ExchangeError` where cars cannot drive on it, or ids cannot be expressed.
+        """Read a `.net.xml` or `.xodr`; `ExchangeError` if cars cannot drive on it, or ids cannot be expressed.
 
-        `tell`: is called with the steps that take long.
+        `tell` is called with each step that takes long.
         """
         net = foreign_net(map_file, tell)
         tell("reading the network")
@@ -100,16 +102,19 @@ class Ground:
 def starter(
     ground: Ground, *, name: str, network: str, doc: str, without: Collection[str] = ()
 ) -> tuple[m.Scenario, Way]:
-    """Return a scenario that runs on a map, and the way that its ego takes.
+    """Return a scenario that runs on a map, and the route of its ego.
 
-    `network`: the file as the scenario names it. `without`: edges to keep off. An `ExchangeError`
-    where it has no way for a car that is long enough.
+    Args:
+        network: the file as the scenario names it. without: edges to avoid.
+
+    Raises:
+        ExchangeError: no route for a car is long enough.
     """
     roads = ground.roads
     over = frozenset(edge for bridge in ground.bridges for edge in bridge.edges)
     way = best_way(roads, ground.signals, over, without)
     if way is None:
-        raise ExchangeError(f"{ground.file} has no way of {_SMALL_MAPS[-1][0]:.0f} m for a car: {_why(roads)}")
+        raise ExchangeError(f"{ground.file} has no route of {_SMALL_MAPS[-1][0]:.0f} m for a car: {_why(roads)}")
     body: list[m.ScenarioItem] = [
         m.Doc(text=doc),
         m.Tags(names=("starter",)),
@@ -125,16 +130,16 @@ def starter(
 
 def _why(roads: RoadNetwork) -> str:
     if roads.faults:
-        return f"it is broken at {len(roads.faults)} places, such as: {roads.faults[0]}"
+        return f"it has faults at {len(roads.faults)} places, such as: {roads.faults[0]}"
     return "a larger map is needed"
 
 
 def best_way(
     roads: RoadNetwork, signals: frozenset[str], bridged: frozenset[str] = frozenset(), without: Collection[str] = ()
 ) -> Way | None:
-    """Return the way for the ego: over a signal if there is any, from a street, with a turn, of a middle length.
+    """Return the route for the ego: over a signal if there is one, from a street, with a turn, of medium length.
 
-    It keeps off edges that go over or under others (`bridged`) if it can. The same network gives the same way.
+    It avoids edges that go over or under others (`bridged`) if possible. The same network gives the same route.
     """
     for room_m in _SMALL_MAPS:
         streets = _Streets.of(roads, signals, room_m, without)
@@ -165,10 +170,9 @@ def _best_of(roads: RoadNetwork, streets: _Streets, bridged: frozenset[str]) -> 
 
 @dataclass(frozen=True)
 class _Streets:
-    """What the search needs of each edge for cars: its rightmost lane, and the movements onward by the edge that they
-    lead to.
+    """Edges for cars in the form that the search needs: the rightmost lane, and the movements by their target edge.
 
-    `room_m`: the shortest way, and the free road before and behind it.
+    `room_m`: least length of the route, and the free road behind the start and after the goal.
     """
 
     roads: RoadNetwork
@@ -193,7 +197,7 @@ class _Streets:
         return self.lanes[edge].line.length_m
 
     def onward(self, edge: str) -> dict[str, Movement]:
-        """Return the movements from an edge; of a large map most are never asked for."""
+        """Return the movements from an edge, by target edge; computed on demand, as a search visits few edges."""
         if edge not in self._onward:
             self._onward[edge] = {
                 m.to_edge: m for m in self.roads.movements_from(edge) if m.turn != "back" and m.to_edge in self.lanes
@@ -201,7 +205,7 @@ class _Streets:
         return self._onward[edge]
 
     def ways(self) -> Iterator[Way]:
-        """Yield ways of a fitting length from every edge on, none over the same edge twice."""
+        """Yield routes of suitable length from every edge, none with an edge twice."""
         for start in sorted(self.lanes):
             open_ways: list[tuple[tuple[str, ...], float]] = [((start,), 0.0)]
             while open_ways:
@@ -214,7 +218,8 @@ class _Streets:
                     open_ways += [((*edges, edge), after_first_m + self.length_m(edge)) for edge in after]
 
     def way(self, edges: tuple[str, ...]) -> Way | None:
-        """Return the drive over edges, as little of the first and last as is wanted; None where they are too short."""
+        """Return the drive over edges, with the shortest parts of the first and last edge; None if these are too
+        short."""
         first_m, last_m = self.length_m(edges[0]), self.length_m(edges[-1])
         _, behind_m, beyond_m = self.room_m
         if min(first_m, last_m) < behind_m + beyond_m:
@@ -225,21 +230,21 @@ class _Streets:
         else:
             start_m, goal_m = max(behind_m, first_m - APPROACH_M), min(last_m - beyond_m, APPROACH_M)
             length_m = first_m - start_m + goal_m + sum(self.length_m(edge) for edge in edges[1:-1])
-        taken = [self.onward(a)[b] for a, b in itertools.pairwise(edges)]
+        movements = [self.onward(a)[b] for a, b in itertools.pairwise(edges)]
         return Way(
             edges=edges,
             start_m=math.floor(start_m),
             goal_m=math.floor(goal_m),
             length_m=length_m,
-            signals=tuple(m.junction for m in taken if m.tls is not None and m.junction in self.signals),
-            turns=sum(m.turn != "straight" for m in taken),
+            signals=tuple(m.junction for m in movements if m.tls is not None and m.junction in self.signals),
+            turns=sum(m.turn != "straight" for m in movements),
             free_s=sum(self.length_m(e) / max(self.lanes[e].speed_mps, 1.0) for e in edges),
             slowest_mps=min(self.lanes[e].speed_mps for e in edges),
         )
 
 
 def _leads(roads: RoadNetwork, edges: Sequence[str]) -> bool:
-    """Whether lanes lead all the way (edges may touch and yet have no lane from one to the next)."""
+    """Return whether lanes connect all edges (edges may touch without a lane from one to the next)."""
     try:
         roads.line(tuple(edges))
     except RouteError:
@@ -248,7 +253,7 @@ def _leads(roads: RoadNetwork, edges: Sequence[str]) -> bool:
 
 
 def _end_s(way: Way) -> float:
-    """Time enough to arrive, in tens of seconds."""
+    """Return a time limit that suffices to arrive, in s, a multiple of 10."""
     return math.ceil((way.free_s / _SLOW + _WAITING_S * (len(way.signals) + 0.5)) / 10) * 10
 
 
@@ -269,10 +274,10 @@ def _traffic(roads: RoadNetwork) -> list[m.Traffic]:
     vehicles = ["car.compact", "car.suv", "van.delivery", "motorcycle.street"]
     if any("bicycle" in lane.kinds for lane in roads.lanes.values()):
         vehicles.append("bicycle.city")
-    found = [_around("others", _VEHICLES, vehicles, 1)]
+    groups = [_around("others", _VEHICLES, vehicles, 1)]
     if any(lane.kinds == {"pedestrian"} and not lane.internal for lane in roads.lanes.values()):
-        found.append(_around("walkers", _WALKERS, ["pedestrian.adult", "pedestrian.elderly"], 2))
-    return found
+        groups.append(_around("walkers", _WALKERS, ["pedestrian.adult", "pedestrian.elderly"], 2))
+    return groups
 
 
 def _around(name: str, count: int, models: Sequence[str], seed: int) -> m.Traffic:

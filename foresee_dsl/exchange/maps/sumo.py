@@ -1,4 +1,4 @@
-"""Takes over a SUMO network: the net as it is, and a scenario on it, over which `idm` has driven once alone."""
+"""Import of a SUMO network: the net unchanged, and a scenario on it that `idm` has driven once without traffic."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from foresee_dsl.language.model import Scenario
 
 NET = ".net.xml"
 _SHOWN = 3
-"""Places that a note names (ours)."""
+"""Number of places that a note lists (ours)."""
 Contents = tuple[dict[str, int], Counter[str], tuple[str, ...]]
-"""What a map holds: what is taken over, what is left out (both with counts), and notes on what was guessed."""
+"""Report on a map: counts of the elements that are taken over and that are left out, and notes on guesses."""
 
 
 def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_silence) -> Imported:
     """Write `NAME.net.xml` and the scenario `NAME.foresee` for a SUMO network `NAME.net.xml`.
 
     Args:
-        part: what is kept of it, as `NAME_part`; all by default. tell: is called with the steps that take long.
+        part: the part to keep, as `NAME_part`; None: all. tell: called with each step that takes long.
     """
     name = name_of(file.name.removesuffix(".gz").removesuffix(NET).removesuffix(".xml"), "net")
     if part is None:
@@ -47,7 +47,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
 
 
 def part_name(name: str) -> str:
-    """Return what the part of a map is called: in the map's own folder it replaces none of the map's files."""
+    """Return the name for a part of a map, which differs from the map's own, so that no file of the map is replaced."""
     return f"{name}_part"
 
 
@@ -64,7 +64,7 @@ def _run(file: Path, name: str, out: Path, source: str, notes: tuple[str, ...], 
         }
     )
     data = tostring(root, encoding="utf-8", xml_declaration=True) if changed else without_header(unpacked(file))
-    del root  # as large as all that follows
+    del root  # frees as much memory as all that follows needs
     return with_starter(
         data,
         f"{name}{NET}",
@@ -89,9 +89,9 @@ def with_starter(
     """Write a network and the scenario `NAME.foresee` that runs on it, together or not at all.
 
     Args:
-        data, file: the network file's bytes and name. name: of the scenario.
-        source: what the network was made of, for the scenario's sentence. contents: reports on the net made of it.
-        tell: is called with the steps that take long.
+        data, file: the network file's bytes and name. name: the scenario's name.
+        source: origin of the network, for the scenario's `doc`. contents: returns the report on the net.
+        tell: called with each step that takes long.
     """
 
     def write(folder: Path) -> Imported:
@@ -101,17 +101,17 @@ def with_starter(
         doc = sentence(f"A first drive on {source}.")
 
         def find(without: frozenset[str]) -> tuple[Scenario, Way]:
-            tell("looking for a way for the ego")
-            found = starter(ground, name=name, network=file, doc=doc, without=without)
-            tell(f"driving the ego's way of {found[1].length_m:.0f} m")
-            return found
+            tell("searching a route for the ego")
+            first = starter(ground, name=name, network=file, doc=doc, without=without)
+            tell(f"driving the ego's route of {first[1].length_m:.0f} m")
+            return first
 
         scenario, way, drive = first_that_arrives(find, folder, roads)
         write_text(folder / f"{name}.foresee", scenario)
         taken, left_out, notes = contents(roads)
         flat = bridge_notes(ground.bridges)
-        said = (*_of_the_drive(name, way, drive), *notes, *ground.notes, *_side(roads), *flat)
-        return Imported((), 1, taken, +left_out, (*said, *geometry_notes(ground.geometry)))
+        drive_notes = (*_of_the_drive(name, way, drive), *notes, *ground.notes, *_side(roads), *flat)
+        return Imported((), 1, taken, +left_out, (*drive_notes, *geometry_notes(ground.geometry)))
 
     return import_together(out, write)
 
@@ -124,12 +124,10 @@ def _ground(file: Path, tell: Tell) -> Ground:
 
 
 def _of_the_drive(name: str, way: Way, drive: Drive) -> tuple[str, ...]:
-    over = (
-        f" over the signal of {', '.join(way.signals)}" if way.signals else ", over no signal: there is none on a way"
-    )
-    notes = [f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"]
+    over = f" over the signal of {', '.join(way.signals)}" if way.signals else " without a signal: no route has one"
+    notes = [f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another route"]
     if not drive.arrived:
-        notes.append(f"idm, alone on the road, does not arrive on any way that was tried: {drive.reason}")
+        notes.append(f"idm, alone on the road, does not arrive on any of the routes that were tried: {drive.reason}")
     return tuple(notes)
 
 
@@ -137,15 +135,15 @@ def _side(roads: RoadNetwork) -> tuple[str, ...]:
     return ("traffic keeps to the left",) if roads.left_hand else ()
 
 
-def geometry_notes(found: Geometry) -> tuple[str, ...]:
-    """Return what to say of a map's lines: what was repaired, and what stays broken."""
+def geometry_notes(geometry: Geometry) -> tuple[str, ...]:
+    """Return notes on a map's lines: the repaired ones, and those that remain broken."""
     notes = []
-    if found.repaired:
-        notes.append(f"{len(found.repaired)} lines that no car can follow were smoothed, within their lanes and "
-                     f"junctions: {_some(found.repaired)}")  # fmt: skip
-    if found.broken:
-        notes.append(f"{len(found.broken)} places are broken and closed, no route leads over them: "
-                     f"{_some(found.broken)}; `foresee check` lists them all")  # fmt: skip
+    if geometry.repaired:
+        notes.append(f"{len(geometry.repaired)} lines that no car can follow were smoothed, within their lanes and "
+                     f"junctions: {_some(geometry.repaired)}")  # fmt: skip
+    if geometry.broken:
+        notes.append(f"{len(geometry.broken)} places are broken and closed, no route leads over them: "
+                     f"{_some(geometry.broken)}; `foresee check` lists them all")  # fmt: skip
     return tuple(notes)
 
 
@@ -155,7 +153,7 @@ def _some(places: Sequence[str]) -> str:
 
 
 def counts(parts: Topology) -> dict[str, int]:
-    """Return what a net has, in words."""
+    """Return counts of a net's elements, by name."""
     open_to = [edge for edge in parts.edges.values() if edge.for_kind("car")]
     return {
         "edges for cars": len(open_to),
@@ -167,13 +165,14 @@ def counts(parts: Topology) -> dict[str, int]:
 
 _DRIVER = "idm"
 _MOST_TRIED = 6
-"""Ways that are tried until one is found on which `idm` arrives (ours: each takes a second or two)."""
+"""Maximum number of routes that `idm` drives until it arrives (ours: each takes a second or two)."""
 _NEAR_M = 30.0
 
 
 @dataclass(frozen=True)
 class Drive:
-    """How a drive alone ended: whether it arrived, in words, and the edges on which it came to its end otherwise."""
+    """Result of a drive without traffic: whether it arrived, the reason in words, and otherwise the edges at its
+    end."""
 
     arrived: bool
     reason: str
@@ -183,9 +182,9 @@ class Drive:
 def first_that_arrives(
     find: Callable[[frozenset[str]], tuple[m.Scenario, Way]], folder: Path, roads: RoadNetwork
 ) -> tuple[m.Scenario, Way, Drive]:
-    """Return the best way on which `idm` arrives alone; where there is none, the best way, and how that ended.
+    """Return the best route on which `idm` arrives alone; if there is none, the best route and the result of its drive.
 
-    `find`: gives the best way that keeps off some edges. `folder`: holds the network; nothing else stays there.
+    `find` returns the best route without some edges. `folder` contains the network; temporary files there are removed.
     """
     scenario, way = find(frozenset())
     drive = driven_alone(scenario, folder, roads)
@@ -204,7 +203,7 @@ def first_that_arrives(
 
 
 def driven_alone(scenario: m.Scenario, folder: Path, roads: RoadNetwork) -> Drive:
-    """Place a scenario's actors, and drive it without its traffic."""
+    """Place all actors of a scenario, then drive it without its background traffic; return the result."""
     from foresee_dsl.campaign.driving import run_test_case  # here: SUMO and the drivers
     from foresee_dsl.compile import compile_test_case
     from foresee_dsl.language.project.loading import load_test_case
@@ -215,7 +214,7 @@ def driven_alone(scenario: m.Scenario, folder: Path, roads: RoadNetwork) -> Driv
     file = folder / "first_drive.foresee"
     try:
         write_text(file, scenario)
-        compile_test_case(load_test_case(file))  # traffic too finds its places
+        compile_test_case(load_test_case(file))  # checks that the traffic can be placed too
         write_text(file, scenario.model_copy(update={"body": body}))
         result = run_test_case(load_test_case(file), _DRIVER, 0, deadlines=None)
     except (InputError, CompileError, SimulationError) as err:
@@ -227,7 +226,7 @@ def driven_alone(scenario: m.Scenario, folder: Path, roads: RoadNetwork) -> Driv
 
 
 def _edges_at(roads: RoadNetwork, x: float, y: float) -> frozenset[str]:
-    """The edge at a place; inside a junction the one that the nearest way there leads to."""
+    """Return the edge at a place; inside a junction, the target edges of the nearest lane there."""
     near = roads.nearest_lane(x, y, within_m=_NEAR_M)
     if near is None:
         return frozenset()

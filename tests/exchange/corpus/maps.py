@@ -29,7 +29,7 @@ _GOOD_REASONS = (
     "has no streets",
     "has no nodes",
     "no street that leads anywhere",
-    "has no way of 3 m for a car",
+    "has no route of 3 m for a car",
     "is not a complete SUMO network",
     "its root is",
     "not a sound OpenDRIVE map",

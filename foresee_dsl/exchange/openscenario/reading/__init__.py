@@ -1,1 +1,1 @@
-"""OpenSCENARIO XML to scenarios of the language."""
+"""Import of OpenSCENARIO XML as scenarios of the language."""

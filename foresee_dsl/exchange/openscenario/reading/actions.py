@@ -1,4 +1,4 @@
-"""What happens in a storyboard as triggers of the language."""
+"""Actions and events of a storyboard as triggers of the language."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from foresee_dsl.language import model as m
 ROUTING = ("AssignRouteAction", "AcquirePositionAction", "FollowTrajectoryAction")
 FRAME_S = 0.05
 _AS_FAST_MPS = 0.01
-"""Speeds that differ by less are the same, m/s (ours: 1 cm in the usual second)."""
+"""Speeds that differ by less than this count as equal, m/s (ours: 1 cm in a typical change of 1 s)."""
 _GROUPS = ("LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction", "AppearanceAction")
 _HOLDERS = (*_GROUPS, "InfrastructureAction", "EntityAction", "TrafficAction", "TrailerAction")
-"""Elements around the action that is meant."""
+"""Elements that enclose the actual action."""
 _AT_ONCE = (
     "VisibilityAction",
     "TeleportAction",
@@ -44,7 +44,7 @@ _AT_ONCE = (
 
 @dataclass
 class TriggerBuilder:
-    """Makes triggers of events; `only_end` are variables that nothing asks for but what ends the storyboard."""
+    """Builds triggers from events; `only_end` lists variables that are used only to end the storyboard."""
 
     states: Mapping[str, EntityState]
     losses: Losses
@@ -54,7 +54,7 @@ class TriggerBuilder:
     _used: set[str] = field(default_factory=set)
 
     def whens(self, events: Sequence[Event]) -> Iterator[m.When]:
-        """Yield a trigger for each event in which anything is left."""
+        """Yield a trigger for each event that has any action left."""
         for event in events:
             if event.lost:
                 self.losses.lose(event.lost, event.title)
@@ -76,20 +76,22 @@ class TriggerBuilder:
         return [*actions, *self._afterwards(event)]
 
     def _afterwards(self, event: Event) -> list[m.Action]:
-        """Return the blocks of events that wait for another's end: those that wait for nothing else together, then one
-        that does."""
+        """Return the blocks of events that wait for the end of another: first, together, those without further
+        conditions, then one with conditions."""
         plain = [a for other in event.at_end if not other.steps for a in self._block(other)]
-        found: list[m.Action] = [m.Then(actions=tuple(plain))] if plain else []
+        blocks: list[m.Action] = [m.Then(actions=tuple(plain))] if plain else []
         waiting = [other for other in event.at_end if other.steps]
         if waiting and _does_anything(block := self._block(waiting[0])):
             inner = wrapped(waiting[0].steps, block)
-            found.append(inner[0] if len(inner) == 1 and isinstance(inner[0], m.Then) else m.Then(actions=tuple(inner)))
+            blocks.append(
+                inner[0] if len(inner) == 1 and isinstance(inner[0], m.Then) else m.Then(actions=tuple(inner))
+            )
         for other in waiting[1:]:
             self.losses.lose("events that wait for the same end, with conditions of their own", other.title)
-        return found
+        return blocks
 
     def _act(self, kind: Element, ref: str, event: Event) -> list[m.Action]:
-        """Return an action of one entity; of one that is lost only how long it takes, for those that wait for it."""
+        """Return an action of one entity; for a lost action, a wait of its duration if other events wait for it."""
         inner = next(iter(kind), None)
         what = next(iter(inner), None) if inner is not None and inner.tag in _GROUPS else None
         what = inner if inner is not None and inner.tag == "SynchronizeAction" else what
@@ -105,7 +107,7 @@ class TriggerBuilder:
             if inner is not None and tag in ("ParameterAction", "VariableAction"):
                 changed = inner.get("parameterRef") or inner.get("variableRef") or ""
                 if changed in self.only_end:
-                    self.losses.leave(f"actions: {tag} (of what only ends the storyboard)", event.title)
+                    self.losses.leave(f"actions: {tag} (of a value that only ends the storyboard)", event.title)
                     return []
             if kind.tag != "PrivateAction" or inner is None:
                 raise NotExpressed(f"actions: {tag}")
@@ -125,20 +127,20 @@ class TriggerBuilder:
         return [m.Leaves(actor=gone.entity.name)]
 
     def _time_of(self, what: Element | None, state: EntityState | None, event: Event) -> list[m.Action]:
-        """Return a wait for as long as an action takes that is not taken over, where others wait for its end."""
+        """Return a wait as long as an action that is not taken over, if other events wait for its end."""
         if not event.at_end or what is None or what.tag in _AT_ONCE:
             return []
         dynamics = what.find(f"{what.tag}Dynamics")
         target = what.find("SpeedActionTarget/AbsoluteTargetSpeed")
         was = state.speed_mps if state is not None else None
         to = number(target, "value") if target is not None else None
-        took = _over(dynamics, was, to) if dynamics is not None else None
-        if took is None:
+        duration_s = _over(dynamics, was, to) if dynamics is not None else None
+        if duration_s is None:
             for other in event.at_end:
-                self.losses.lose("events that wait for the end of something that is not taken over", other.title)
+                self.losses.lose("events that wait for the end of an action that is not taken over", other.title)
             event.at_end.clear()
             return []
-        return [m.Wait(duration=quantity(took, "time"))] if took > 0 else []
+        return [m.Wait(duration=quantity(duration_s, "time"))] if duration_s > 0 else []
 
     def _private(self, tag: str, what: Element | None, state: EntityState, event: Event) -> list[m.Action]:
         if tag in ROUTING:
@@ -156,7 +158,7 @@ class TriggerBuilder:
         raise NotExpressed(f"actions: {tag}")
 
     def _related(self, tag: str, action: Element, state: EntityState) -> list[m.Action]:
-        """Return an action that keeps an actor somewhere across its lane, or by another actor."""
+        """Return an action that keeps an actor at a lateral position, or at a distance from another actor."""
         if tag == "LaneOffsetAction":
             return [offset_of(action, state, self.states, self.places)]
         if tag == "LateralDistanceAction":
@@ -166,25 +168,25 @@ class TriggerBuilder:
         return [synchrony_of(action, state, self.states, self.places, self.losses)]
 
     def _follows(self, state: EntityState) -> list[m.Action]:
-        """Return the changes of speed along a trajectory, once."""
+        """Return the speed changes along a trajectory, the first time that they are requested."""
         if state.profile is None or state.entity.ref in self._used:
             return []
         self._used.add(state.entity.ref)
         return speed_changes(state, state.profile)
 
     def _speed(self, action: Element, state: EntityState, *, at_once: bool) -> list[m.Action]:
-        """Return a change of speed; none where it is at once and the actor begins with that speed."""
+        """Return a change of speed; none if it happens at once and the actor already has that speed."""
         relative = action.find("SpeedActionTarget/RelativeTargetSpeed")
         if relative is not None and relative.get("continuous") == "true":
             return [self._matches(relative, state)]
         was, to = state.speed_mps, self.target_speed(action)
         state.speed_mps = to
         dynamics = action.find("SpeedActionDynamics")
-        took = _over(dynamics, was, to)
-        return [] if at_once and took == 0 and was == to else [_changes(state, was, to, took)]
+        duration_s = _over(dynamics, was, to)
+        return [] if at_once and duration_s == 0 and was == to else [_changes(state, was, to, duration_s)]
 
     def _matches(self, relative: Element, state: EntityState) -> m.MatchesSpeed:
-        """Return the action of an actor that keeps to another's speed."""
+        """Return the action of an actor that keeps the speed of another."""
         other = self.states.get(relative.get("entityRef", ""))
         if other is None:
             raise NotExpressed("actions: SpeedAction (relative to an entity that was left out)")
@@ -198,7 +200,7 @@ class TriggerBuilder:
         )
 
     def target_speed(self, action: Element) -> float:
-        """Return the speed that a `<SpeedAction>` leads to; `NotExpressed` where it cannot be known beforehand."""
+        """Return the target speed of a `<SpeedAction>`, m/s; `NotExpressed` if it is unknown before the run."""
         target = action.find("SpeedActionTarget/AbsoluteTargetSpeed")
         if target is not None:
             return max(number(target, "value"), 0.0)
@@ -219,16 +221,16 @@ class TriggerBuilder:
 
     def _profile(self, action: Element, state: EntityState) -> list[m.Action]:
         base = self._other_speed(action, "SpeedProfileAction") if action.get("entityRef") else 0.0
-        found: list[m.Action] = []
+        changes: list[m.Action] = []
         for entry in action.iterfind("SpeedProfileEntry"):
             to = max(base + number(entry, "speed"), 0.0)
-            took = number(entry, "time", 0.0) if entry.get("time") else None
-            change = _changes(state, state.speed_mps, to, took)
-            found.append(m.Then(actions=(change,)) if found else change)
+            duration_s = number(entry, "time", 0.0) if entry.get("time") else None
+            change = _changes(state, state.speed_mps, to, duration_s)
+            changes.append(m.Then(actions=(change,)) if changes else change)
             state.speed_mps = to
-        if not found:
+        if not changes:
             raise NotExpressed("actions: SpeedProfileAction (empty)")
-        return found
+        return changes
 
     def _lane(self, action: Element, state: EntityState, *, waited_for: bool) -> list[m.Action]:
         relative = action.find("LaneChangeTarget/RelativeTargetLane")
@@ -249,13 +251,16 @@ class TriggerBuilder:
                 raise NotExpressed("actions: LaneChangeAction (of an actor that follows no lane)")
             dynamics = action.find("LaneChangeActionDynamics")
             value = abs(number(dynamics, "value", 0.0)) if dynamics is not None else 0.0
-            said = dynamics.get("dynamicsDimension") if dynamics is not None and value else None
-            took, along = (value if said == "time" else None), (value if said == "distance" else None)
-            made = over_the_middle(
-                state, target, took, along, self.places, self.network, self.losses, waited_for=waited_for
+            dimension = dynamics.get("dynamicsDimension") if dynamics is not None and value else None
+            duration_s, length_m = (
+                (value if dimension == "time" else None),
+                (value if dimension == "distance" else None),
+            )
+            path_actions = over_the_middle(
+                state, target, duration_s, length_m, self.places, self.network, self.losses, waited_for=waited_for
             )
             state.lane = target
-            return made
+            return path_actions
         state.lane = target
         self.losses.left_out["durations of lane changes (1 m/s sideways is driven)"] += 1
         change = m.ChangesLane(actor=state.entity.name, side="left" if by > 0 else "right")
@@ -275,7 +280,7 @@ class TriggerBuilder:
 
 
 def action_name(kind: Element) -> str:
-    """Return what an action is called in the report: `LaneOffsetAction`, `TrafficSignalStateAction`."""
+    """Return an action's name for the report: `LaneOffsetAction`, `TrafficSignalStateAction`."""
     inner = next(iter(kind), None)
     if inner is None:
         return kind.tag
@@ -290,7 +295,7 @@ def action_name(kind: Element) -> str:
 
 
 def wrapped(steps: Sequence[Step], actions: list[m.Action]) -> list[m.Action]:
-    """Return actions that wait for some steps, one after the other."""
+    """Return actions that begin after some steps, one after the other."""
     for step in reversed(steps):
         if step.delay_s > 0:
             actions = waited(step.delay_s, actions)
@@ -300,7 +305,7 @@ def wrapped(steps: Sequence[Step], actions: list[m.Action]) -> list[m.Action]:
 
 
 def waited(delay_s: float, actions: list[m.Action]) -> list[m.Action]:
-    """Return actions that come so much later."""
+    """Return actions that begin `delay_s` later."""
     return [m.Wait(duration=quantity(delay_s, "time")), m.Then(actions=tuple(actions))]
 
 
@@ -309,23 +314,23 @@ def _does_anything(actions: Sequence[m.Action]) -> bool:
 
 
 def _between(lane: int, target: int) -> int:
-    """Return how many lanes to the left another is, in the road's direction; 0 is no lane."""
+    """Return how many lanes to the left another lane lies, in the road's direction; there is no lane 0."""
     by = target - lane
     return by if lane * target > 0 else by - (1 if by > 0 else -1)
 
 
 def speed_changes(state: EntityState, profile: SpeedProfile) -> list[m.Action]:
-    """Return changes of speed one after the other; times are rounded to the simulation's steps.
+    """Return speed changes one after the other, with times rounded to the simulation's steps.
 
-    An actor with another speed than the profile's first one gets that at once.
+    If the actor's speed differs from the profile's first speed, it changes at once.
     """
     times = [round(t / FRAME_S) for t in profile.time_s]
-    found: list[m.Action] = []
+    actions: list[m.Action] = []
     if times[0] > 0:
-        found.append(m.Wait(duration=quantity(times[0] * FRAME_S, "time")))
+        actions.append(m.Wait(duration=quantity(times[0] * FRAME_S, "time")))
     if state.speed_mps is not None and abs(state.speed_mps - profile.speed_mps[0]) > _AS_FAST_MPS:
         first = _changes(state, state.speed_mps, profile.speed_mps[0], 0.0)
-        found.append(m.Then(actions=(first,)) if found else first)
+        actions.append(m.Then(actions=(first,)) if actions else first)
         times[0] = min(times[0] + 1, times[1])
     for k in range(1, len(times)):
         steps = times[k] - times[k - 1]
@@ -333,12 +338,12 @@ def speed_changes(state: EntityState, profile: SpeedProfile) -> list[m.Action]:
             continue
         state.changes(profile.speed_mps[k - 1], profile.speed_mps[k], steps * FRAME_S, within_limits=False)
         change = _changes(state, profile.speed_mps[k - 1], profile.speed_mps[k], steps * FRAME_S)
-        found.append(m.Then(actions=(change,)) if found else change)
-    return found
+        actions.append(m.Then(actions=(change,)) if actions else change)
+    return actions
 
 
 def _changes(state: EntityState, was: float | None, to: float, over_s: float | None) -> m.ChangesSpeed:
-    """Return a change of speed in some time; one at once is done within a step of ours by a model made for it."""
+    """Return a change of speed; one at once takes one step of ours, which a generated model can do."""
     step = over_s == 0 and not state.entity.bundled and not state.on_lanes
     if step:
         over_s, was = FRAME_S, state.most_mps if to < state.most_mps else 0.0
@@ -350,7 +355,7 @@ def _changes(state: EntityState, was: float | None, to: float, over_s: float | N
 
 
 def _over(dynamics: Element | None, was: float | None, to: float | None) -> float | None:
-    """Return how long a change takes, s: 0 for a step; None for as fast as the model can, or where it is not known."""
+    """Return the duration of a change, s: 0 for a step; None for as fast as possible, or if it is unknown."""
     if dynamics is None:
         return None
     value, dimension = abs(number(dynamics, "value", 0.0)), dynamics.get("dynamicsDimension")

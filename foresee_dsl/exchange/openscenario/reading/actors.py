@@ -31,30 +31,30 @@ from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 
 _WALK_M = 60.0
-"""A pedestrian without a given way goes straight on for so long (ours: the run's usual minute at 1 m/s)."""
+"""Length of a pedestrian's straight path if the file has none, m (ours: the usual run of a minute at 1 m/s)."""
 _OFF_ROAD_M = 200.0
-"""The same for a vehicle off the lanes."""
+"""Length of a vehicle's straight path off the lanes, m."""
 _NEAR_M = NEAR_ROAD_M - 1.0
 _LIMIT = 1.01
 _APART_M = 1.0
-"""An actor so far from its trajectory's beginning goes there first (ours)."""
+"""An actor farther than this from its trajectory's beginning goes there first, m (ours)."""
 _ASKEW_RAD = math.radians(20)
-"""A vehicle that looks so far off its lane's direction does not follow it (ours)."""
+"""A vehicle whose heading differs by more than this from its lane's does not follow the lane (ours)."""
 _STRAIGHT_M = 0.02
-"""A path may leave out points that are at most this far from it, m (ours)."""
+"""Largest distance between a path and a point that it leaves out, m (ours)."""
 _NOTED_S = 20.0
-"""The import names an actor that comes to the end of its lane within this time, s (ours: a third of the usual run)."""
+"""An actor that reaches the end of its lane within this time, s, is reported (ours: a third of the usual run)."""
 _GENTLE_MPS2 = 1.0
-"""Nothing that drives brakes less (ours)."""
+"""Assumed least braking of a driven vehicle, m/s^2 (ours)."""
 _LATE_S = 0.1
-"""A trajectory may begin earlier than its action by this time, s. Ours: two steps of the simulation."""
+"""Time by which a trajectory may begin before its action, s. Ours: two steps of the simulation."""
 _CRAWLS_MPS = 0.05
-"""An actor that is slower at the end of its trajectory stops there (ours)."""
+"""An actor slower than this at the end of its trajectory stops there, m/s (ours)."""
 
 
 @dataclass(frozen=True)
 class BuiltActor:
-    """An actor, and triggers that belong to it."""
+    """An actor and the triggers that belong to it."""
 
     statement: m.Ego | m.Actor
     whens: tuple[m.When, ...] = ()
@@ -62,10 +62,10 @@ class BuiltActor:
 
 @dataclass
 class ActorBuilder:
-    """Makes actors of entities on a network; `ways` gets how far each can go.
+    """Builds actors from entities on a network; `ways` receives the remaining way of each.
 
-    `lane_keepers`: entities that need lanes. `lane_changers`: those that change lanes. `beginnings`: where each is at
-    the beginning, and its speed, m/s.
+    `lane_keepers`: entities that need lanes. `lane_changers`: those that change lanes. `beginnings`: pose and speed
+    (m/s) of each at the beginning.
     """
 
     source: Source
@@ -80,12 +80,11 @@ class ActorBuilder:
     def actor(
         self, state: EntityState, routing: Element | None, *, begins_s: float | None, at_start: bool, acts: bool
     ) -> BuiltActor | None:
-        """Return an entity as an actor, or None where it has no place on the network.
+        """Return an entity as an actor, or None if it has no place on the network.
 
-        `state` gets the speeds of its trajectory, if an event is to start that. `routing`: its route, target or
-        trajectory, which is its way from the beginning with `at_start`, else from `begins_s` on (None: at a time that
-        the run decides). An entity that neither `acts` (in an event) nor
-        moves is only placed.
+        `state` receives the speeds of its trajectory if an event starts that. `routing`: its route, target or
+        trajectory, which applies from the beginning with `at_start`, otherwise from `begins_s` on (None: the run
+        decides when). An entity that neither moves nor acts in an event (`acts`) is only placed.
         """
         entity = state.entity
         try:
@@ -121,14 +120,14 @@ class ActorBuilder:
     def _trajectory(self, entity: Entity, routing: Element | None, begins_s: float | None) -> tracks.Trajectory | None:
         if routing is None or routing.tag != "FollowTrajectoryAction":
             return None
-        found = trajectory_of(self.source, routing)
+        trajectory = trajectory_of(self.source, routing)
         try:
-            if found is None:
+            if trajectory is None:
                 raise NotExpressed("trajectories: nothing")
             if begins_s != 0:
-                self.places.stay(found)
-            track = tracks.read_trajectory(found, self.places, entity.centre_m)
-            _timed(tracks.speed_profile(track), routing, begins_s)  # its times have to be ones that can be kept
+                self.places.stay(trajectory)
+            track = tracks.read_trajectory(trajectory, self.places, entity.centre_m)
+            _timed(tracks.speed_profile(track), routing, begins_s)  # raises if its times cannot be kept
             return track
         except NotExpressed as err:
             self.losses.lose(str(err), f"'{entity.ref}'")
@@ -143,10 +142,10 @@ class ActorBuilder:
         *,
         at_start: bool,
     ) -> BuiltActor | None:
-        """Return the ego: a route and a goal, and no actions, which are its driver's to decide."""
+        """Return the ego: its route and goal, without actions, because its driver decides."""
         entity, kind = state.entity, lane_kind(state.entity.spec)
         front = middle.ahead(entity.spec.length_m / 2)
-        # A trajectory is no goal: a run that ended where the recorded one crashed could not crash there.
+        # A trajectory is not a goal: a run that ended at the place of the recorded crash could not crash there.
         through = [
             front,
             *(tracks.thinned(track.poses())[1:] if track is not None else self._waypoints(routing, at_start=at_start)),
@@ -180,7 +179,7 @@ class ActorBuilder:
         begins_s: float | None,
         at_start: bool,
     ) -> BuiltActor:
-        self.losses.note("actors that follow a trajectory react to nobody")
+        self.losses.note("actors that follow a trajectory react to no other actor")
         entity, speed = state.entity, state.speed_mps or 0.0
         whens: tuple[m.When, ...] = ()
         if profile is not None:
@@ -199,7 +198,7 @@ class ActorBuilder:
         return BuiltActor(_actor(entity, middle, speed, _walk(entity, points, speed)), whens)
 
     def _on_lanes(self, state: EntityState, middle: Pose, routing: Element | None, *, at_start: bool) -> BuiltActor:
-        """Return a vehicle that follows the lanes, as a default controller does: by no rules."""
+        """Return a vehicle that follows the lanes without any rules, as a default controller does."""
         entity, kind = state.entity, lane_kind(state.entity.spec)
         front = middle.ahead(entity.spec.length_m / 2)
         try:
@@ -233,9 +232,9 @@ class ActorBuilder:
         return BuiltActor(_actor(entity, middle, speed, tuple(body)), () if speed > 0 else (stands,))
 
     def _on_path(self, state: EntityState, middle: Pose, path: list[XY], speed: float) -> BuiltActor:
-        """Return a vehicle that keeps to its lane and speed, whatever is ahead, as a default controller does."""
+        """Return a vehicle that keeps its lane and speed regardless of what is ahead, as a default controller does."""
         self.losses.note(
-            "vehicles that keep to their lane follow it as a path and react to nobody, as a default controller does"
+            "vehicles that keep to their lane follow it as a path and react to no actor, as a default controller does"
         )
         self._walks(state.entity, path)
         self._note_bends(state.entity, path, speed)
@@ -243,7 +242,7 @@ class ActorBuilder:
         return BuiltActor(_actor(state.entity, middle, speed, _walk(state.entity, points, speed)))
 
     def _note_bends(self, entity: Entity, path: list[XY], speed_mps: float) -> None:
-        """Say where an actor cannot drive its path as fast as the file says."""
+        """Report an actor that cannot drive its path at the speed of the file."""
         held = held_by_tyres(path, entity.spec, speed_mps) if entity.kind in WHEELS and speed_mps > 0 else None
         if held is not None:
             self.losses.note(
@@ -252,8 +251,7 @@ class ActorBuilder:
             )
 
     def _ahead(self, state: EntityState) -> list[XY]:
-        """Return the way ahead of a vehicle in its lane of the map, in either direction; nothing where that is not
-        known."""
+        """Return the path ahead of a vehicle in its lane of the map, in either direction; empty if it is unknown."""
         entity, roads = state.entity, self.places.roads
         place = self.places.lane_of(entity.ref)
         if roads is None or place is None or not place.lane:
@@ -268,12 +266,12 @@ class ActorBuilder:
         length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
         if length_m < (state.speed_mps or 0.0) * _NOTED_S:
             self.losses.note(
-                f"{entity.name} brakes at the end of its lane, {length_m:.0f} m on: from there the map leads it nowhere"
+                f"{entity.name} brakes at the end of its lane, {length_m:.0f} m ahead: the map has no lane from there"
             )
         return [(float(x), float(y)) for x, y in shapely.simplify(shapely.LineString(points), _STRAIGHT_M).coords]
 
     def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:
-        """Return an actor that goes straight on off the lanes, or stands."""
+        """Return an actor that goes straight on off the lanes, or stands still."""
         entity, speed = state.entity, state.speed_mps or 0.0
         end = self._straight_end(middle, length_m)
         self._walks(entity, [(middle.x, middle.y), (end.x, end.y)])
@@ -282,8 +280,8 @@ class ActorBuilder:
         return BuiltActor(_actor(entity, middle, speed, body))
 
     def _going_on(self, path: list[XY], speed: float, entity: Entity) -> list[XY]:
-        """Return a path that goes on as its lane does, or straight for as long as stopping takes: actors do not brake
-        for its end."""
+        """Return a path continued along its lane, or straight for the stopping distance, because actors do not brake
+        for the end of their path."""
         if speed < _CRAWLS_MPS:
             return path
         end = Pose(*path[-1], math.atan2(path[-1][1] - path[-2][1], path[-1][0] - path[-2][0]))
@@ -293,7 +291,7 @@ class ActorBuilder:
         return [*path, (further.x, further.y)]
 
     def _straight_end(self, start: Pose, length_m: float) -> Pose:
-        """Return the end of a straight way that stays as near to the roads as the language asks."""
+        """Return the end of a straight path that stays as near to the roads as the language requires."""
         ends = (start.ahead(k) for k in range(math.floor(length_m), 1, -1))
         return next((end for end in ends if self._near_roads(end)), start.ahead(1.0))
 
@@ -303,16 +301,16 @@ class ActorBuilder:
             return []
         route = self.source.referred(routing, "Route")
         positions = route.findall("Waypoint/Position") if route is not None else []
-        found: list[Pose] = []
+        poses: list[Pose] = []
         for position in (*positions, *routing.iterfind("Position")):
             try:
-                found.append(self.places.pose(position) if at_start else self.places.later(position))
+                poses.append(self.places.pose(position) if at_start else self.places.later(position))
             except NotExpressed as err:
                 self.losses.lose(f"waypoints: {err}")
-        return found
+        return poses
 
     def _goes(self, entity: Entity, front: Pose, edges: tuple[str, ...]) -> None:
-        """Remember how far an actor's route goes on from where it starts."""
+        """Record the length of an actor's route from its start."""
         along = tracks.nearest(self.network, front, lane_kind(entity.spec))
         begin = along.pos_m if along is not None and along.lane.edge == edges[0] else 0.0
         length = sum(self.network.edges[e].drivable[0].length_m for e in edges) - begin
@@ -324,9 +322,9 @@ class ActorBuilder:
 
 
 def trajectory_of(source: Source, routing: Element) -> Element | None:
-    """Return the `<Trajectory>` that a `<FollowTrajectoryAction>` means, or None."""
-    found = source.referred(routing, "Trajectory")
-    return source.referred(routing.find("TrajectoryRef"), "Trajectory") if found is None else found
+    """Return the `<Trajectory>` of a `<FollowTrajectoryAction>`, or None."""
+    trajectory = source.referred(routing, "Trajectory")
+    return source.referred(routing.find("TrajectoryRef"), "Trajectory") if trajectory is None else trajectory
 
 
 _KEYWORDS: dict[str, Literal["vehicle", "bicycle", "pedestrian", "obstacle"]] = {
@@ -337,14 +335,14 @@ _KEYWORDS: dict[str, Literal["vehicle", "bicycle", "pedestrian", "obstacle"]] = 
 
 
 def _actor(entity: Entity, middle: Pose, speed: float, body: tuple[m.ActorItem, ...]) -> m.Actor:
-    """Return an actor's statement; `middle` is that of its footprint."""
+    """Return an actor's statement; `middle` is the centre of its footprint."""
     place = middle.ahead(entity.spec.length_m / 2) if entity.kind in WHEELS else middle
     kind = _KEYWORDS.get(entity.kind, "vehicle")
     return m.Actor(kind=kind, name=entity.name, model=entity.model, state=_state(place, speed, entity), body=body)
 
 
 def _walk(entity: Entity, points: tuple[m.Point, ...], speed: float) -> tuple[m.ActorItem, ...]:
-    """Return what an actor on a path has: its path and speed; signals mean nothing to pedestrians there."""
+    """Return the path and speed of an actor; a pedestrian on a path also ignores signals."""
     heedless = (m.IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()
     return m.Path(points=points), m.CruiseSpeed(speed=quantity(speed, "speed")), *heedless
 
@@ -352,11 +350,11 @@ def _walk(entity: Entity, points: tuple[m.Point, ...], speed: float) -> tuple[m.
 def _timed(
     profile: tracks.SpeedProfile | None, routing: Element | None, begins_s: float | None
 ) -> tracks.SpeedProfile | None:
-    """Return a profile with the offset and scale that the action gives its times, counted from when the action begins;
-    None where they do not count.
+    """Return a profile with the action's offset and scale of times, from the beginning of the action; None if the file
+    tells to ignore times.
 
     Raises:
-        NotExpressed: its times are those of the run, and the action begins at a time that is not known.
+        NotExpressed: its times are those of the run, and the action begins at an unknown time.
     """
     if routing is None or routing.find("TimeReference/None") is not None:
         return None

@@ -1,4 +1,4 @@
-"""Whether a condition holds at the beginning of the run, as far as the places and speeds of the actors say it."""
+"""Whether a condition holds at the beginning of the run, as far as the actors' places and speeds determine it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COMPARES: Mapping[str, Callable[[float, float], bool]] = {
 
 @dataclass(frozen=True)
 class Beginning:
-    """Where an actor is at the beginning: its footprint, the pose of its middle, and its speed, m/s."""
+    """An actor at the beginning: pose of its centre, its speed, m/s, and the size of its footprint, m."""
 
     middle: Pose
     speed_mps: float
@@ -30,7 +30,7 @@ class Beginning:
 
     @property
     def footprint(self) -> shapely.Polygon:
-        """The rectangle that it covers."""
+        """The area that the actor covers."""
         half_l, half_w = self.length_m / 2, self.width_m / 2
         corners = ((half_l, half_w), (half_l, -half_w), (-half_l, -half_w), (-half_l, half_w))
         poses = [self.middle.ahead(along).beside(left) for along, left in corners]
@@ -38,9 +38,9 @@ class Beginning:
 
 
 def holds_at_start(condition: m.Condition, beginnings: Mapping[str, Beginning]) -> bool | None:
-    """Return whether a condition holds at the beginning; None where the import does not know it.
+    """Return whether a condition holds at the beginning; None if that is unknown.
 
-    `beginnings` are those of the actors, by name.
+    `beginnings` has the actors by name.
     """
     holds: bool | None = None
     match condition:
@@ -52,9 +52,9 @@ def holds_at_start(condition: m.Condition, beginnings: Mapping[str, Beginning]) 
             parts = [holds_at_start(part, beginnings) for part in condition.conditions]
             holds = decides if decides in parts else None if None in parts else not decides
         case m.Sustained():
-            holds = False if si_of(condition.duration) > 0 else None  # the run is not as old
+            holds = False if si_of(condition.duration) > 0 else None  # the run has just begun
         case m.Predicate(what="collision"):
-            holds = False  # actors that begin on top of each other are refused
+            holds = False  # the compiler refuses overlapping actors
         case m.Comparison(left=m.Measure() as measure):
             value = _measured(measure, beginnings)
             holds = None if value is None else _COMPARES[condition.op](value, si_of(condition.right))
@@ -65,25 +65,25 @@ def holds_at_start(condition: m.Condition, beginnings: Mapping[str, Beginning]) 
 
 
 def _measured(measure: m.Measure, beginnings: Mapping[str, Beginning]) -> float | None:
-    """Return what a measure is at the beginning, in SI units."""
-    one, other = beginnings.get(measure.actor or ""), beginnings.get(str(measure.other))
+    """Return the value of a measure at the beginning, in SI units; None if it is unknown."""
+    actor, other = beginnings.get(measure.actor or ""), beginnings.get(str(measure.other))
     if measure.what == "time":
         return 0.0
-    if one is not None and measure.what == "speed":
-        return one.speed_mps
-    if one is None or other is None or measure.what not in ("relative_speed", "distance", "headway"):
+    if actor is not None and measure.what == "speed":
+        return actor.speed_mps
+    if actor is None or other is None or measure.what not in ("relative_speed", "distance", "headway"):
         return None
     if measure.what == "relative_speed":
-        turned = other.middle.heading_rad - one.middle.heading_rad
-        return one.speed_mps - other.speed_mps * math.cos(turned)
-    apart = float(one.footprint.distance(other.footprint))
-    return apart if measure.what == "distance" else apart / max(one.speed_mps, SLOWEST_MPS)
+        turned = other.middle.heading_rad - actor.middle.heading_rad
+        return actor.speed_mps - other.speed_mps * math.cos(turned)
+    apart = float(actor.footprint.distance(other.footprint))
+    return apart if measure.what == "distance" else apart / max(actor.speed_mps, SLOWEST_MPS)
 
 
-def _distance(one: Beginning, of: object, beginnings: Mapping[str, Beginning]) -> float | None:
-    """Return how far a footprint is from another actor's or from a point, m."""
+def _distance(actor: Beginning, of: object, beginnings: Mapping[str, Beginning]) -> float | None:
+    """Return the distance between a footprint and another actor or a point, m; None if it is unknown."""
     if isinstance(of, m.Named) and str(of.name) in beginnings:
-        return float(one.footprint.distance(beginnings[str(of.name)].footprint))
+        return float(actor.footprint.distance(beginnings[str(of.name)].footprint))
     if isinstance(of, m.Point):
-        return float(one.footprint.distance(shapely.Point(si_of(of.x), si_of(of.y))))
+        return float(actor.footprint.distance(shapely.Point(si_of(of.x), si_of(of.y))))
     return None

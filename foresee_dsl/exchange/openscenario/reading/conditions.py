@@ -24,15 +24,15 @@ from foresee_dsl.simulate.trace import STEP_S
 Op = Literal["<", "<=", ">", ">="]
 _RULES: Mapping[str, Op] = {"lessThan": "<", "lessOrEqual": "<=", "greaterThan": ">", "greaterOrEqual": ">="}
 _SIGN_CHANGED: Mapping[Op, Op] = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
-"""What a comparison becomes when both sides change their sign."""
+"""The comparison that results when both sides change their sign."""
 STANDS_MPS = 0.1
-"""A slower entity stands (ours: the resolution of a change of speed that is complete)."""
+"""A slower entity counts as standing, m/s (ours: the tolerance at which a change of speed is complete)."""
 _SAME = {"speed": 0.1, "acceleration": 0.1, "length": 0.5, "time": 0.05}
-"""What is as near to a value as this is equal to it (ours: a frame, and what changes of speed are exact to)."""
+"""Tolerance of `equalTo` in SI units (ours: a frame of time; the accuracy of speed changes)."""
 _BESIDE_M = 5.0
-"""A way that was covered is noticed from up to so far beside the route (ours: a lane's width and a bit)."""
+"""Lateral distance from the route up to which a covered distance is noticed, m (ours: slightly more than a lane)."""
 _NO_COLLISION_S = 3600.0
-"""A time to collision from here on is none (ours: an hour, longer than a scenario's run)."""
+"""A time to collision of at least this value means that there is none, s (ours: longer than any run)."""
 _BY_TYPE: Mapping[str, tuple[ActorKind, ...]] = {
     "vehicle": ("car", "van", "truck", "bus", "motorcycle", "bicycle"),
     "pedestrian": ("pedestrian",),
@@ -40,17 +40,18 @@ _BY_TYPE: Mapping[str, tuple[ActorKind, ...]] = {
 }
 
 
-class NeverStarts(Exception):  # noqa: N818 - no error: what waits for it never happens, there neither
-    """A condition that holds at no time."""
+class NeverStarts(Exception):  # noqa: N818 - not an error: events that wait for it never happen
+    """A condition that never holds."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to wait for: a condition (None: holds at once), then a time.
+    """One step of waiting: for a condition (None: none), then for a time.
+
 
     Attributes:
-        edge: the same as the moment at which the condition begins to hold, for a condition with an edge: needed where
-            the condition may hold already when the wait begins.
+        edge: the moment at which the condition begins to hold, for a condition with an edge; it replaces the condition
+            if that may already hold when the wait begins.
     """
 
     condition: m.Condition | None = None
@@ -60,8 +61,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Start:
-    """When something starts: after (type, name, state) of a part of the storyboard, if any, then one step after the
-    other."""
+    """When something starts: after a part of the storyboard (type, name, state), if any, then after the steps in
+    order."""
 
     steps: tuple[Step, ...] = ()
     after: tuple[str, str, str] | None = None
@@ -69,7 +70,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Way:
-    """How far an actor's way goes on from where it starts, m; the points of a path, none for a route."""
+    """The remaining way of an actor from its start: length, m, and the points of a path (empty for a route)."""
 
     length_m: float
     points: tuple[tuple[float, float], ...] = ()
@@ -77,12 +78,13 @@ class Way:
 
 @dataclass(frozen=True)
 class ConditionReader:
-    """Reads triggers.
+    """Translates triggers into conditions of the language.
+
 
     Attributes:
-        entities, places: what they name. ways: of actors, by their names here.
-        values: of parameters and variables. changing: those that actions change.
-        beginnings: of actors, by their names here.
+        entities, places: those that triggers may name. ways: remaining ways of actors, by their new names.
+        values: of parameters and variables. changing: names of those that actions change.
+        beginnings: of actors, by their new names.
     """
 
     entities: Mapping[str, Entity]
@@ -94,10 +96,10 @@ class ConditionReader:
     beginnings: Mapping[str, Beginning] = field(default_factory=dict)
 
     def start(self, trigger: Element | None) -> Start:
-        """Return what a `<StartTrigger>` means; no trigger, or an empty one, is at once.
+        """Return the start that a `<StartTrigger>` describes; no trigger, or an empty one, means at once.
 
         Raises:
-            NotExpressed: it has no counterpart. NeverStarts: it never holds.
+            NotExpressed: it has no counterpart in the language. NeverStarts: it never holds.
         """
         groups = trigger.findall("ConditionGroup") if trigger is not None else []
         starts = []
@@ -124,24 +126,24 @@ class ConditionReader:
         return Start((Step(either, edge=m.Either(conditions=tuple(edges)) if edges != parts else None),))
 
     def sharpened(self, steps: Sequence[Step], *, from_the_start: bool) -> tuple[Step, ...]:
-        """Return steps whose conditions with a rising edge say so where they may hold already when the wait begins.
+        """Return steps in which a rising edge is explicit if the condition may already hold when the wait begins.
 
-        `from_the_start`: the first of them waits from the beginning of the run.
+        `from_the_start`: the first step waits from the beginning of the run.
         """
-        found = []
+        sharp_steps = []
         for k, step in enumerate(steps):
             condition = step.condition
             begins = k == 0 and from_the_start
             if step.edge is not None and not (begins and self._false_at_start(condition)):
                 condition = step.edge
-            found.append(Step(condition, step.delay_s))
-        return tuple(found)
+            sharp_steps.append(Step(condition, step.delay_s))
+        return tuple(sharp_steps)
 
     def _false_at_start(self, condition: m.Condition | None) -> bool:
         return condition is not None and holds_at_start(condition, self.beginnings) is False
 
     def _group(self, group: Element) -> Start:
-        """Return what a group of conditions means, which hold together."""
+        """Return the start of a group of conditions, which must hold together."""
         parts: list[tuple[m.Condition, str]] = []
         after: tuple[str, str, str] | None = None
         after_delay, delays = 0.0, set[float]()
@@ -160,7 +162,9 @@ class ConditionReader:
             if condition.find("ByValueCondition/SimulationTimeCondition") is None:
                 delays.add(delay)
             covered = condition.find("ByEntityCondition/EntityCondition/TraveledDistanceCondition")
-            never_before = covered is not None and number(covered, "value") > 0  # it begins to hold once, and later
+            never_before = (
+                covered is not None and number(covered, "value") > 0
+            )  # it begins to hold once, after the start
             edge = condition.get("conditionEdge", "none")
             parts.append((part, "none" if never_before and edge == "rising" else edge))
         if len(delays) > 1:
@@ -171,7 +175,7 @@ class ConditionReader:
         return Start(tuple(steps), after)
 
     def _condition(self, condition: Element, delay: float) -> m.Condition | None:
-        """Return one condition; None for one that holds from the beginning. A time is `delay` later."""
+        """Return one condition; None if it always holds. `delay` is added to a condition on the simulation time."""
         value = condition.find("ByValueCondition")
         if value is None:
             return self._of_entities(condition)
@@ -194,7 +198,7 @@ class ConditionReader:
         return m.Comparison(left=m.Measure(what="time"), op=op, right=quantity(limit, "time"))
 
     def _decide(self, kind: Element) -> None:
-        """Decide a condition about a parameter or variable that keeps its value."""
+        """Evaluate a condition on a parameter or variable whose value never changes."""
         name = kind.get("parameterRef") or kind.get("variableRef") or ""
         if name not in self.values:
             raise NotExpressed(f"conditions: {kind.tag} (of '{name}', which is not declared)")
@@ -253,7 +257,7 @@ class ConditionReader:
         return touching[0] if len(touching) == 1 else m.Either(conditions=touching)
 
     def _covered(self, entity: Entity, distance: float) -> m.Condition:
-        """Return that an actor has come so far: that its front is at that place of its way, or just behind it."""
+        """Return the condition that an actor's front has reached a distance along its way, or is just beyond it."""
         way = self.ways.get(entity.name)
         at = distance + _BESIDE_M - 1.0
         if way is None or not 0 <= distance < way.length_m:
@@ -288,26 +292,26 @@ class ConditionReader:
         if what == "ttc" and kind.get("relativeDistanceType") == "longitudinal":
             what = "ttc_along"
         measure = m.Measure(what=what, actor=entity.name, other=other.name)
-        found = _compared(measure, rule, value, dimension)
+        comparison = _compared(measure, rule, value, dimension)
         if what in ("ttc", "ttc_along") and rule not in ("lessThan", "lessOrEqual", "equalTo"):
-            # Where there is none, the standard's condition does not hold, whatever its rule.
+            # Without a collision ahead, the standard's condition never holds, whatever its rule.
             there_is_one = m.Comparison(left=measure, op="<", right=quantity(_NO_COLLISION_S, "time"))
-            return m.Both(conditions=(found, there_is_one))
+            return m.Both(conditions=(comparison, there_is_one))
         if what != "headway":
-            return found
-        # There is none to somebody behind, and so no condition that holds.
+            return comparison
+        # There is no headway to an actor behind, so the condition must not hold then.
         if rule in ("lessThan", "lessOrEqual"):
             ahead: m.Condition = m.Not(condition=m.Behind(actor=other.name, other=entity.name))
         else:
             ahead = m.Ahead(actor=other.name, other=entity.name)
-        return m.Both(conditions=(found, ahead))
+        return m.Both(conditions=(comparison, ahead))
 
     def _apart(self, kind: Element, entity: Entity, other: Entity, value: float, rule: str) -> m.Condition:
-        """Return a comparison of the distance between two actors; between reference points what lies between those and
-        the bumpers (the sides) is taken off."""
+        """Return a comparison of the distance between two actors; distances between reference points are converted to
+        distances between bumpers (or sides)."""
         which = kind.get("relativeDistanceType")
-        one, two = entity.spec, other.spec
-        inside = (one.width_m + two.width_m if which == "lateral" else one.length_m + two.length_m) / 2
+        first, second = entity.spec, other.spec
+        inside = (first.width_m + second.width_m if which == "lateral" else first.length_m + second.length_m) / 2
         if kind.get("freespace") == "true":
             inside = 0.0
         if which == "longitudinal":
@@ -350,9 +354,9 @@ class ConditionReader:
         return near if reach or _op(kind.get("rule", "")) in ("<", "<=") else m.Not(condition=near)
 
     def _same_way(self, entity: Entity, other: Entity) -> bool:
-        """Whether two actors begin in about the same direction."""
-        one, two = self.beginnings.get(entity.name), self.beginnings.get(other.name)
-        return one is None or two is None or math.cos(one.middle.heading_rad - two.middle.heading_rad) >= 0
+        """Return whether two actors begin with about the same direction."""
+        first, second = self.beginnings.get(entity.name), self.beginnings.get(other.name)
+        return first is None or second is None or math.cos(first.middle.heading_rad - second.middle.heading_rad) >= 0
 
     def _entity(self, ref: str) -> Entity:
         if ref not in self.entities:
@@ -361,9 +365,9 @@ class ConditionReader:
 
 
 def _steps(parts: Sequence[tuple[m.Condition, str]], wait_s: float) -> list[Step]:
-    """Return the steps of conditions that hold together, each with its edge.
+    """Return the steps of conditions that must hold together, each with its edge.
 
-    Several conditions with edges have to change at the same moment, as the standard asks.
+    If several conditions have edges, they must change at the same moment, as the standard requires.
     """
     if len(parts) > 1:
         return [Step(_both([_edge(part, edge) for part, edge in parts]), wait_s)]
@@ -376,7 +380,7 @@ def _steps(parts: Sequence[tuple[m.Condition, str]], wait_s: float) -> list[Step
 
 
 def _edge(part: m.Condition, edge: str) -> m.Condition:
-    """Return the moment at which a condition begins to hold, or ends: it holds now, and not since the frame before."""
+    """Return the condition at whose moment another begins to hold, or ends: it holds now, but not a frame earlier."""
     if edge == "none":
         return part
     if edge == "risingOrFalling":
@@ -387,20 +391,20 @@ def _edge(part: m.Condition, edge: str) -> m.Condition:
 
 
 def _both(parts: Sequence[m.Condition]) -> m.Condition:
-    """Return conditions that hold together, without brackets inside."""
-    flat = [one for part in parts for one in (part.conditions if isinstance(part, m.Both) else (part,))]
+    """Return the conjunction of conditions, without nested conjunctions."""
+    flat = [condition for part in parts for condition in (part.conditions if isinstance(part, m.Both) else (part,))]
     return m.Both(conditions=tuple(dict.fromkeys(flat)))
 
 
 def _to_front(entity: Entity) -> float:
-    """Return how far the front of an entity is ahead of its reference point, m; of one without wheels its middle is
-    what stands for the front."""
+    """Return how far the front of an entity lies ahead of its reference point, m; for one without wheels, the centre
+    replaces the front."""
     return entity.centre_m + (entity.spec.length_m / 2 if entity.kind in WHEELS else 0.0)
 
 
 def _of_reference_point(distance: float, entity: Entity) -> tuple[float, float]:
-    """Return the distance for a footprint that comes near when a reference point comes near to a place, and how much
-    further on the place is then."""
+    """Return the distance for a footprint that corresponds to the distance of a reference point from a place, and by
+    how much the place must move on, both m."""
     front = entity.centre_m + entity.spec.length_m / 2
     if distance > front:
         return distance - front, 0.0
@@ -409,7 +413,7 @@ def _of_reference_point(distance: float, entity: Entity) -> tuple[float, float]:
 
 
 def _along_the_way(overlap: m.Measure, rule: str, value: float) -> m.Condition:
-    """Return a comparison of the distance along the way: what two actors overlap along it is the opposite."""
+    """Return a comparison of the distance along the way, which is the negative of the overlap along it."""
     if rule in ("equalTo", "notEqualTo"):
         low, high = (quantity(value + by, "length") for by in (-_SAME["length"], _SAME["length"]))
         parts = (m.Comparison(left=overlap, op=">=", right=low), m.Comparison(left=overlap, op="<=", right=high))
@@ -419,7 +423,7 @@ def _along_the_way(overlap: m.Measure, rule: str, value: float) -> m.Condition:
 
 
 def _compared(left: m.Measure, rule: str, value: float, dimension: Dimension) -> m.Condition:
-    """Return a comparison; equal is as near as a run can tell."""
+    """Return a comparison; `equalTo` becomes a range as narrow as a run can resolve."""
     if rule not in ("equalTo", "notEqualTo"):
         return m.Comparison(left=left, op=_op(rule), right=quantity(value, dimension))
     slack = _SAME[dimension]
@@ -437,13 +441,13 @@ def _op(rule: str) -> Op:
 
 
 def _called(kind: Element) -> str:
-    """Return the name of what a condition is about, for those that only the file's author can explain."""
+    """Return the name in a condition, in quotes, for conditions that only the file's author can explain."""
     name = kind.get("name")
     return f" '{name}'" if name else ""
 
 
 def _compares(value: str, rule: str, with_: str) -> bool:
-    """Compare a parameter's value with another: as numbers where both are."""
+    """Return the comparison of a parameter's value with another: as numbers if both are numbers."""
     try:
         off = float(value) - float(with_)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What is known of an entity while its actions are read."""
+"""The state of an entity while its actions are read."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from foresee_dsl.exchange.openscenario.reading.ways.trajectories import SpeedPro
 
 @dataclass
 class EntityState:
-    """What is known of an entity while its actions are read.
+    """The state of an entity while its actions are read.
+
 
     Attributes:
-        speed_mps: what it drives as far as is known, m/s.
-        lane: its lane's id, where its road is known; ahead: it looks in the road's direction.
-        on_lanes: it follows lanes, and can change them.
-        way: the routing action that its way comes from.
-        profile: the speeds of its trajectory; actions follow it once the trajectory begins.
-        most_mps: the fastest that it has been told so far.
-        rises_mps2, falls_mps2: the hardest that it has to speed up and brake; `changes` keeps them.
+        speed_mps: its speed, m/s; None if unknown.
+        lane: its lane's id; None if its road is unknown. ahead: it faces in the road's direction.
+        on_lanes: it follows lanes and can change them.
+        way: the routing action that determines its way.
+        profile: the speeds of its trajectory, which actions apply once the trajectory begins.
+        most_mps: the highest speed ordered so far, m/s.
+        rises_mps2, falls_mps2: the strongest acceleration and braking that the orders need, m/s^2.
     """
 
     entity: Entity
@@ -38,8 +39,8 @@ class EntityState:
         self.most_mps = max(self.most_mps, self.speed_mps or 0.0)
 
     def changes(self, was: float, to: float, over_s: float, *, within_limits: bool) -> None:
-        """Note a change of speed, which its model has to be able to do; `within_limits`: as hard as the file's vehicle
-        can, at most."""
+        """Record a change of speed that its model must be able to do; `within_limits`: braking is at most as strong as
+        that of the file's vehicle."""
         rises, falls = (to - was) / over_s, (was - to) / over_s
         if within_limits:
             rises, falls = 0.0, min(falls, self.entity.spec.emergency_braking_mps2)

@@ -1,6 +1,6 @@
-"""Values of OpenSCENARIO's parameters and expressions: `$speed`, `${$speed / 3.6}`, `${-pi / 2}`.
+"""Evaluation of OpenSCENARIO's parameters and expressions: `$speed`, `${$speed / 3.6}`, `${-pi / 2}`.
 
-Nothing is executed: a small grammar of numbers, words, operators and functions is evaluated here.
+No code is executed: a small grammar of numbers, words, operators and functions is evaluated here.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ Value = float | bool | str
 def value_of(text: str, values: Mapping[str, str], *, name: bool = False) -> str:
     """Return an attribute's text with its parameters and expressions replaced by their values.
 
-    A parameter that is not declared, or an expression that is none, is a `SourceError`; but not in a `name` (what only
-    says how something is called), where the text stays.
+    An undeclared parameter or an invalid expression raises `SourceError`; but in a `name`, which only labels something,
+    the text is kept.
     """
     if text.startswith("${") and text.endswith("}"):
         try:
@@ -56,11 +56,11 @@ def value_of(text: str, values: Mapping[str, str], *, name: bool = False) -> str
             if name:
                 return text
             raise SourceError(f"the expression '{text[2:-1].strip()[:80]}' cannot be computed: {err}") from err
-    return _PARAMETER.sub(lambda match: _given(match.group(1), values, name=name), text)
+    return _PARAMETER.sub(lambda match: _parameter(match.group(1), values, name=name), text)
 
 
-def _given(called: str, values: Mapping[str, str], *, name: bool) -> str:
-    """Return a parameter's value; of `$road.xodr`, where only `road` is declared, with the rest behind it."""
+def _parameter(called: str, values: Mapping[str, str], *, name: bool) -> str:
+    """Return a parameter's value; for `$road.xodr`, if only `road` is declared, its value followed by `.xodr`."""
     head = called
     while head not in values and "." in head:
         head = head.rpartition(".")[0]
@@ -79,12 +79,12 @@ def _written(value: Value) -> str:
     if isinstance(value, str):
         return value
     if not math.isfinite(value):
-        raise ValueError("the value is no number that can be meant")
+        raise ValueError("the value is not a finite number")
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
 
 def _read(text: str) -> Value:
-    """Return a parameter's value: a number or truth value where it is one."""
+    """Return a parameter's value as a number or truth value if it is one, otherwise as text."""
     plain = text.strip()
     if plain in ("true", "false"):
         return plain == "true"
@@ -96,7 +96,7 @@ def _read(text: str) -> Value:
 
 @dataclass
 class _Expression:
-    """A parser that evaluates as it reads: or, and, not, comparison, sum, product, sign, value."""
+    """A parser that evaluates while it reads; from weak to strong: or, and, not, comparison, sum, product, sign."""
 
     text: str
     values: Mapping[str, str]
@@ -113,13 +113,13 @@ class _Expression:
                 raise ValueError(f"'{self.text[at:].strip()[:10]}' is not understood")
             self._tokens.append(match.group(0).strip())
             at = match.end()
-        found = self._or()
+        result = self._or()
         if self._at < len(self._tokens):
             raise ValueError(f"'{self._tokens[self._at]}' is not expected there")
-        return found
+        return result
 
     def _next(self, *wanted: str) -> str | None:
-        """Take the next token if it is one of some."""
+        """Consume and return the next token if it is one of `wanted`, otherwise None."""
         if self._at < len(self._tokens):
             token = self._tokens[self._at]
             token = _WORDS.get(token, token)
@@ -129,44 +129,44 @@ class _Expression:
         return None
 
     def _or(self) -> Value:
-        found = self._and()
+        result = self._and()
         while self._next("||"):
             right = self._and()
-            found = bool(found) or bool(right)
-        return found
+            result = bool(result) or bool(right)
+        return result
 
     def _and(self) -> Value:
-        found = self._not()
+        result = self._not()
         while self._next("&&"):
             right = self._not()
-            found = bool(found) and bool(right)
-        return found
+            result = bool(result) and bool(right)
+        return result
 
     def _not(self) -> Value:
         return not self._not() if self._next("!") else self._comparison()
 
     def _comparison(self) -> Value:
-        found = self._sum()
+        result = self._sum()
         while (op := self._next(*_COMPARED, *_ORDERED)) is not None:
             right = self._sum()
-            found = (
-                _COMPARED[op](found, right) if op in _COMPARED else _ORDERED[op](_as_number(found), _as_number(right))
+            result = (
+                _COMPARED[op](result, right) if op in _COMPARED else _ORDERED[op](_as_number(result), _as_number(right))
             )
-        return found
+        return result
 
     def _sum(self) -> Value:
-        found = self._product()
+        result = self._product()
         while (op := self._next("+", "-")) is not None:
-            left, right = _as_number(found), _as_number(self._product())
-            found = left + right if op == "+" else left - right
-        return found
+            left, right = _as_number(result), _as_number(self._product())
+            result = left + right if op == "+" else left - right
+        return result
 
     def _product(self) -> Value:
-        found = self._sign()
+        result = self._sign()
         while (op := self._next("*", "/", "%")) is not None:
-            left, right = _as_number(found), _as_number(self._sign())
-            found = left * right if op == "*" else left / right if op == "/" else math.fmod(left, right)
-        return found
+            left, right = _as_number(result), _as_number(self._sign())
+            result = left * right if op == "*" else left / right if op == "/" else math.fmod(left, right)
+        return result
 
     def _sign(self) -> Value:
         if self._next("-"):
@@ -175,11 +175,11 @@ class _Expression:
 
     def _primary(self) -> Value:
         if self._at >= len(self._tokens):
-            raise ValueError("something is missing at its end")
+            raise ValueError("its end is missing")
         if self._next("("):
-            found = self._or()
+            result = self._or()
             self._closed()
-            return found
+            return result
         token = self._tokens[self._at]
         self._at += 1
         if token[0].isdigit() or token[0] == ".":
@@ -187,16 +187,16 @@ class _Expression:
         if token[0] == "'":
             return token[1:-1]
         if token[0] == "$":
-            return _read(_given(token[1:], self.values, name=False))
+            return _read(_parameter(token[1:], self.values, name=False))
         if token in _FUNCTIONS and self._next("("):
-            given = [_as_number(self._or())]
+            arguments = [_as_number(self._or())]
             while self._next(","):
-                given.append(_as_number(self._or()))
+                arguments.append(_as_number(self._or()))
             self._closed()
-            return float(_FUNCTIONS[token](*given))
+            return float(_FUNCTIONS[token](*arguments))
         if token in _CONSTANTS:
             return _CONSTANTS[token]
-        raise ValueError(f"'{token}' is neither a number, a parameter, an operator nor a function that is known")
+        raise ValueError(f"'{token}' is neither a number, a parameter, an operator nor a supported function")
 
     def _closed(self) -> None:
         if not self._next(")"):
@@ -205,5 +205,5 @@ class _Expression:
 
 def _as_number(value: Value) -> float:
     if isinstance(value, str):
-        raise ValueError(f"'{value[:30]}' is no number")
+        raise ValueError(f"'{value[:30]}' is not a number")
     return float(value)

@@ -1,4 +1,4 @@
-"""Left-handed coordinates: CARLA's files have y to the right and angles clockwise; they are turned round."""
+"""Left-handed coordinates: CARLA's files have y to the right and angles clockwise; the import mirrors them."""
 
 from __future__ import annotations
 
@@ -16,19 +16,18 @@ from foresee_dsl.exchange.outcome import Coordinates, ExchangeError
 
 _SAYS_SO = re.compile(r"\s*CARLA\s*:", re.IGNORECASE)
 _ENOUGH = 2
-"""So many vehicles decide without a hint: one may drive on the wrong side on purpose (ours)."""
+"""Number of vehicles that decide without a hint: a single one may be on the wrong side on purpose (ours)."""
 _TOWN = re.compile(r"(^|[/\\])Town\d\d", re.IGNORECASE)
 
 
 def is_left_handed(
     source: Source, positions: Iterable[Element], network: RoadNetwork, wanted: Coordinates
 ) -> tuple[bool, str]:
-    """Return whether a file's world positions are left-handed, and why we think so (nothing where they are not).
+    """Return whether a file's world positions are left-handed, and the reason (empty if they are not).
 
-    `positions` are those of its vehicles.
-
-    CARLA's scenario_runner takes them so where the description begins with `CARLA:`. Otherwise they are so where
-    all vehicles stand on lanes when mirrored, and none otherwise (in a town of CARLA's: fewer).
+    `positions` are those of its vehicles. CARLA's scenario_runner takes coordinates as left-handed if the description
+    begins with `CARLA:`. Otherwise they are left-handed if all vehicles stand on lanes only when mirrored (for a CARLA
+    town: if more do than unmirrored).
     """
     if wanted is not Coordinates.auto:
         return wanted is Coordinates.left, "as asked for" if wanted is Coordinates.left else ""
@@ -40,7 +39,7 @@ def is_left_handed(
     plain, mirrored = (sum(_fits(network, pose, side) for pose in poses) for side in (1.0, -1.0))
     decided = plain < mirrored if town else plain == 0 and len(poses) >= _ENOUGH
     if mirrored == len(poses) > 0 and decided:
-        return True, "its actors stand on lanes only so"
+        return True, "only then do its actors stand on lanes"
     return False, ""
 
 
@@ -53,7 +52,7 @@ def _world(position: Element) -> Pose | None:
 
 
 def _fits(network: RoadNetwork, pose: Pose, side: float) -> bool:
-    """Whether a pose is on a lane, in its direction if it has one; `side` -1 mirrors it."""
+    """Return whether a pose is on a lane, and in its direction if it has one; `side` -1 mirrors it."""
     if math.isnan(pose.heading_rad):
         return network.nearest_lane(pose.x, pose.y * side, None, "car", 3.0) is not None
     return nearest(network, Pose(pose.x, pose.y * side, pose.heading_rad * side), "car") is not None

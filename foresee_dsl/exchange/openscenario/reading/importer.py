@@ -1,4 +1,4 @@
-"""Takes over an OpenSCENARIO XML file: its common subset becomes a scenario; what is not expressed is said."""
+"""Import of an OpenSCENARIO XML file: the common subset becomes a scenario; the rest is reported."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from foresee_dsl.compile.foreign.networks import SUFFIXES
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.exchange.naming import name_of
 from foresee_dsl.exchange.openscenario.reading.entities import (
-    Asked,
-    made_stronger,
+    Requirements,
     possible_egos,
     read_participants,
+    strengthened,
 )
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.scenario_reader import NowhereError, ScenarioReader
@@ -52,20 +52,20 @@ def run(
     partial: bool = False,
     allow_outside: bool = False,
 ) -> Imported:
-    """Write the scenario `NAME.foresee`, its network, and the catalogue `NAME_models.foresee` where it is needed.
+    """Write the scenario `NAME.foresee`, its network, and the catalogue `NAME_models.foresee` if it is needed.
 
     Args:
         file: the `.xosc` file. out: the folder.
-        ego: the entity under test; by default the one that is called so, else the first vehicle.
-        road: the network (`.xodr`, `.net.xml`), or a folder in which the one that the file names is looked for, and
-            catalogues whose folders are missing; by default the one that the file names.
-        coordinates: how world positions are meant.
-        partial: also write a scenario from which actions, triggers or participants are lost, with comments.
-        allow_outside: whether the file may name files outside its project folder.
+        ego: the entity under test; by default the one with such a name, otherwise the first vehicle.
+        road: the network (`.xodr`, `.net.xml`), or a folder in which the named network and missing catalogues are
+            searched; by default the network that the file names.
+        coordinates: handedness of world positions.
+        partial: also write a scenario that lacks actions, triggers or participants, with comments.
+        allow_outside: the file may name files outside its project folder.
 
     Raises:
-        ExchangeError: it cannot be read, has no network or no vehicle, lacks a catalogue, or something would be lost.
-        InputError: the scenario that comes out is impossible; nothing is written.
+        ExchangeError: the file cannot be read, has no network or vehicle, lacks a catalogue, or a part would be lost.
+        InputError: the resulting scenario is impossible; no file is written.
     """
     settings = _Settings(out, ego, road, coordinates, partial, allow_outside)
     variation = read_variation(file, allow_outside=allow_outside)
@@ -97,16 +97,17 @@ class _Settings:
 
 @dataclasses.dataclass(frozen=True)
 class _Reading:
-    """A file that was read, with one set of values for its parameters: the scenario, its comments, and its other files.
+    """The result of reading a file with one set of parameter values: the scenario, its comments, its other files.
+
 
     Attributes:
-        catalogue: of new models. asked: what each of them is asked to do, by its name.
+        catalogue: the new models. requirements: of each of them, by its name.
     """
 
     scenario: m.Scenario
     remarks: Mapping[int, Sequence[str]]
     catalogue: m.Catalogue | None
-    asked: Mapping[str, Asked]
+    requirements: Mapping[str, Requirements]
     losses: Losses
     network_path: Path
     network_name: str
@@ -114,18 +115,18 @@ class _Reading:
 
     @property
     def kind(self) -> tuple[str, str, str]:
-        """What readings have in common that differ only in their values."""
+        """Key that readings share if they differ only in their values."""
         return str(self.network_path), shape_of(self.scenario), repr(self.catalogue)
 
 
 def _read_playable(file: Path, settings: _Settings, values: Values | None = None, name: str = "") -> _Reading:
-    """Read a file with some values of its parameters, and make sure that the actors of what comes out have places; with
-    `partial`, a file that nothing varies is read without those that stand on others.
+    """Read a file with some values of its parameters, and check that all actors can be placed; with `partial`, a file
+    without variations is read without actors that overlap others.
 
     Raises:
-        ExchangeError: it cannot be read or not be played on its network, or something would be lost.
+        ExchangeError: it cannot be read or played on its network, or a part would be lost.
     """
-    source = read_source(file, allow_outside=settings.allow_outside, given=values)
+    source = read_source(file, allow_outside=settings.allow_outside, assigned=values)
     source.elsewhere = settings.road if settings.road is not None and settings.road.is_dir() else None
     name = name or name_of(file.name.partition(".")[0], "scenario")
     without: set[str] = set()
@@ -143,7 +144,7 @@ def _read_playable(file: Path, settings: _Settings, values: Values | None = None
 
 
 def _read(source: Source, settings: _Settings, name: str, without: Set[str]) -> _Reading:
-    """Read a file without some actors, by their names here, which stand on others."""
+    """Read a file without some actors, given by their new names, which overlap others."""
     network_path = network_file(source, settings.road, SUFFIXES)
     suffix = next(suffix for suffix in SUFFIXES if network_path.name.endswith(suffix))
     network_name = name_of(network_path.name.partition(".")[0], "map") + suffix
@@ -159,45 +160,45 @@ def _read(source: Source, settings: _Settings, name: str, without: Set[str]) -> 
             nowhere = err
     else:
         raise nowhere or ExchangeError(f"{source.path} has no ego")
-    asked = work.asked_of_models(scenario)
-    return _Reading(scenario, remarks, work.catalogue, asked, losses, network_path, network_name)
+    requirements = work.requirements_of_models(scenario)
+    return _Reading(scenario, remarks, work.catalogue, requirements, losses, network_path, network_name)
 
 
 def _with_places(reading: _Reading, file: Path, folder: Path) -> _Reading:
-    """Return a reading whose actors have places, as a check in an empty folder says: without its goal where that is
-    beside the ego's way."""
+    """Return a reading whose actors can be placed, checked by writing it to an empty folder; a goal beside the ego's
+    way is dropped."""
     mistakes = _write(reading, folder)
     if mistakes and all("the goal is" in mistake.message for mistake in mistakes):
         reading.losses.left_out["goals beside the ego's way (it goes to its end)"] += 1
         reading = dataclasses.replace(reading, scenario=_without_goal(reading.scenario))
         mistakes = _write(reading, folder)
     if mistakes:
-        found = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
-        said = f"{file} cannot be played on its network: {found}".replace(f"{folder}{os.sep}", "")
+        messages = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
+        refusal = f"{file} cannot be played on its network: {messages}".replace(f"{folder}{os.sep}", "")
         if all(_ON_TOP in d.message for d in mistakes):
-            raise _OnTopError(said, {d.message.partition(_ON_TOP)[0] for d in mistakes})
-        raise ExchangeError(said)
+            raise _OnTopError(refusal, {d.message.partition(_ON_TOP)[0] for d in mistakes})
+        raise ExchangeError(refusal)
     return reading
 
 
 def _write(reading: _Reading, folder: Path) -> tuple[Diagnostic, ...]:
-    """Write the files of a reading; return what is impossible in its test cases."""
+    """Write the files of a reading; return the errors of placing its test cases."""
     name = reading.scenario.name
     if not (folder / reading.network_name).exists():
         shutil.copyfile(reading.network_path, folder / reading.network_name)
     if reading.catalogue is not None:
-        write_text(folder / f"{name}_models.foresee", made_stronger(reading.catalogue, reading.asked))
+        write_text(folder / f"{name}_models.foresee", strengthened(reading.catalogue, reading.requirements))
     write_text(folder / f"{name}.foresee", reading.scenario, reading.remarks)
     return placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
 
 
 _MOST_SETS = 200
-"""The largest number of sets of values that is read. Ours: half a minute of computing."""
+"""Maximum number of value sets that are read. Ours: half a minute of computing."""
 
 
 def _import_variation(variation: Variation, settings: _Settings) -> Imported:
-    """Import a scenario with each set of values that a file gives its parameters: a file for each kind of scenario that
-    comes out, with parameters and cases."""
+    """Import a scenario with each set of values of a variation: one file with parameters and cases per kind of
+    resulting scenario."""
     name = name_of(variation.path.name.partition(".")[0], "scenario")
     sets = variation.sets(_MOST_SETS)
     groups: dict[tuple[str, str, str], list[_Reading]] = {}
@@ -221,21 +222,21 @@ def _import_variation(variation: Variation, settings: _Settings) -> Imported:
         total.left_out["sets of parameter values (an even choice is written)"] += variation.count - len(sets)
     for unknown in sorted(set().union(*sets) - declared_names(variation.scenario)):
         total.left_out[f"values of '{unknown}', which the scenario does not declare"] += 1
-    found = [
+    joined = [
         _joined(name if len(groups) == 1 else f"{name}_{k + 1:02d}", group, variation, whole=len(groups) == 1)
         for k, group in enumerate(groups.values())
     ]
-    for one in (reading.losses for group in groups.values() for reading in group):
-        total.notes |= one.notes
-        total.lost |= one.lost  # of each kind as many as one set of values loses
-        total.left_out |= one.left_out
+    for reading_losses in (reading.losses for group in groups.values() for reading in group):
+        total.notes |= reading_losses.notes
+        total.lost |= reading_losses.lost  # union of counters: the maximum over the sets of values
+        total.left_out |= reading_losses.left_out
 
     def write(folder: Path) -> Imported:
-        for reading in found:
+        for reading in joined:
             mistakes = _write(reading, folder)
             if mistakes:
                 raise ExchangeError(f"{variation.path} cannot be played on its network: {mistakes[0].message}")
-        cases = len(load_test_cases([folder / f"{reading.scenario.name}.foresee" for reading in found]))
+        cases = len(load_test_cases([folder / f"{reading.scenario.name}.foresee" for reading in joined]))
         taken = {"sets of parameter values": sum(map(len, groups.values()))}
         return Imported((), cases, taken, +total.left_out, tuple(total.notes), +total.lost)
 
@@ -243,31 +244,35 @@ def _import_variation(variation: Variation, settings: _Settings) -> Imported:
 
 
 def _joined(name: str, group: Sequence[_Reading], variation: Variation, *, whole: bool) -> _Reading:
-    """Return readings of one kind as one, with parameters and cases; `whole`: they are all that the file means."""
+    """Return readings of one kind as one, with parameters and cases; `whole`: they are the complete variation."""
     first = group[0]
-    same = {key: value for key, value in first.values.items() if all(one.values.get(key) == value for one in group)}
+    same = {
+        key: value for key, value in first.values.items() if all(reading.values.get(key) == value for reading in group)
+    }
     doc = ", ".join([variation.description, *(f"{key} = {value}" for key, value in same.items())]).strip(", ")
-    parts = [Part(one.values, one.scenario, one.remarks) for one in group]
+    parts = [Part(reading.values, reading.scenario, reading.remarks) for reading in group]
     drawn = variation.drawn if whole else {}
-    one = merged(parts, doc, drawn, min(variation.runs, MOST_SETS), variation.seed)
-    asked: dict[str, Asked] = {}
+    whole_part = merged(parts, doc, drawn, min(variation.runs, MOST_SETS), variation.seed)
+    requirements: dict[str, Requirements] = {}
     for reading in group:
-        for model, wanted in reading.asked.items():
-            asked[model] = Asked(*map(max, wanted, asked.get(model, wanted)))
+        for model, wanted in reading.requirements.items():
+            requirements[model] = Requirements(*map(max, wanted, requirements.get(model, wanted)))
     body = tuple(
         m.UseModels(path=f"{name}_models.foresee") if isinstance(item, m.UseModels) else item
-        for item in one.scenario.body
+        for item in whole_part.scenario.body
     )
-    scenario = one.scenario.model_copy(update={"name": name, "body": body})
+    scenario = whole_part.scenario.model_copy(update={"name": name, "body": body})
     catalogue = first.catalogue and first.catalogue.model_copy(update={"name": f"{name}_models"})
-    return dataclasses.replace(first, scenario=scenario, remarks=one.remarks, catalogue=catalogue, asked=asked)
+    return dataclasses.replace(
+        first, scenario=scenario, remarks=whole_part.remarks, catalogue=catalogue, requirements=requirements
+    )
 
 
 def _refusal(file: Path, losses: Losses) -> str:
     what = "; ".join(f"{count} {what}" for what, count in losses.lost.items())
     return (
-        f"{file} holds what the language does not express, and without it something else happens: {what}. Nothing is "
-        "written; --partial writes the rest, with a comment at each place"
+        f"{file} has parts that the language does not express, and without them the scenario changes: {what}. No file "
+        "is written; --partial writes the rest, with a comment at each place"
     )
 
 
@@ -275,7 +280,7 @@ _ON_TOP = " starts on top of "
 
 
 class _OnTopError(SourceError):
-    """Actors begin on top of others."""
+    """Actors overlap others at the beginning."""
 
     def __init__(self, message: str, names: set[str]) -> None:
         super().__init__(message)
@@ -283,11 +288,11 @@ class _OnTopError(SourceError):
 
 
 class _LostError(ExchangeError):
-    """Something would be lost, whatever the values of the parameters are."""
+    """A part of the file would be lost, independently of the parameter values."""
 
 
 def _without_goal(scenario: m.Scenario) -> m.Scenario:
-    """Return a scenario whose ego drives to the end of its route."""
+    """Return a scenario without a goal, so that the ego drives to the end of its route."""
     body: list[m.ScenarioItem] = []
     for item in scenario.body:
         if isinstance(item, m.Ego):

@@ -1,4 +1,4 @@
-"""What the storyboard's `<Init>` says: places, speeds, ways, weather, and what begins with the run."""
+"""The storyboard's `<Init>`: places, speeds, ways, weather, and actions that begin with the run."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ PLAIN_CONTROLLERS = (
     "pedestrian_control",
     "external_control",
 )
-"""Controllers of CARLA's scenario_runner that only follow lanes or the way given (its property `module`)."""
+"""Controllers of CARLA's scenario_runner (property `module`) that only follow lanes or a given way."""
 _CONTROLLING = ("AssignControllerAction", "ActivateControllerAction", "OverrideControllerValueAction")
 
 
 @dataclass
 class Inits:
-    """The beginning.
+    """The state and actions at the beginning of the run.
+
 
     Attributes:
-        positions: where entities are; earlier: where they were told to be before.
-        speeds: how fast, m/s. routing: their routes, targets and trajectories.
-        removed: entities that are taken out at the beginning. events: what else they begin to do.
+        positions: places of the entities; earlier: their places before a later action of `<Init>` moved them.
+        speeds: in m/s. routing: their routes, targets and trajectories.
+        removed: entities that are deleted at the beginning. events: their other actions.
     """
 
     positions: dict[str, Element] = field(default_factory=dict)
@@ -47,19 +48,19 @@ class Inits:
 
     @classmethod
     def read(cls, source: Source, ego: str, losses: Losses) -> Inits:
-        """Read the beginning of a storyboard; `ego` is the vehicle under test, whose controllers are its driver's."""
-        found = cls()
+        """Read the beginning of a storyboard; controllers of `ego`, the vehicle under test, do not count."""
+        inits = cls()
         actions = source.root.find("Storyboard/Init/Actions")
         for action in actions if actions is not None else ():
             if action.tag == "Private":
                 for private in action.iterfind("PrivateAction"):
-                    found._private(source, action.get("entityRef", ""), private, ego, losses)
+                    inits._private(source, action.get("entityRef", ""), private, ego, losses)
             else:
-                found._global(source, action, losses)
-        return found
+                inits._global(source, action, losses)
+        return inits
 
     def take_at_once(self, events: list[Event]) -> None:
-        """Take places and speeds from events that happen at the very beginning, as files of some tools have them."""
+        """Move places and speeds from events at time 0 into the beginning, as some tools write them there."""
         for event in events:
             kept = []
             for kind in event.actions:
@@ -68,20 +69,20 @@ class Inits:
                     self.positions |= dict.fromkeys(event.refs, position)
                 elif speed is not None:
                     self.speeds |= dict.fromkeys(event.refs, speed)
-                    kept.append(kind)  # others may wait for its end, and the ego's is reported
+                    kept.append(kind)  # other events may wait for its end, and the ego's action is reported
                 else:
                     kept.append(kind)
             event.actions = tuple(kept)
 
     def weather(self) -> list[m.Weather]:
-        """Return the weather statement, if there is any: visual range, mm/h and friction there, ratios here."""
-        found = self._environment
-        if found is None:
+        """Return the weather statement, if any: visual range, mm/h and friction are converted to ratios."""
+        environment = self._environment
+        if environment is None:
             return []
-        fog, rain, road = (found.find(p) for p in ("Weather/Fog", "Weather/Precipitation", "RoadCondition"))
+        fog, rain, road = (environment.find(p) for p in ("Weather/Fog", "Weather/Precipitation", "RoadCondition"))
         visual_range_m = number(fog, "visualRange", 0.0) if fog is not None else 0.0
         rain_mm_h = 0.0
-        if rain is not None:  # version 1.0 gives a share
+        if rain is not None:  # version 1.0 has a ratio
             rain_mm_h = number(rain, "precipitationIntensity", number(rain, "intensity", 0.0) * RAIN_MM_H)
         friction = number(road, "frictionScaleFactor", 1.0) if road is not None else 1.0
         ratios = {
@@ -119,7 +120,7 @@ class Inits:
             self.speeds[ref] = speed
             relative = private.find("LongitudinalAction/SpeedAction/SpeedActionTarget/RelativeTargetSpeed")
             if relative is not None and relative.get("continuous") == "true" and ref != ego:
-                self.events.append(Event("", (ref,), (private,)))  # it begins with that speed, and keeps to it
+                self.events.append(Event("", (ref,), (private,)))  # it begins with that speed and keeps it
         elif inner is not None:
             self.routing[ref] = inner
         elif tag in _CONTROLLING or tag == "ControllerAction":
@@ -132,7 +133,7 @@ class Inits:
 
 
 def _speed_at_once(action: Element, speeds: Mapping[str, float]) -> float | None:
-    """Return the speed that an action gives at once, m/s; None for another action."""
+    """Return the speed that an action sets immediately, m/s; None for other actions."""
     speed = action.find("LongitudinalAction/SpeedAction")
     if speed is None:
         return None
@@ -148,7 +149,7 @@ def _speed_at_once(action: Element, speeds: Mapping[str, float]) -> float | None
 
 
 def _is_plain(source: Source, ref: str, private: Element) -> bool:
-    """Whether a controller only follows lanes or the way given, or there is none to activate."""
+    """Return whether a controller only follows lanes or a given way, or there is none to activate."""
     for override in private.iter("OverrideControllerValueAction"):
         if any(part.get("active") == "true" for part in override):
             return False
@@ -160,7 +161,7 @@ def _is_plain(source: Source, ref: str, private: Element) -> bool:
 
 
 def plain_controller(controller: Element) -> bool:
-    """Whether a `<Controller>` is one of those that only follow lanes."""
+    """Return whether a `<Controller>` is one of those that only follow lanes."""
     modules = [p.get("value", "") for p in controller.iter("Property") if p.get("name") == "module"]
     named = f"{controller.get('name', '')} {controller.get('entryName', '')}".lower()
     return (bool(modules) and all(module in PLAIN_CONTROLLERS for module in modules)) or "default" in named

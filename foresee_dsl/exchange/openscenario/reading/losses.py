@@ -1,4 +1,4 @@
-"""What an import cannot take over: counted for the report, and said in a comment where it would have stood."""
+"""Parts of a file that an import cannot take over: counted for the report, with a comment at their place."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from foresee_dsl.exchange.naming import sentence
 
 @dataclass
 class Losses:
-    """Counts of what is not taken over, in words.
+    """Counts of the parts that are not taken over, by description.
+
 
     Attributes:
-        left_out: what makes no difference to what happens to the driver, or is its own to decide.
-        lost: actions, triggers and participants without which something else happens.
-        notes: what was added or guessed, one sentence each.
+        left_out: parts that do not change what the driver meets, or that the driver decides.
+        lost: actions, triggers and participants whose absence changes the scenario.
+        notes: additions and guesses of the import, one sentence each.
     """
 
     left_out: Counter[str] = field(default_factory=Counter)
@@ -24,20 +25,21 @@ class Losses:
     _pending: list[str] = field(default_factory=list)
 
     def lose(self, what: str, of: str = "") -> None:
-        """Count something that is lost; the next statement gets a comment on it. `of`: whose it is, in words."""
+        """Count a lost part and comment on it before the next statement. `of`: the event or entity that it belongs
+        to."""
         self.lost[what] += 1
         self._pending.append(sentence(f"Lost: {what}{f', {of}' if of else ''}."))
 
     def leave(self, what: str, of: str = "") -> None:
-        """Count something that is left out on purpose, with a comment as well."""
+        """Count a part that is left out on purpose, also with a comment."""
         self.left_out[what] += 1
         self._pending.append(sentence(f"Left out: {what}{f', {of}' if of else ''}."))
 
     def note(self, what: str) -> None:
-        """Remember what was added or guessed."""
+        """Record an addition or guess of the import."""
         self.notes[what] = None
 
     def remarks(self) -> list[str]:
-        """Return the comments since this was asked last."""
-        found, self._pending = self._pending, []
-        return list(dict.fromkeys(found))
+        """Return the comments since the last call."""
+        pending, self._pending = self._pending, []
+        return list(dict.fromkeys(pending))

@@ -1,4 +1,4 @@
-"""Positions of OpenSCENARIO as points of the map, and where each entity is at the beginning."""
+"""Positions of OpenSCENARIO as points of the map, and the places of entities at the beginning."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _Found = TypeVar("_Found")
 @dataclass(frozen=True)
 class ByMover:
     """A place that moves with an entity: its distance ahead of the entity's reference point along the entity's way, and
-    to the left of it, m."""
+    to the left, m."""
 
     entity: str
     ahead_m: float
@@ -32,15 +32,16 @@ class ByMover:
 class Places:
     """Evaluates positions.
 
+
     Attributes:
-        roads: the map; None for a network that is no OpenDRIVE map.
+        roads: the map; None if the network is not an OpenDRIVE map.
         inits: the `<Position>` elements of entities at the beginning, by their names.
-        referred: finds the element of a kind that stands in another, or in a catalogue that it refers to.
-        along: the direction of the road where a point is, rad, or None where it is on none.
-        mirrored: coordinates are left-handed, as CARLA's are. minor: of the standard's version.
-        earlier: what entities are told before their last place, which may be relative to that.
-        moving: entities that may leave the place where they begin.
-        line_of: the poses along a `<Trajectory>`.
+        referred: returns the child element of a kind, or the one in a catalogue that it refers to.
+        along: returns the direction of the road at a point, rad, or None off the roads.
+        mirrored: coordinates are left-handed, as in CARLA. minor: second number of the standard's version.
+        earlier: places of entities before their last one, which may be relative to them.
+        moving: entities that may leave their first place.
+        line_of: returns the poses along a `<Trajectory>`.
     """
 
     roads: Roads | None
@@ -48,21 +49,20 @@ class Places:
     referred: Callable[[Element | None, str], Element | None] = lambda holder, tag: (
         None if holder is None else holder.find(tag)
     )
-    along: Callable[[float, float], float | None] = lambda x, y: None  # noqa: ARG005 - a default that knows no lanes
+    along: Callable[[float, float], float | None] = lambda x, y: None  # noqa: ARG005 - a default without lanes
     mirrored: bool = False
     minor: int = 2
     earlier: Mapping[str, Sequence[Element]] = field(default_factory=dict)
     moving: Set[str] = frozenset()
-    line_of: Callable[[Element, Places], Sequence[Pose]] = lambda trajectory, places: ()  # noqa: ARG005 - knows none
+    line_of: Callable[[Element, Places], Sequence[Pose]] = lambda trajectory, places: ()  # noqa: ARG005 - a default without trajectories
     _working: list[str] = field(default_factory=list)
 
     def initial(self, entity: str) -> Pose:
-        """Return the pose of an entity's reference point at the beginning; `NotExpressed` where it has none that we
-        know."""
+        """Return the pose of an entity's reference point at the beginning; `NotExpressed` if it is unknown."""
         return self._of_entity(entity, self.pose)
 
     def pose(self, position: Element) -> Pose:
-        """Return the pose that a `<Position>` (or `<TargetPosition>` and the like) means; errors as of `initial`."""
+        """Return the pose of a `<Position>` (or `<TargetPosition>` and similar); errors as in `initial`."""
         kind = next(iter(position), None)
         if kind is None:
             raise NotExpressed("empty positions")
@@ -83,11 +83,11 @@ class Places:
         return self._on_lane(kind, self.road_place(position))
 
     def by_mover(self, position: Element) -> ByMover | None:
-        """Return where a position is relative to an entity that may have moved by the time that it is asked for; None
-        for a position that stays where it is.
+        """Return where a position is relative to an entity that may have moved before the position is used; None for a
+        fixed position.
 
         Raises:
-            NotExpressed: it turns with the world and not with the entity.
+            NotExpressed: it does not turn with the entity.
         """
         kind = next(iter(position), None)
         ref = kind.get("entityRef", "") if kind is not None else ""
@@ -112,19 +112,19 @@ class Places:
         return ByMover(ref, onward * along, onward * (beside.t - base.t))
 
     def stay(self, element: Element) -> None:
-        """Raise `NotExpressed` where a position in an element goes with an entity that may have moved."""
+        """Raise `NotExpressed` if a position in an element depends on an entity that may have moved."""
         for position in positions_of(element):
             self.later(position)
 
     def later(self, position: Element) -> Pose:
-        """Return the pose of a position that is asked for during the run; `NotExpressed` for one that goes with an
-        entity that may have moved by then."""
+        """Return the pose of a position that is used during the run; `NotExpressed` if it depends on an entity that may
+        have moved."""
         if self.by_mover(position) is not None:
             raise NotExpressed("places relative to an entity that has moved by then")
         return self.pose(position)
 
     def road_place(self, position: Element) -> RoadPlace:
-        """Return where on the roads a position is; errors as of `initial`."""
+        """Return where on the roads a position is; errors as in `initial`."""
         kind = next(iter(position), None)
         if kind is None:
             raise NotExpressed("empty positions")
@@ -137,19 +137,19 @@ class Places:
             return self._along_route(kind)
         if kind.tag not in ("WorldPosition", "RoadPosition", "TrajectoryPosition", *_RELATIVE):
             raise NotExpressed(f"positions: {kind.tag}")
-        found = self._roads(kind).locate(self.pose(position))
-        if found is None:
+        place = self._roads(kind).locate(self.pose(position))
+        if place is None:
             raise NotExpressed("positions off the roads where one on a road is asked for")
-        return found
+        return place
 
     def lane_of(self, entity: str) -> RoadPlace | None:
-        """Return where on the roads an entity is at the beginning, or None where that cannot be said."""
+        """Return where on the roads an entity is at the beginning, or None if that is unknown."""
         try:
             return self._road_place_of(entity)
         except (NotExpressed, SourceError):
             return None
 
-    def _of_entity(self, entity: str, found: Callable[[Element], _Found]) -> _Found:
+    def _of_entity(self, entity: str, evaluate: Callable[[Element], _Found]) -> _Found:
         if entity not in self.inits:
             raise NotExpressed("entities without a place at the beginning")
         again = self._working.count(entity)
@@ -158,7 +158,7 @@ class Places:
             raise NotExpressed("positions that depend on each other")
         self._working.append(entity)
         try:
-            return found(places[-1 - again])
+            return evaluate(places[-1 - again])
         finally:
             self._working.pop()
 
@@ -167,25 +167,25 @@ class Places:
 
     def _roads(self, kind: Element) -> Roads:
         if self.roads is None:
-            raise NotExpressed(f"positions: {kind.tag} (the network is no OpenDRIVE map)")
+            raise NotExpressed(f"positions: {kind.tag} (the network is not an OpenDRIVE map)")
         return self.roads
 
     def _left(self, kind: Element, name: str) -> float:
-        """Return how far to the left (or turned to the left) something is, which may be given to the right."""
+        """Return an attribute as a length (or angle) to the left; in left-handed files it counts to the right."""
         value = number(kind, name, 0.0 if "offset" in name.lower() else None)
         return -value if self.mirrored else value
 
     def _world(self, kind: Element) -> Pose:
-        """Return a world position; without a heading it looks along the road, in its direction."""
+        """Return a world position; without a heading it faces in the road's direction."""
         x, y = number(kind, "x"), self._left(kind, "y")
         if kind.get("h") is not None:
             return Pose(x, y, self._left(kind, "h"))
         return Pose(x, y, self.along(x, y) or 0.0)
 
     def _on_lane(self, kind: Element, place: RoadPlace) -> Pose:
-        """Return a place on a lane; what it is relative to is the direction of the lane's traffic.
+        """Return a place on a lane; orientations are relative to the direction of the lane's traffic.
 
-        Of a place `ds` m along the road from another it is the road's, as esmini has it.
+        For a place `ds` m along the road from another, they are relative to the road, as in esmini.
         """
         roads = self._roads(kind)
         pose = roads.on_lane(place.road, place.lane, place.s, place.offset)
@@ -215,7 +215,7 @@ class Places:
         return self._with_t(roads, RoadPlace(moved.road, moved.s, lane, -offset if turned else offset))
 
     def _along_trajectory(self, kind: Element) -> Pose:
-        """Return the place at a length along a trajectory, moved to its left."""
+        """Return the place at a length along a trajectory, with its offset to the left."""
         trajectory = self.referred(kind.find("TrajectoryRef"), "Trajectory")
         line = self.line_of(trajectory, self) if trajectory is not None else ()
         if len(line) < 2:
@@ -230,7 +230,7 @@ class Places:
         raise NotExpressed("positions: TrajectoryPosition (no trajectory)")
 
     def _along_route(self, kind: Element) -> RoadPlace:
-        """Return a place so far along a route."""
+        """Return the place at a length along a route."""
         route = self.referred(kind.find("RouteRef"), "Route")
         where = kind.find("InRoutePosition")
         inner = next(iter(where), None) if where is not None else None
@@ -244,21 +244,21 @@ class Places:
         if inner.tag == "FromLaneCoordinates":
             lane, offset = round(number(inner, "laneId")), self._left(inner, "laneOffset")
             return self._with_t(roads, RoadPlace(road, s, lane, offset))
-        found = roads.locate(roads.on_reference(road, s, self._left(inner, "t")))
-        if found is None:
+        place = roads.locate(roads.on_reference(road, s, self._left(inner, "t")))
+        if place is None:
             raise NotExpressed("positions: RoutePosition (off the road)")
-        return found
+        return place
 
     @staticmethod
     def _with_t(roads: Roads, place: RoadPlace) -> RoadPlace:
-        """Return a place with how far it is from its road's reference line."""
+        """Return a place completed by its distance from the road's reference line."""
         s = roads.within(place.road, place.s)
         pose, line = roads.on_lane(place.road, place.lane, s, place.offset), roads.on_reference(place.road, s, 0.0)
         t = -(pose.x - line.x) * math.sin(line.heading_rad) + (pose.y - line.y) * math.cos(line.heading_rad)
         return RoadPlace(place.road, s, place.lane, place.offset, t)
 
     def _turned(self, pose: Pose, kind: Element) -> Pose:
-        """Return a pose with the orientation that a position gives: none at all is as the pose looks."""
+        """Return a pose with a position's orientation; without an orientation, unchanged."""
         orientation = kind.find("Orientation")
         if orientation is None or orientation.get("h") is None:
             return Pose(pose.x, pose.y, pose.heading_rad)
@@ -276,13 +276,13 @@ def positions_of(element: Element) -> Iterator[Element]:
 
 
 def lane_beside(lane: int, by: int) -> int:
-    """Return the id of the lane `by` lanes to the left (in the road's direction); 0 is no lane."""
-    found = lane + by
-    return found if found * lane > 0 or by == 0 else found + (1 if by > 0 else -1)
+    """Return the id of the lane `by` lanes to the left (in the road's direction); there is no lane 0."""
+    target = lane + by
+    return target if target * lane > 0 or by == 0 else target + (1 if by > 0 else -1)
 
 
 def _along(roads: Roads, points: list[RoadPlace], path_s: float) -> tuple[str, float]:
-    """Return the road and the length along it that lie so far along a route through some places."""
+    """Return the road, and the length along it, at a length along a route through some places."""
     left = max(path_s, 0.0)
     road, s, onward = points[0].road, points[0].s, roads.forward(points[0].road, points[0].lane)
     for first, last in itertools.pairwise(points):

@@ -1,4 +1,4 @@
-"""Actions that keep an actor somewhere across its lane, or by another actor: offsets, distances, meeting at a place."""
+"""Actions that keep an actor at a lateral position or near another actor: offsets, distances, meeting at a place."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from foresee_dsl.language.model.actions import WIDEST_LINE_M
 
 RELATED = ("LaneOffsetAction", "LateralDistanceAction", "LongitudinalDistanceAction", "SynchronizeAction")
 _ACCELERATIONS: Mapping[str, float] = {"cubic": 6.0, "sinusoidal": math.pi**2 / 2, "linear": 4.0}
-"""The highest lateral acceleration of a move by 1 m in 1 s: of a cubic and of a sinusoidal curve; for a linear one,
+"""Highest lateral acceleration of a move by 1 m in 1 s, m/s^2: of a cubic and of a sinusoidal curve; for a linear one,
 which has none, that of two parabolas."""
 _ONCE = "distances that are to be reached once are kept from then on"
 
 
 def offset_of(action: Element, state: EntityState, states: Mapping[str, EntityState], places: Places) -> m.ChangesLine:
-    """Return a `<LaneOffsetAction>`; `NotExpressed` where it cannot be said."""
+    """Return a `<LaneOffsetAction>`; `NotExpressed` if the language cannot express it."""
     absolute = action.find("LaneOffsetTarget/AbsoluteTargetLaneOffset")
     relative = action.find("LaneOffsetTarget/RelativeTargetLaneOffset")
     if absolute is not None:
         offset = number(absolute, "value")
     elif relative is not None and relative.get("entityRef") in states:
-        offset = number(relative, "value")  # of the other's, which begins in the middle of its lane as far as is known
+        offset = number(relative, "value")  # relative to the other actor, which is assumed in the middle of its lane
     else:
         raise NotExpressed("actions: LaneOffsetAction (without a target)")
     to = offset * _left(state, places)
@@ -48,7 +48,7 @@ def offset_of(action: Element, state: EntityState, states: Mapping[str, EntitySt
 def lateral_of(
     action: Element, state: EntityState, states: Mapping[str, EntityState], places: Places, losses: Losses
 ) -> m.KeepsBeside:
-    """Return a `<LateralDistanceAction>`; `NotExpressed` where it cannot be said."""
+    """Return a `<LateralDistanceAction>`; `NotExpressed` if the language cannot express it."""
     tag = "LateralDistanceAction"
     other = _other(states, action, tag)
     _on_lanes(state, tag)
@@ -58,7 +58,7 @@ def lateral_of(
         left = displacement.startswith("left")
         if action.get("coordinateSystem") == "road" and not state.ahead:
             left = not left
-    elif distance < 0:  # as CARLA's scenario_runner has it
+    elif distance < 0:  # as in CARLA's scenario_runner
         left = _left(state, places) < 0
     room = abs(distance)
     if action.get("freespace") != "true":
@@ -72,7 +72,7 @@ def lateral_of(
 def longitudinal_of(
     action: Element, state: EntityState, states: Mapping[str, EntityState], places: Places, losses: Losses
 ) -> m.KeepsGap:
-    """Return a `<LongitudinalDistanceAction>`; `NotExpressed` where it cannot be said."""
+    """Return a `<LongitudinalDistanceAction>`; `NotExpressed` if the language cannot express it."""
     tag = "LongitudinalDistanceAction"
     other = _other(states, action, tag)
     displacement = action.get("displacement", "any")
@@ -99,7 +99,7 @@ def longitudinal_of(
 def synchrony_of(
     action: Element, state: EntityState, states: Mapping[str, EntityState], places: Places, losses: Losses
 ) -> m.Synchronises:
-    """Return a `<SynchronizeAction>`; `NotExpressed` where it cannot be said."""
+    """Return a `<SynchronizeAction>`; `NotExpressed` if the language cannot express it."""
     tag = "SynchronizeAction"
     master = states.get(action.get("masterEntityRef", ""))
     own, theirs = action.find("TargetPosition"), action.find("TargetPositionMaster")
@@ -144,12 +144,12 @@ def _on_lanes(state: EntityState, tag: str) -> None:
 
 
 def _left(state: EntityState, places: Places) -> float:
-    """Return 1 where offsets to the left of the road are to the left of the actor, else -1."""
+    """Return 1 if offsets to the left of the road are to the actor's left, otherwise -1."""
     return (1.0 if state.ahead else -1.0) * (-1.0 if places.mirrored else 1.0)
 
 
 def _is_left(state: EntityState, other: EntityState, places: Places) -> bool:
-    """Whether an actor begins to the left of another."""
+    """Return whether an actor begins to the left of another."""
     here, there = places.initial(state.entity.ref), places.initial(other.entity.ref)
     c, s = math.cos(there.heading_rad), math.sin(there.heading_rad)
     return (here.y - there.y) * c - (here.x - there.x) * s > 0

@@ -1,4 +1,4 @@
-"""Roads of an OpenDRIVE map as positions name them: along them, over their links, and which of them a point is on."""
+"""Roads of an OpenDRIVE map: positions along them and across their links, and the road at a point."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.outcome import SourceError
 
 _STEP_M = 2.0
-"""Reference lines are looked at so often when a point's road is looked for (ours: arcs of 20 m radius are met within
-0.03 m, and the foot of the perpendicular is computed exactly afterwards)."""
+"""Sampling distance of reference lines for the search of a point's road, m (ours: within 0.03 m of arcs of 20 m radius;
+the foot of the perpendicular is computed exactly afterwards)."""
 _WIDEST_M = 30.0
-"""A point is at most so far from its road's reference line (ours: motorways of ten lanes)."""
+"""Largest distance of a point from its road's reference line, m (ours: motorways of ten lanes)."""
 _BEYOND_M = 5.0
-"""A place so little beyond its road's end is taken as at the end (ours: players do, and files round lengths)."""
+"""A place up to this far beyond its road's end counts as at the end, m (ours: as players do; files round lengths)."""
 
 
 @dataclass(frozen=True)
 class RoadPlace:
-    """A place along a road: `lane` and the `offset` from its middle, m; `t`, m, is from the reference line."""
+    """A place along a road: `lane` and the `offset` from its middle, m; `t`, m, counts from the reference line."""
 
     road: str
     s: float
@@ -40,7 +40,8 @@ class RoadPlace:
 
 
 class _Step(NamedTuple):
-    """A road behind the end of another: whether it begins there, and its lanes, by those that lead to them."""
+    """A road behind the end of another: whether it begins there, and its lanes, keyed by the lanes that lead to
+    them."""
 
     road: str
     begins: bool
@@ -58,8 +59,7 @@ class Roads:
         self._junctions = {junction.get("id", ""): junction for junction in root.iterfind("junction")}
 
     def within(self, road: str, s: float) -> float:
-        """Return a length along a road that may be slightly beyond its ends; a `SourceError` for one that is not on
-        it."""
+        """Return a length along a road, clipped to its ends if slightly beyond them; `SourceError` if farther off."""
         if road not in self._roads:
             raise SourceError(f"the map has no road {road}")
         length = self.length(road)
@@ -86,14 +86,14 @@ class Roads:
             raise SourceError(str(err)) from err
 
     def forward(self, road: str, lane: int) -> bool:
-        """Whether traffic on a lane goes in the road's direction: on the right, or on the left where it keeps left."""
+        """Return whether a lane's traffic drives in the road's direction, in right-hand or left-hand traffic."""
         left_hand = self._roads[road].get("rule", "RHT") == "LHT" if road in self._roads else False
         return (lane <= 0) != left_hand
 
     def moved(self, place: RoadPlace, ds: float) -> tuple[RoadPlace, bool]:
-        """Return a place moved along its road, in the road's direction, over the roads that follow.
+        """Return a place moved along its road, in the road's direction, across the following roads.
 
-        Also whether the road that it comes to runs the other way, so that its sides are exchanged.
+        The second value tells whether the last road runs the other way, so that left and right are exchanged.
         """
         road, s, onward, turned = place.road, place.s, ds >= 0, False
         left = abs(ds)
@@ -113,14 +113,13 @@ class Roads:
         return RoadPlace(road, s, lane, -place.offset if turned else place.offset), turned
 
     def locate(self, pose: Pose) -> RoadPlace | None:
-        """Return the place of a point on the road that it is on; of roads over each other the one in whose direction it
-        looks."""
+        """Return the place of a point on its road; of overlapping roads, the one whose direction fits the heading."""
         point = shapely.Point(pose.x, pose.y)
         best: tuple[float, RoadPlace] | None = None
         for k in self._tree.query(point.buffer(_WIDEST_M)):
             road, line, starts = self._lines[int(k)]
             s = float(np.interp(line.project(point), starts[1], starts[0]))
-            for _ in range(3):  # the line is a polygon: the foot of the perpendicular is corrected on the real one
+            for _ in range(3):  # the line is a polygon: move the foot of the perpendicular to the exact curve
                 at = self._map.at(road, s, 0.0)
                 ahead = (pose.x - at.x) * math.cos(at.heading_rad) + (pose.y - at.y) * math.sin(at.heading_rad)
                 s = min(max(s + ahead, 0.0), self.length(road))
@@ -136,12 +135,12 @@ class Roads:
         return best[1] if best is not None and best[0] < _WIDEST_M else None
 
     def way(self, first: RoadPlace, last: RoadPlace) -> list[tuple[str, bool]]:
-        """Return the roads of the shortest way from a place to another, each with whether it is driven in its
-        direction; empty for none."""
+        """Return the roads of the shortest way between two places, each with whether it is driven in its direction;
+        empty if there is none."""
         counter = itertools.count()
         begin = self.forward(first.road, first.lane)
         heap: list[tuple[float, int, str, bool, tuple[tuple[str, bool], ...]]] = []
-        for onward, penalty in ((begin, 0.0), (not begin, 1e4)):  # against the lane's direction only where it must be
+        for onward, penalty in ((begin, 0.0), (not begin, 1e4)):  # against the lane's direction only if necessary
             heapq.heappush(heap, (penalty, next(counter), first.road, onward, ((first.road, onward),)))
         done: set[tuple[str, bool]] = set()
         while heap:
@@ -157,13 +156,14 @@ class Roads:
         return []
 
     def lane_sections(self, road: str) -> list[tuple[float, float, Element]]:
-        """Return the sections of a road's lanes with their begin and end along it."""
+        """Return the lane sections of a road with their beginnings and ends along it, m."""
         sections = self._roads[road].findall("lanes/laneSection")
         begins = [number(section, "s", 0.0) for section in sections]
         return list(zip(begins, [*begins[1:], self.length(road)], sections, strict=True))
 
     def lane_behind(self, road: str, lane: int, *, onward: bool) -> tuple[str, int, bool] | None:
-        """Return the road and lane behind a lane's end in a direction, and whether it begins there: the straightest."""
+        """Return road and lane behind a lane's end in a direction, the straightest, and whether the road begins
+        there."""
         for step in self._followers(road, onward=onward):
             if to := step.lanes.get(lane, 0):
                 return step.road, to, step.begins
@@ -184,9 +184,9 @@ class Roads:
         return sorted((step for step in steps if step.road in self._roads), key=self._turn)
 
     def _over(self, connection: Element, road: str, junction: str, *, onward: bool) -> _Step | None:
-        """Return where a connection of a junction leads from the end of a road; None where it begins elsewhere.
+        """Return the road to which a junction's connection leads from the end of a road; None if it begins elsewhere.
 
-        In a direct junction no road lies inside: the connection joins two roads, and stands in it once for both ways.
+        A direct junction has no roads inside: its connection joins two roads and is listed once for both directions.
         """
         links = connection.iterfind("laneLink")
         pairs = [(round(number(link, "from", 0.0)), round(number(link, "to", 0.0))) for link in links]
@@ -201,7 +201,7 @@ class Roads:
         return _Step(incoming, from_its_begin, {to: lane for lane, to in pairs})
 
     def _linked_lanes(self, road: str, *, onward: bool) -> dict[int, int]:
-        """Return the lanes behind the end of a road by those of the road, where one follows."""
+        """Return the lanes behind the end of a road, keyed by the road's lanes that lead to them."""
         sections = self.lane_sections(road)
         if not sections:
             return {}
@@ -214,7 +214,8 @@ class Roads:
         return abs(math.remainder(end.heading_rad - begin.heading_rad, math.tau))
 
     def _lane_at(self, road: str, s: float, t: float) -> tuple[int, float, float]:
-        """Return the lane at `t`, the offset from its middle, and how far outside of all lanes that is, m."""
+        """Return the lane at `t`, the offset from its middle, and the distance to the nearest lane if outside all,
+        m."""
         best: tuple[float, int, float] | None = None
         for lane in self._lanes(road, s):
             try:
@@ -231,12 +232,12 @@ class Roads:
         return best[1], best[2], max(best[0] - 2.0, 0.0)
 
     def _lanes(self, road: str, s: float) -> list[int]:
-        """Return the ids of the lanes at a length along a road that vehicles may be on."""
+        """Return the ids of the lanes for vehicles at a length along a road."""
         sections = self._roads[road].findall("lanes/laneSection")
         section: Element | None = None
-        for found in sections:
-            if number(found, "s", 0.0) <= s + 1e-6 or section is None:
-                section = found
+        for candidate in sections:
+            if number(candidate, "s", 0.0) <= s + 1e-6 or section is None:
+                section = candidate
         if section is None:
             return []
         lanes = [*section.iterfind("left/lane"), *section.iterfind("right/lane")]
@@ -244,8 +245,8 @@ class Roads:
 
     @cached_property
     def _lines(self) -> list[tuple[str, shapely.LineString, tuple[list[float], list[float]]]]:
-        """All reference lines as polygons, each with its lengths there and along the polygon."""
-        found = []
+        """All reference lines as polygons, each with its sample positions on the curve and along the polygon."""
+        lines = []
         for road in self._roads:
             length = self.length(road)
             at = [float(s) for s in np.linspace(0.0, length, max(math.ceil(length / _STEP_M), 1) + 1)]
@@ -255,8 +256,8 @@ class Roads:
                 continue
             along = [0.0, *itertools.accumulate(math.dist(a, b) for a, b in itertools.pairwise(points))]
             if along[-1] > 0:
-                found.append((road, shapely.LineString(points), (at, along)))
-        return found
+                lines.append((road, shapely.LineString(points), (at, along)))
+        return lines
 
     @cached_property
     def _tree(self) -> shapely.STRtree:

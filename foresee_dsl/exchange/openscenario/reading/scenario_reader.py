@@ -1,4 +1,4 @@
-"""Reads one OpenSCENARIO file, with values given for its parameters: the actors, triggers and end of a scenario."""
+"""Reader of one OpenSCENARIO file with given parameter values: actors, triggers and end of a scenario."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder, traje
 from foresee_dsl.exchange.openscenario.reading.beginnings import Beginning
 from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
 from foresee_dsl.exchange.openscenario.reading.entities import (
-    Asked,
     Participants,
+    Requirements,
 )
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
 from foresee_dsl.exchange.openscenario.reading.handedness import is_left_handed
@@ -32,11 +32,11 @@ from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.reading.storyboard import (
     Event,
     arrange,
-    asked_for,
     at_once,
     begins_at,
     changing,
     read_events,
+    used_names,
 )
 from foresee_dsl.exchange.openscenario.reading.ways.curves import vertices
 from foresee_dsl.exchange.outcome import (
@@ -47,7 +47,7 @@ from foresee_dsl.exchange.outcome import (
 from foresee_dsl.language import model as m
 
 _END_S = 60.0
-"""Where the file gives no time (the language's own default)."""
+"""Duration if the file has none, s (the language's own default)."""
 
 
 class NowhereError(SourceError):
@@ -56,7 +56,7 @@ class NowhereError(SourceError):
 
 @lru_cache(maxsize=2)
 def _network(path: Path, changed_ns: int) -> RoadNetwork:
-    """Return a network, which the sets of a distribution have in common."""
+    """Return a network, cached because all value sets of a variation share it."""
     del changed_ns
     return RoadNetwork.from_net(foreign_net(path))
 
@@ -68,7 +68,7 @@ def _roads(path: Path, changed_ns: int) -> Roads:
 
 
 class ScenarioReader:
-    """Reads one file, with one set of values for its parameters, and makes the statements of a scenario of it."""
+    """Reads one file, with one set of parameter values, into the statements of a scenario."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class ScenarioReader:
         mirrored, why = is_left_handed(source, vehicles, self.network, coordinates)
         if mirrored:
             losses.note(
-                f"coordinates are left-handed ({why}), and turned round; places are of the vehicles' middle, as CARLA's"
+                f"coordinates are left-handed ({why}), and mirrored; places are the vehicles' centres, as in CARLA"
             )
             self.entities = {ref: dataclasses.replace(e, centre_m=0.0) for ref, e in self.entities.items()}
         self.places = Places(
@@ -115,7 +115,7 @@ class ScenarioReader:
         self._body: list[m.ScenarioItem] = []
 
     def scenario(self, name: str, network_name: str) -> tuple[m.Scenario, dict[int, list[str]]]:
-        """Return the scenario, and the comments that stand before its statements."""
+        """Return the scenario, and the comments before its statements by their index."""
         self._body += [
             m.Doc(text=sentence(self.source.description or self.source.path.name)),
             m.Tags(names=("openscenario",)),
@@ -136,27 +136,29 @@ class ScenarioReader:
         self._add(m.End(after=quantity(_end_s(self.source, self.losses), "time")))
         return m.Scenario(name=name, body=tuple(self._body)), self._remarks
 
-    def asked_of_models(self, scenario: m.Scenario) -> dict[str, Asked]:
-        """Return what a scenario asks of the new models, by their names: the speeds of its actors, and how fast these
-        change."""
-        asked: dict[str, float] = {}
+    def requirements_of_models(self, scenario: m.Scenario) -> dict[str, Requirements]:
+        """Return what a scenario requires of the new models, by their names: the speeds of its actors, and how fast
+        these change."""
+        highest_mps: dict[str, float] = {}
         for actor in scenario.actors:
             speeds = [actor.state.speed] if actor.state is not None else []
             speeds += [item.speed for item in actor.body if isinstance(item, m.CruiseSpeed)]
-            asked[actor.name] = max((speed.si for speed in speeds if isinstance(speed, m.Quantity)), default=0.0)
+            highest_mps[actor.name] = max((speed.si for speed in speeds if isinstance(speed, m.Quantity)), default=0.0)
         for when in scenario.all(m.When):
             for change in _changes_of_speed(when.actions):
                 if isinstance(change.to, m.Quantity):
-                    asked[change.actor] = max(asked.get(change.actor, 0.0), change.to.si)
-        most: dict[str, Asked] = {}
+                    highest_mps[change.actor] = max(highest_mps.get(change.actor, 0.0), change.to.si)
+        requirements: dict[str, Requirements] = {}
         for ref, entity in self.entities.items():
             state = self.states.get(ref)
-            own = Asked(asked.get(entity.name, 0.0), *((state.rises_mps2, state.falls_mps2) if state else ()))
-            most[entity.model] = Asked(*map(max, own, most.get(entity.model, own)))
-        return most
+            own = Requirements(
+                highest_mps.get(entity.name, 0.0), *((state.rises_mps2, state.falls_mps2) if state else ())
+            )
+            requirements[entity.model] = Requirements(*map(max, own, requirements.get(entity.model, own)))
+        return requirements
 
     def _add(self, item: m.ScenarioItem) -> None:
-        """Put a statement into the scenario, with comments on what was lost since the one before."""
+        """Append a statement, with comments on the parts lost since the previous one."""
         if remarks := self.losses.remarks():
             self._remarks[len(self._body)] = remarks
         self._body.append(item)
@@ -170,7 +172,7 @@ class ScenarioReader:
         return None if near is None else near.lane.line.at(near.pos_m)[2]
 
     def _reader(self) -> ConditionReader:
-        """Return a reader of conditions that knows where the actors begin, and not yet which ways they take."""
+        """Return a reader of conditions that knows the actors' beginnings, but not yet their ways."""
         values = self.source.variables()
         beginnings = {
             self.entities[ref].name: Beginning(
@@ -187,11 +189,11 @@ class ScenarioReader:
         return [*self.inits.events, *self.events]
 
     def _only_end(self) -> frozenset[str]:
-        """Return the variables that actions change and that nothing asks for but what ends the storyboard."""
-        return changing(self._all_events) - asked_for(self._all_events)
+        """Return the variables that actions change and that only the end of the storyboard uses."""
+        return changing(self._all_events) - used_names(self._all_events)
 
     def _fill_places(self) -> None:
-        """Take places and speeds of what happens at once, and of entities that only have a trajectory."""
+        """Fill in places and speeds from immediate events, and places of entities that have only a trajectory."""
         self.inits.take_at_once(at_once(self.events, self._reader()))
         moved = {ref for event in (*self.events, *self.inits.events) for ref in event.refs} | set(self.inits.routing)
         ego = next(ref for ref, entity in self.entities.items() if entity.name == "ego")
@@ -204,31 +206,31 @@ class ScenarioReader:
 
     def _routing(self) -> dict[str, Element]:
         """Return the first routing action of each entity."""
-        found = dict(self.inits.routing)
+        routing = dict(self.inits.routing)
         for event in self.events:
             for action in (action for kind in event.actions for action in kind.iterfind("RoutingAction/*")):
                 if action.tag in ROUTING:
-                    found = {**dict.fromkeys(event.refs, action), **found}
-        return found
+                    routing = {**dict.fromkeys(event.refs, action), **routing}
+        return routing
 
     def _begins(self) -> dict[str, float | None]:
-        """Return when the first routing action of each entity's events begins, s; None where the run decides it."""
-        found: dict[str, float | None] = {}
+        """Return when the first routing action of each entity's events begins, s; None if the run decides."""
+        begins: dict[str, float | None] = {}
         for event in self.events:
             if any(action.tag in ROUTING for kind in event.actions for action in kind.iterfind("RoutingAction/*")):
-                found = {**dict.fromkeys(event.refs, begins_at(event, self.events, self._reader())), **found}
-        return found
+                begins = {**dict.fromkeys(event.refs, begins_at(event, self.events, self._reader())), **begins}
+        return begins
 
     def _actors(self) -> dict[str, EntityState]:
-        """Add the actors; return what is known of each."""
+        """Add the actors; return the state of each."""
         changers = self._acting("LaneChangeAction")
         builder = ActorBuilder(
             self.source,
             self.network,
             self.places,
             self.losses,
-            # An actor that keeps a place across its lane needs lanes; so does one that changes lane on a map that does
-            # not say where lanes are.
+            # An actor that keeps a lateral position needs lanes; so does one that changes lane on a map without lane
+            # positions.
             lane_keepers=self._acting("LaneOffsetAction", "LateralDistanceAction")
             | (changers if self.places.roads is None else set()),
             lane_changers=changers,
@@ -243,20 +245,20 @@ class ScenarioReader:
             state = EntityState(entity, self.inits.speeds.get(ref, 0.0), *self._lane(ref))
             state.way = routing.get(ref)
             at_start = ref in self.inits.routing
-            made = builder.actor(
+            built = builder.actor(
                 state,
                 state.way,
                 begins_s=0.0 if at_start else begins.get(ref, 0.0),
                 at_start=at_start,
                 acts=ref in acting,
             )
-            if made is not None:
-                self._add(made.statement)
+            if built is not None:
+                self._add(built.statement)
                 states[ref] = state
-                first += made.whens
+                first += built.whens
             elif entity.name == "ego":
                 raise NowhereError(
-                    f"{self.source.path}: the ego '{ref}' stands on no lane that goes its way, and could not be "
+                    f"{self.source.path}: the ego '{ref}' does not stand on a lane of its direction and cannot be "
                     "driven: name another vehicle with --ego"
                 )
         for when in first:
@@ -264,18 +266,18 @@ class ScenarioReader:
         return states
 
     def _acting(self, *tags: str) -> set[str]:
-        """Return the entities that have a lateral action of some kinds."""
+        """Return the entities that have a lateral action of the given kinds."""
         events = (*self.events, *self.inits.events)
-        asked = (
+        acting = (
             e
             for e in events
             if any(kind.find(f"LateralAction/{tag}") is not None for kind in e.actions for tag in tags)
         )
-        return {ref for e in asked for ref in e.refs}
+        return {ref for e in acting for ref in e.refs}
 
     def _beginnings(self, *, with_ego: bool = False) -> dict[str, tuple[Pose, float]]:
-        """Return where the middle of each entity (but the ego) is at the beginning, and how fast it is, m/s."""
-        found = {}
+        """Return the pose of the centre of each entity (except the ego) at the beginning, and its speed, m/s."""
+        beginnings = {}
         for ref, entity in self.entities.items():
             if entity.name == "ego" and not with_ego:
                 continue
@@ -283,12 +285,11 @@ class ScenarioReader:
                 middle = self.places.initial(ref).ahead(entity.centre_m)
             except (NotExpressed, SourceError):
                 continue
-            found[ref] = middle, self.inits.speeds.get(ref, 0.0)
-        return found
+            beginnings[ref] = middle, self.inits.speeds.get(ref, 0.0)
+        return beginnings
 
     def _lane(self, ref: str) -> tuple[int | None, bool]:
-        """Return the id of the lane that an entity is on, if its road is known, and whether it looks in the road's
-        direction."""
+        """Return the id of an entity's lane, if its road is known, and whether it faces in the road's direction."""
         place = self.places.lane_of(ref) if self.places.roads is not None else None
         if place is None or self.places.roads is None:
             return None, True
@@ -309,13 +310,13 @@ def _changes_of_speed(actions: Sequence[m.Action]) -> Iterator[m.ChangesSpeed]:
 
 
 def _end_s(source: Source, losses: Losses) -> float:
-    """Return the time at which the storyboard stops."""
+    """Return the time at which the storyboard stops, s."""
     times = []
     for group in source.root.iterfind("Storyboard/StopTrigger/ConditionGroup"):
         conditions = group.findall("Condition")
-        found = [condition.find("ByValueCondition/SimulationTimeCondition") for condition in conditions]
-        if len(found) == 1 and found[0] is not None and found[0].get("rule") != "lessThan":
-            times.append(number(found[0], "value") + number(conditions[0], "delay", 0.0))
+        stop_times = [condition.find("ByValueCondition/SimulationTimeCondition") for condition in conditions]
+        if len(stop_times) == 1 and stop_times[0] is not None and stop_times[0].get("rule") != "lessThan":
+            times.append(number(stop_times[0], "value") + number(conditions[0], "delay", 0.0))
         else:
             losses.leave("conditions that end the storyboard (the run goes on)")
     positive = [t for t in times if t > 0]

@@ -1,4 +1,4 @@
-"""The storyboard as a list of events: which actors do what, and from which steps or end of another event on."""
+"""The storyboard as a list of events: the actors, their actions, and the steps or the event whose end starts them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Event:
     """One event of the storyboard.
 
     Attributes:
-        name: its own. refs: the entities that act. actions: what they do.
-        parts: (type, name) of the event, its actions, and of what it stands in.
-        trigger: when it starts. act: the act that it stands in. every: it may start again.
-        steps: what it waits for, from the beginning or from the end of the event that it waits for.
+        name: its name. refs: the entities that act. actions: their actions.
+        parts: (type, name) of the event, its actions, and the elements that contain it.
+        trigger: its start trigger. act: the act that contains it. every: it may start again.
+        steps: the steps before it, from the beginning or from the end of the event that it waits for.
         at_end: events that wait for its end. lost: why it cannot be taken over. never: it never starts.
     """
 
@@ -46,13 +46,13 @@ class Event:
 
     @property
     def title(self) -> str:
-        """What it is called in comments."""
-        return f"event '{self.name}' of {', '.join(self.refs) or 'nobody'}" if self.name else "at the beginning"
+        """Name of the event in comments."""
+        return f"event '{self.name}' of {', '.join(self.refs) or 'no entity'}" if self.name else "at the beginning"
 
 
 def read_events(source: Source, losses: Losses) -> list[Event]:
     """Return all events, in the order of the file."""
-    found = []
+    events = []
     acts = source.root.findall("Storyboard/Story/Act")
     selections = {
         selection.get("name", ""): tuple(e.get("entityRef", "") for e in selection.iterfind("Members/EntityRef"))
@@ -61,8 +61,8 @@ def read_events(source: Source, losses: Losses) -> list[Event]:
     for story in source.root.iterfind("Storyboard/Story"):
         for act in story.iterfind("Act"):
             if _stops_early(act):
-                said = losses.lose if len(acts) > 1 else losses.leave  # the only act ends with the run
-                said("acts that stop before the end", f"act '{act.get('name', '')}'")
+                report = losses.lose if len(acts) > 1 else losses.leave  # the only act ends with the run
+                report("acts that stop before the end", f"act '{act.get('name', '')}'")
             for group in act.iterfind("ManeuverGroup"):
                 named = [e.get("entityRef", "") for e in group.iterfind("Actors/EntityRef")]
                 refs = tuple(ref for name in named for ref in selections.get(name, (name,)))
@@ -72,12 +72,12 @@ def read_events(source: Source, losses: Losses) -> list[Event]:
                 for maneuver in _maneuvers(source, group):
                     outer = zip(_OUTER, (story, act, group, maneuver), strict=True)
                     parts = {(kind, element.get("name", "")) for kind, element in outer}
-                    found += [_event(element, refs, parts, act) for element in maneuver.iterfind("Event")]
-    return found
+                    events += [_event(element, refs, parts, act) for element in maneuver.iterfind("Event")]
+    return events
 
 
 def _stops_early(act: Element) -> bool:
-    """Whether an act has a trigger to stop that may come before the end of the run."""
+    """Return whether an act has a stop trigger that may fire before the end of the run."""
     for condition in act.iterfind("StopTrigger/ConditionGroup/Condition"):
         if condition.find("ByValueCondition/SimulationTimeCondition") is None:
             return True
@@ -114,8 +114,8 @@ def changing(events: Sequence[Event]) -> frozenset[str]:
     )
 
 
-def asked_for(events: Sequence[Event]) -> frozenset[str]:
-    """Return the parameters and variables that the triggers of events and of their acts ask for."""
+def used_names(events: Sequence[Event]) -> frozenset[str]:
+    """Return the parameters and variables that the triggers of events and their acts use."""
     triggers = [event.trigger for event in events if event.trigger is not None]
     triggers += [t for event in events if event.act is not None for t in event.act.iterfind("StartTrigger")]
     conditions = (e for t in triggers for tag in ("ParameterCondition", "VariableCondition") for e in t.iter(tag))
@@ -123,9 +123,9 @@ def asked_for(events: Sequence[Event]) -> frozenset[str]:
 
 
 def arrange(events: Sequence[Event], reader: ConditionReader) -> None:
-    """Find out when each event starts, and attach each event that waits for the end of another to that one.
+    """Determine when each event starts, and attach each event that waits for the end of another to that event.
 
-    What cannot be said is written into the events: `lost`, `never`.
+    Problems are written into the events: `lost`, `never`.
     """
     order = _Order(events, reader)
     for event in events:
@@ -144,7 +144,7 @@ def arrange(events: Sequence[Event], reader: ConditionReader) -> None:
 
 
 def begins_at(event: Event, events: Sequence[Event], reader: ConditionReader) -> float | None:
-    """Return the time at which an event starts, s; None where it is not known before the run."""
+    """Return the time at which an event starts, s; None if it is unknown before the run."""
     try:
         base, steps = _Order(events, reader).start_of(event)
     except (NotExpressed, NeverStarts, RecursionError):
@@ -165,22 +165,22 @@ def begins_at(event: Event, events: Sequence[Event], reader: ConditionReader) ->
 def at_once(events: Sequence[Event], reader: ConditionReader) -> list[Event]:
     """Return the events that start with the run."""
     order = _Order(events, reader)
-    found = []
+    immediate = []
     for event in events:
         try:
             if order.start_of(event) == (None, ()):
-                found.append(event)
+                immediate.append(event)
         except (NotExpressed, NeverStarts, RecursionError):
             continue
-    return found
+    return immediate
 
 
 Begin = tuple[Event | None, tuple[Step, ...]]
-"""The event whose end is waited for, and the steps from then on."""
+"""The event whose end must come first, and the steps after it."""
 
 
 class _Order:
-    """Which event starts when."""
+    """The start of each event, resolved on demand."""
 
     def __init__(self, events: Sequence[Event], reader: ConditionReader) -> None:
         self._events, self._reader = events, reader
@@ -199,11 +199,11 @@ class _Order:
         self._working.add(id(event))
         try:
             base, steps = self._begin(event)
-            found = base, self._reader.sharpened(steps, from_the_start=base is None)
-            self._known[id(event)] = found
+            begin = base, self._reader.sharpened(steps, from_the_start=base is None)
+            self._known[id(event)] = begin
         finally:
             self._working.discard(id(event))
-        return found
+        return begin
 
     def _begin(self, event: Event) -> Begin:
         own = self._reader.start(event.trigger)
@@ -227,7 +227,7 @@ class _Order:
 
     @staticmethod
     def _is_own_start(event: Event, after: tuple[str, str, str]) -> bool:
-        """Whether an event waits for the start of what it stands in, which is the act's."""
+        """Return whether an event waits for the start of an element that contains it, which is the act's start."""
         kind, ref, state = after
         name = ref.rpartition("::")[2]
         begins = state in (*_AT_START, "standbyState")
@@ -237,13 +237,13 @@ class _Order:
         return any(other.act is event.act for other in self._meant(after))
 
     def _meant(self, after: tuple[str, str, str]) -> list[Event]:
-        """Return the events of a part of the storyboard; names may stand behind those of what they are in."""
+        """Return the events of a part of the storyboard; its name may follow those of the containing parts (`::`)."""
         kind, ref, _ = after
         *outer, name = ref.split("::")
         typed = [e for e in self._events if (kind, name) in e.parts]
-        found = typed or [e for e in self._events if any(part == name for _, part in e.parts)]
-        within = [e for e in found if all(any(part == o for _, part in e.parts) for o in outer)]
-        return within or found
+        candidates = typed or [e for e in self._events if any(part == name for _, part in e.parts)]
+        within = [e for e in candidates if all(any(part == o for _, part in e.parts) for o in outer)]
+        return within or candidates
 
     def _after(self, after: tuple[str, str, str], event: Event | None, act: Element | None = None) -> Begin:
         kind, _, state = after
@@ -262,7 +262,7 @@ class _Order:
         return last, ()
 
     def _last(self, events: list[Event]) -> Event:
-        """Return the event that ends when all of some have ended: the last of a chain."""
+        """Return the event whose end is the end of all of them: the last of a chain."""
         ends = [e for e in events if not any(self._waits_for(other, e) for other in events if other is not e)]
         if len(events) > 1 and len(ends) != 1:
             raise NotExpressed("events that wait for the end of several others")

@@ -1,1 +1,1 @@
-"""Test cases to OpenSCENARIO XML."""
+"""Export of test cases as OpenSCENARIO XML."""

@@ -1,4 +1,4 @@
-"""What actors do and what starts it, as OpenSCENARIO: routes, paths, speeds and triggers, as far as it can say them."""
+"""Export of actors' behaviour to OpenSCENARIO: routes, paths, speeds and triggers, as far as it can express them."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ from foresee_dsl.simulate.trace import Trace
 
 _RULES = {"<": "lessThan", "<=": "lessOrEqual", ">": "greaterThan", ">=": "greaterOrEqual"}
 _MOST_GROUPS = 16
-"""A condition that would need more alternatives is timed instead (ours)."""
+"""Maximum number of alternatives of a condition; with more, the recorded time is used instead (ours)."""
 
 Make = Callable[[str], Xosc]
-"""Makes one `<Condition>` with a name."""
+"""Function that returns a `<Condition>` with the given name."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """Translates conditions about actors; `places` as in `Scene.places`."""
+    """Translates conditions on actors; `places` as in `Scene.places`."""
 
     actors: Collection[str]
     places: Mapping[m.Place, XY]
 
     def groups(self, condition: m.Condition) -> list[list[Make]]:
-        """Return alternatives, each a list of conditions that hold together; `NotExpressed` where OpenSCENARIO has
-        none."""
-        found = self._groups(condition, negated=False)
-        if len(found) > _MOST_GROUPS:
+        """Return alternatives, each a list of conditions that must hold together; `NotExpressed` if OpenSCENARIO cannot
+        express them."""
+        alternatives = self._groups(condition, negated=False)
+        if len(alternatives) > _MOST_GROUPS:
             raise NotExpressed("conditions with many alternatives")
-        return found
+        return alternatives
 
     def _groups(self, condition: m.Condition, *, negated: bool) -> list[list[Make]]:
         if isinstance(condition, m.Not):
@@ -88,11 +88,11 @@ class Conditions:
             raise NotExpressed(f"conditions: {left.what} to a junction")
         around = osc.RelativeDistanceType.euclidianDistance
         if left.what == "distance":
-            made = osc.RelativeDistanceCondition(value, rule, around, other)
+            xosc = osc.RelativeDistanceCondition(value, rule, around, other)
         elif left.what == "ttc":
-            made = osc.TimeToCollisionCondition(value, rule, False, True, other, distance_type=around)
+            xosc = osc.TimeToCollisionCondition(value, rule, False, True, other, distance_type=around)
         elif left.what == "ttc_along":
-            made = osc.TimeToCollisionCondition(
+            xosc = osc.TimeToCollisionCondition(
                 value,
                 rule,
                 False,
@@ -102,8 +102,8 @@ class Conditions:
                 coordinate_system=osc.CoordinateSystem.road,
             )
         else:
-            made = osc.TimeHeadwayCondition(other, value, rule, False, True, around)
-        return self._by_entity(actor, made)
+            xosc = osc.TimeHeadwayCondition(other, value, rule, False, True, around)
+        return self._by_entity(actor, xosc)
 
     def _within(self, condition: m.Within, *, negated: bool) -> Make:
         value = figure(si_of(condition.distance))
@@ -127,25 +127,25 @@ class Conditions:
 
 
 def completed(event: str) -> Make:
-    """Return the condition that an event is over."""
+    """Return the condition that an event has ended."""
     kind, state = osc.StoryboardElementType.event, osc.StoryboardElementState.completeState
     return _by_value(osc.StoryboardElementStateCondition(kind, event, state))
 
 
 def at(time_s: float) -> Make:
-    """Return the condition that a time has come."""
+    """Return the condition that a time has been reached."""
     return _by_value(osc.SimulationTimeCondition(figure(time_s), osc.Rule.greaterOrEqual))
 
 
 def trigger(groups: list[list[Make]], name: str) -> Xosc:
     """Return a start trigger of alternatives."""
-    made = osc.Trigger()
+    start_trigger = osc.Trigger()
     for k, group in enumerate(groups):
-        one = osc.ConditionGroup()
+        condition_group = osc.ConditionGroup()
         for n, make in enumerate(group):
-            one.add_condition(make(f"{name}_{k + 1}_{n + 1}"))
-        made.add_conditiongroup(one)
-    return made
+            condition_group.add_condition(make(f"{name}_{k + 1}_{n + 1}"))
+        start_trigger.add_conditiongroup(condition_group)
+    return start_trigger
 
 
 def _by_value(condition: Xosc) -> Make:
@@ -153,31 +153,31 @@ def _by_value(condition: Xosc) -> Make:
 
 
 _STOPS_MPS2 = 3.0
-"""How hard an actor that is told to stop brakes, m/s^2 (the language's definition)."""
+"""Braking of an actor that is told to stop, m/s^2 (the language's definition)."""
 _LANE_CHANGE_S = 3.3
-"""A lane of 3.3 m with 1 m/s sideways, as our simulation drives it."""
+"""Duration of a lane change, s: a lane of 3.3 m at 1 m/s sideways, as in our simulation."""
 _EVERY = 1000
-"""An event that may happen again and again happens so often at most; the schema asks for a number."""
+"""Number of executions of a repeatable event; the schema requires a number."""
 _LOOSE_M = 0.05
 _ENDS = (m.ChangesSpeed, m.ChangesLane, m.Starts)
-"""Actions whose end the storyboard tells as the language does."""
+"""Actions whose end has the same meaning in a storyboard as in the language."""
 
 Where = tuple[int, ...]
 
 
 def groups(bundle: SumoBundle, trace: Trace, left_out: Counter[str]) -> tuple[list[Xosc], list[str]]:
-    """Return a maneuver group for each actor that does anything, and a sentence about each that a player moves in
-    another way than the run did.
+    """Return a maneuver group per actor with actions, and a note on each actor that a player will move differently from
+    the run.
 
-    A trigger or step that cannot be expressed is timed as it happened in the run; one that did not happen is left out.
+    A trigger or step that cannot be expressed starts at its time in the run; if it did not happen, it is left out.
     """
     board = _Board(bundle, trace, left_out)
     for actor in bundle.scene.actors:
         board.begin(actor)
     for index, when in enumerate(bundle.scene.whens):
         board.when(index, when.condition, when.actions, every=when.repeat in ("every", "next"))
-    found = [maneuver_group(actor, events) for actor, events in board.events.items()]
-    return found, list(notes_of(bundle.scene.actors, trace, board.orders, board.led, board.turned))
+    maneuvers = [maneuver_group(actor, events) for actor, events in board.events.items()]
+    return maneuvers, list(notes_of(bundle.scene.actors, trace, board.orders, board.led, board.turned))
 
 
 @dataclass
@@ -201,10 +201,10 @@ class _Board:
                 self._happened.setdefault(key, happened.time_s)
 
     def begin(self, actor: PlacedActor) -> None:
-        """Write what an actor does by itself: its way, and the speed that it takes up."""
+        """Write an actor's own behaviour: its way, and the speed that it takes up."""
         waiting = actor.waits or actor.delay_s > 0
-        for what, found in (("rules that actors ignore", actor.ignores), ("meetings", actor.meets)):
-            self.left_out[what] += len(found)
+        for what, items in (("rules that actors ignore", actor.ignores), ("meetings", actor.meets)):
+            self.left_out[what] += len(items)
         self.left_out["steering perturbations"] += actor.steering is not None
         self.left_out["`brakes`, and `line` for a time"] += actor.brakes is not None or actor.strays is not None
         self.left_out["`line` and `timing`"] += abs(actor.line_m) > 0 or actor.timing != 1.0
@@ -213,7 +213,7 @@ class _Board:
             route = osc.AssignRouteAction(_route(actor, actor.line, goal))
             self._add(actor.id, f"{actor.id}_route", [route], [[at(0.0)]])
             if actor.control == "ego":
-                return  # the rest is the driver's
+                return  # the driver decides the rest
         if actor.control == "path" and len(actor.path) >= 2 and not actor.waits:
             self._add(actor.id, f"{actor.id}_path", [_follow(actor)], [[at(actor.delay_s)]])
         moves = actor.control in ("sumo", "path") and not actor.waits
@@ -222,13 +222,13 @@ class _Board:
             self._order(actor, actor.delay_s, actor.cruise_mps)
 
     def when(self, index: int, condition: m.Condition, actions: tuple[m.Action, ...], *, every: bool) -> None:
-        """Write what a trigger sets off."""
+        """Write the actions of a trigger."""
         starts = self._start(condition, [], index, ())
         if starts is not None:
             self._block(actions, starts, index, (), every=every)
 
     def _start(self, condition: m.Condition, done: list[Make], index: int, where: Where) -> list[list[Make]] | None:
-        """Return a condition's alternatives, each with what must be done before, or when it held in the run."""
+        """Return a condition's alternatives, each after the events `done`, or the time at which it held in the run."""
         try:
             return [[*done, *group] for group in self._conditions.groups(condition)]
         except NotExpressed as err:
@@ -255,19 +255,19 @@ class _Board:
             exact = exact and isinstance(action, _ENDS)
             if isinstance(action, m.OfNobody) and not isinstance(action, m.Wait):
                 self.left_out[f"actions: {action.kind}"] += 1
-            if not isinstance(action, m.OfNobody) and (made := self._action(action)) is not None:
+            if not isinstance(action, m.OfNobody) and (xosc := self._action(action)) is not None:
                 self._remember(action, self._happened.get((index, where)))
-                by_actor.setdefault(action.actor, []).append(made)
-        for actor, made in by_actor.items():
-            self._add(actor, f"{name}_{actor}", made, starts, every=every)
+                by_actor.setdefault(action.actor, []).append(xosc)
+        for actor, xosc in by_actor.items():
+            self._add(actor, f"{name}_{actor}", xosc, starts, every=every)
         done = [completed(f"{name}_{actor}") for actor in by_actor]
         for k, action in enumerate(actions):
             if not isinstance(action, m.Then):
                 continue
-            found = self._after(action, done if exact else [], index, (*where, k))
-            exact = False  # further steps wait for this one's steps, too
-            if found is not None:
-                self._block(action.actions, found, index, (*where, k), every=False)
+            step_starts = self._after(action, done if exact else [], index, (*where, k))
+            exact = False  # later steps also wait for this step's own steps
+            if step_starts is not None:
+                self._block(action.actions, step_starts, index, (*where, k), every=False)
 
     def _after(self, then: m.Then, done: list[Make], index: int, where: Where) -> list[list[Make]] | None:
         """Return when a step starts: after all events before it, and once its condition holds."""
@@ -278,30 +278,30 @@ class _Board:
     def _action(self, action: m.Action) -> Xosc:
         if isinstance(action, m.OfNobody) or action.actor not in self._placed:
             return None
-        actor, made = self._placed[action.actor], None
+        actor, xosc = self._placed[action.actor], None
         if isinstance(action, m.ChangesSpeed):
             over = None if action.over is None else si_of(action.over)
-            made = self._to(actor, si_of(action.to), over)
+            xosc = self._to(actor, si_of(action.to), over)
         elif isinstance(action, m.Stops):
             self.left_out["driving on after a stop"] += action.duration is not None
-            made = osc.AbsoluteSpeedAction(0, _rate(_STOPS_MPS2))
+            xosc = osc.AbsoluteSpeedAction(0, _rate(_STOPS_MPS2))
         elif isinstance(action, m.BrakesFor):
             self.left_out["driving on after braking"] += action.duration is not None
-            made = osc.AbsoluteSpeedAction(0, _rate(si_of(action.braking)))
+            xosc = osc.AbsoluteSpeedAction(0, _rate(si_of(action.braking)))
         elif isinstance(action, m.ChangesLane):
-            took = osc.TransitionDynamics(osc.DynamicsShapes.sinusoidal, osc.DynamicsDimension.time, _LANE_CHANGE_S)
+            dynamics = osc.TransitionDynamics(osc.DynamicsShapes.sinusoidal, osc.DynamicsDimension.time, _LANE_CHANGE_S)
             by = 1 if word_of(action.side) == "left" else -1
-            made = osc.RelativeLaneChangeAction(by, action.actor, took)
+            xosc = osc.RelativeLaneChangeAction(by, action.actor, dynamics)
         elif isinstance(action, Related):
-            made = related_action(action, self.bundle.scene, self.left_out)
+            xosc = related_action(action, self.bundle.scene, self.left_out)
         elif isinstance(action, m.Starts):
             self._set_off(actor, action)
-            made = self._to(actor, actor.cruise_mps)
-        self.left_out[f"actions: {action.kind}"] += made is None
-        return made
+            xosc = self._to(actor, actor.cruise_mps)
+        self.left_out[f"actions: {action.kind}"] += xosc is None
+        return xosc
 
     def _remember(self, action: m.Action, time_s: float | None) -> None:
-        """Remember what an action that happened in the run makes of its actor's motion."""
+        """Record how an action of the run affects its actor's motion."""
         if time_s is None or isinstance(action, m.OfNobody | m.Then):
             return
         actor = self._placed[action.actor]
@@ -321,26 +321,27 @@ class _Board:
         self.orders.setdefault(actor.id, []).append(SpeedOrder(time_s, to_mps, over_s, rate))
 
     def _set_off(self, actor: PlacedActor, action: m.Starts) -> None:
-        """Let an actor that is started on a path follow it; it stands until then, so the event may start at once."""
+        """Let an actor on a path follow it from the start; it stands until the action, so the event may begin at 0
+        s."""
         if actor.control == "path" and len(actor.path) >= 2:
             name = f"{action.actor}_path"
-            if not any(one.name == name for one in self.events.get(actor.id, [])):
+            if not any(written_event.name == name for written_event in self.events.get(actor.id, [])):
                 self._add(actor.id, name, [_follow(actor)], [[at(0.0)]])
         self.left_out["delays after a trigger"] += actor.delay_s > 0
 
     def _to(self, actor: PlacedActor, speed_mps: float, over_s: float | None = None) -> Xosc:
         if over_s:
-            took = osc.TransitionDynamics(osc.DynamicsShapes.linear, osc.DynamicsDimension.time, figure(over_s))
+            dynamics = osc.TransitionDynamics(osc.DynamicsShapes.linear, osc.DynamicsDimension.time, figure(over_s))
         else:
-            took = _rate(actor.model.acceleration_mps2) if actor.model.acceleration_mps2 > 0 else at_once()
-        return osc.AbsoluteSpeedAction(figure(speed_mps), took)
+            dynamics = _rate(actor.model.acceleration_mps2) if actor.model.acceleration_mps2 > 0 else at_once()
+        return osc.AbsoluteSpeedAction(figure(speed_mps), dynamics)
 
     def _add(
         self, actor: str, name: str, actions: list[Xosc], starts: list[list[Make]], *, every: bool = False
     ) -> None:
         named = {f"{name}_{k + 1}": action for k, action in enumerate(actions)}
-        made = event(name, named, trigger(starts, name), _EVERY if every else 1)
-        self.events.setdefault(actor, []).append(made)
+        new_event = event(name, named, trigger(starts, name), _EVERY if every else 1)
+        self.events.setdefault(actor, []).append(new_event)
 
 
 def _rate(by_mps2: float) -> Xosc:
@@ -348,8 +349,8 @@ def _rate(by_mps2: float) -> Xosc:
 
 
 _BESIDE_M = 3.0
-"""Ours: a waypoint stands so far before and behind a junction. At its very edge, and on roads inside of it, which lie
-over each other, esmini 3.6 finds another road than the one that is meant, and aborts: `Invalid waypoint roadId`."""
+"""Distance of a waypoint before and after a junction, m. Ours: at the very edge of a junction, and on its overlapping
+inner roads, esmini 3.6 finds the wrong road and aborts: `Invalid waypoint roadId`."""
 
 
 def _route(actor: PlacedActor, line: RouteLine, goal_s: float) -> Xosc:
@@ -363,42 +364,42 @@ def _route(actor: PlacedActor, line: RouteLine, goal_s: float) -> Xosc:
 
 
 def waypoints(line: RouteLine, start_s: float, goal_s: float) -> list[float]:
-    """Return where a route has its waypoints: outside of junctions, on the lanes that lead from one to the next.
+    """Return positions of a route's waypoints along the line, m: outside of junctions.
 
-    A start or end inside a junction becomes the nearest place on its way outside.
+    A start or end inside a junction is replaced by the nearest place outside.
     """
     inside = [(p.entry_s, p.exit_s) for p in line.passages]
     ends = [line.origin_s, *(s for pair in inside for s in pair), line.end_s]
-    found = []
+    positions = []
     for begin, end in zip(ends[::2], ends[1::2], strict=True):  # the stretches between junctions
         by = min(_BESIDE_M, (end - begin) / 2)
         first, last = max(begin + by, start_s), min(end - by, goal_s)
         if first <= last:
-            found += [first] if last - first < _APART_M else [first, last]
-    return found if len(found) > 1 else [start_s, goal_s]
+            positions += [first] if last - first < _APART_M else [first, last]
+    return positions if len(positions) > 1 else [start_s, goal_s]
 
 
 _APART_M = 1.0
-"""Waypoints nearer to each other are one (ours)."""
+"""Waypoints nearer than this to each other are merged, m (ours)."""
 
 
 def _follow(actor: PlacedActor) -> Xosc:
-    """Return the action that follows an actor's path at whatever speed it has."""
+    """Return the action that follows an actor's path at its current speed."""
     points = [(actor.x, actor.y), *_still_ahead(actor)]
     poses = []
     for k, (x, y) in enumerate(points):
         heading = actor.heading_rad if k == 0 else direction(points[k - 1], (x, y))
         poses.append(reference_position(x, y, heading, actor.model))
-    made = osc.Trajectory(f"{actor.id}_line", False)
-    made.add_shape(osc.Polyline([], poses))
-    return osc.FollowTrajectoryAction(made, osc.FollowingMode.position)
+    trajectory = osc.Trajectory(f"{actor.id}_line", False)
+    trajectory.add_shape(osc.Polyline([], poses))
+    return osc.FollowTrajectoryAction(trajectory, osc.FollowingMode.position)
 
 
 def _still_ahead(actor: PlacedActor) -> list[tuple[float, float]]:
-    """Return the points of a path that lie ahead of an actor."""
-    covered, found = 0.0, []
+    """Return the points of a path ahead of an actor."""
+    covered, ahead = 0.0, []
     for a, b in zip(actor.path, actor.path[1:], strict=False):
         covered += math.dist(a, b)
         if covered > actor.along_m + _LOOSE_M:
-            found.append(b)
-    return found or [actor.path[-1]]
+            ahead.append(b)
+    return ahead or [actor.path[-1]]

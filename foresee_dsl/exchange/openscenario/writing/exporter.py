@@ -1,4 +1,4 @@
-"""Writes a test case as OpenSCENARIO XML 1.2 with an OpenDRIVE map, so that other simulators can play it."""
+"""Export of a test case as OpenSCENARIO XML 1.2 with an OpenDRIVE map, to be played in other simulators."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 _DATE = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
-"""The header asks for a date; a constant, so that the same test case gives the same bytes."""
+"""Date in the header, which requires one; a constant, so that the same test case gives the same bytes."""
 
 _HEAD = re.compile(rb'<signal\b[^>]*?\bid="([^"]*)"')
 _COLOURS = {"G": "green", "g": "green", "y": "yellow", "r": "red"}
-"""SUMO's letters in words; OpenSCENARIO leaves the words to the simulators."""
+"""Words for SUMO's signal letters; OpenSCENARIO leaves the words to the simulators."""
 _LATER_S = 2.0
-"""A failure's file ends so much later than the run, which ended with it: another driver may take longer
+"""Time by which a failure's file outlasts the run, which ended with the failure: another driver may take longer, s
 (ours)."""
 
 
@@ -54,13 +54,13 @@ def run(
     seed: int | None = None,
     allow_outside: bool = True,
 ) -> Imported:
-    """Write `NAME.xosc` and `NAME.xodr` for a test case, a clip or a mutant. It is run for that.
+    """Write `NAME.xosc` and `NAME.xodr` of a test case, a clip or a mutant, which is run once for this.
 
     Args:
         address: `FILE` or `FILE::CASE`.
         out: the folder.
-        behaviour: what actors do and when, as far as it can be expressed; otherwise where they went.
-        driver, seed: of the run; by default what a mutant records, else `pdm` and 0.
+        behaviour: write the actors' actions and triggers, as far as possible; otherwise their trajectories.
+        driver, seed: of the run; by default those that a mutant records, otherwise `pdm` and 0.
         allow_outside: see `project.load_test_case`.
 
     Raises:
@@ -112,7 +112,7 @@ def run(
 
 
 def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, int]:
-    """Return the driver and the seed of the run: what is named, else what the mutant records."""
+    """Return the driver and seed of the run: the given ones, otherwise those that the mutant records."""
     origin = case.mutant.origin if case.mutant is not None else None
     if not driver:
         driver = recorded_address((origin.driver if origin else None) or "pdm")
@@ -133,12 +133,12 @@ def _story(groups: list[Xosc]) -> Xosc:
 
 
 def _add_signals(road_network: Xosc, bundle: SumoBundle, road: bytes, until_s: float) -> int:
-    """Add a controller for each signal whose heads the map has; return how many signals have none.
+    """Add a controller per signal with heads on the map; return the number of signals without heads.
 
-    A controller repeats its phases; the first one is what is left of it at the beginning, and so many follow that it
-    repeats nothing before the end.
+    A controller repeats its phases; the first one has the remaining duration at the beginning, and enough phases follow
+    that none repeats before the end.
     """
-    heads = {found.decode() for found in _HEAD.findall(road)}
+    heads = {signal_id.decode() for signal_id in _HEAD.findall(road)}
     beginning = {junction: (stage, elapsed_s) for junction, stage, elapsed_s in bundle.scene.signals}
     missing = 0
     for signal in {s.tls: s for s in bundle.signals.values()}.values():
@@ -148,45 +148,47 @@ def _add_signals(road_network: Xosc, bundle: SumoBundle, road: bytes, until_s: f
             continue
         controller = osc.TrafficSignalController(signal.tls)
         for k, (phase, duration_s) in enumerate(_shown(signal, beginning.get(signal.junction), until_s)):
-            made = osc.Phase(f"{signal.stages[signal.phases[phase].stage]}_{k + 1}", figure(duration_s))
+            xosc_phase = osc.Phase(f"{signal.stages[signal.phases[phase].stage]}_{k + 1}", figure(duration_s))
             for link in links:
                 letter = signal.phases[phase].state[link]
-                made.add_signal_state(f"{signal.tls}_{link}", _COLOURS.get(letter, "off"))
-            controller.add_phase(made)
+                xosc_phase.add_signal_state(f"{signal.tls}_{link}", _COLOURS.get(letter, "off"))
+            controller.add_phase(xosc_phase)
         road_network.add_traffic_signal_controller(controller)
     return missing
 
 
 def _shown(signal: Signal, at: tuple[str, float] | None, until_s: float) -> list[tuple[int, float]]:
-    """Return the phases that a signal goes through, each with its time, s."""
+    """Return the phases of a signal in order, each with its duration, s."""
     stage, elapsed_s = at or (signal.stages[signal.phases[0].stage], 0.0)
     phase, left_s = signal.phase_at(stage, elapsed_s)
-    found = [(phase, left_s)] if left_s > 0 else []
+    phases = [(phase, left_s)] if left_s > 0 else []
     covered = left_s
     while covered <= until_s:
         phase = (phase + 1) % len(signal.phases)
-        found.append((phase, signal.phases[phase].duration_s))
+        phases.append((phase, signal.phases[phase].duration_s))
         covered += max(signal.phases[phase].duration_s, 0.05)
-    return found
+    return phases
 
 
 STANDS_M = 1e-6
-"""An actor that moved less between two frames stood: a vertex at either end of that time is enough."""
+"""An actor that moved less than this between two frames stands, m: its trajectory needs only the ends of that time."""
 
 
 def recorded_groups(trace: Trace, specs: dict[str, ModelSpec]) -> list[Xosc]:
-    """Return a maneuver group for each actor that moves, comes later or goes before the end."""
-    return [made for k in range(len(trace.actors)) if (made := _group(trace, k, specs[trace.actors[k].id])) is not None]
+    """Return a maneuver group for each actor that moves, appears later or disappears before the end."""
+    return [
+        group for k in range(len(trace.actors)) if (group := _group(trace, k, specs[trace.actors[k].id])) is not None
+    ]
 
 
 def present(trace: Trace, actor: int) -> tuple[int, int] | None:
-    """Return the first and last frame in which an actor is there, or None."""
+    """Return the first and last frame in which an actor is present, or None."""
     frames = np.flatnonzero(~np.isnan(trace.states[:, actor, X]))
     return (int(frames[0]), int(frames[-1])) if len(frames) else None
 
 
 def vertices(trace: Trace, actor: int) -> Iterator[int]:
-    """Yield the frames that an actor's trajectory needs: all, but for the inside of times at which it stood."""
+    """Yield the frames that an actor's trajectory needs: all except the inside of the times at which it stands."""
     span = present(trace, actor)
     if span is None:
         return

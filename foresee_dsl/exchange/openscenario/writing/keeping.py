@@ -1,4 +1,4 @@
-"""How far a player that does what is written comes from the run: no player knows what traffic does by itself."""
+"""Predicted deviation of a player from the run: no player knows the decisions of traffic."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 
 _FAR_M = 1.0
-"""What is said: an actor farther off than this (ours: what a person sees in two films side by side)."""
+"""An actor farther off than this, m, is reported (ours: visible in two films side by side)."""
 _LOOKS_S = (3.0, 8.0)
-"""When it is looked (the two times at which exports were compared with a player)."""
+"""Times at which the deviation is measured, s (those at which exports were compared with a player)."""
 
 
 @dataclass(frozen=True)
 class SpeedOrder:
-    """A written change of speed.
+    """An exported change of speed.
+
 
     Attributes:
-        time_s: when it begins in the run. to_mps: the speed that it ends with.
+        time_s: its start in the run. to_mps: the final speed.
         over_s, rate_mps2: its duration, or its rate; with neither the speed changes at once.
     """
 
@@ -40,12 +41,13 @@ def notes_of(
     led: Mapping[str, str],
     turned: Mapping[str, Sequence[float]],
 ) -> Iterator[str]:
-    """Yield a sentence about each actor whose motion a player does not know.
+    """Yield a note on each actor whose motion a player cannot reproduce.
+
 
     Args:
-        actors: of the scene. trace: of the run.
-        orders: their written changes of speed. led: those that keep to another actor, with what they do.
-        turned: when those change lane that are told to, s.
+        actors: those of the scene. trace: of the run.
+        orders: the actors' exported changes of speed. led: actors that keep to another actor, with the action's text.
+        turned: times of ordered lane changes, s.
     """
     names = [info.id for info in trace.actors]
     for actor in actors:
@@ -79,8 +81,8 @@ def notes_of(
 def _written(
     actor: PlacedActor, orders: Sequence[SpeedOrder], frames: int
 ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return how far an actor comes that does what is written and nothing else, m at each frame."""
-    speed, along, found = actor.speed_mps, 0.0, [0.0]
+    """Return the distance covered by an actor that only obeys the exported orders, m at each frame."""
+    speed, along, covered = actor.speed_mps, 0.0, [0.0]
     order: SpeedOrder | None = None
     begin_mps, upcoming = speed, list(orders)
     for frame in range(1, frames):
@@ -97,21 +99,21 @@ def _written(
                 most = order.rate_mps2 * STEP_S
             speed += math.copysign(min(abs(gap), most), gap)
         along += (before + speed) / 2 * STEP_S
-        found.append(along)
-    return np.array(found)
+        covered.append(along)
+    return np.array(covered)
 
 
 def _aside(actor: PlacedActor, states: NDArray[np.float64], turned: Sequence[float]) -> NDArray[np.float64]:
-    """Return how far to the side of its way an actor is, m at each frame, from its first lane change without an order
-    on; 0 for one on a path."""
+    """Return an actor's lateral distance from its way, m at each frame, from its first lane change without an order on;
+    0 for an actor on a path."""
     zero = np.zeros(len(states))
     if actor.line is None or turned:
         return zero
-    found, at = [], actor.line.origin_s
+    offsets, at = [], actor.line.origin_s
     for x, y in states:
         if math.isnan(x):
-            found.append(0.0)
+            offsets.append(0.0)
             continue
         at, beside = actor.line.project(float(x), float(y), at)
-        found.append(beside)
-    return np.array(found) - found[0]
+        offsets.append(beside)
+    return np.array(offsets) - offsets[0]

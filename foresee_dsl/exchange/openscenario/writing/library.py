@@ -1,4 +1,4 @@
-"""The package that writes OpenSCENARIO, which is an extra, and the values that all writers share."""
+"""The optional package that writes OpenSCENARIO, and conversions that all writers share."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.exchange.outcome import ExchangeError
 
 MINOR_VERSION = 2
-"""OpenSCENARIO XML 1.2, which simulators read today (asked for)."""
+"""OpenSCENARIO XML 1.2, which current simulators read (a requirement)."""
 DIGITS = 6
-"""Decimals of what is written. Ours: micrometres, below what can be measured in a trace."""
+"""Decimals of written numbers. Ours: micrometres, below what a trace can resolve."""
 
 Xosc: TypeAlias = Any
 """An object of `scenariogeneration.xosc`, which has no types."""
@@ -21,7 +21,7 @@ Xosc: TypeAlias = Any
 
 @cache
 def library() -> Xosc:
-    """Return the module `scenariogeneration.xosc`; an `ExchangeError` where it is not installed."""
+    """Return the module `scenariogeneration.xosc`; `ExchangeError` if it is not installed."""
     try:
         from scenariogeneration import xosc
     except ImportError as err:
@@ -32,7 +32,7 @@ def library() -> Xosc:
 
 
 class _Library:
-    """`library()`, imported when its first name is asked for: `osc.Event`."""
+    """Attribute access to `library()`, imported on first use: `osc.Event`."""
 
     def __getattr__(self, name: str) -> Xosc:
         return getattr(library(), name)
@@ -42,15 +42,15 @@ osc = _Library()
 
 
 def behind_centre_m(spec: ModelSpec) -> float:
-    """Return how far an entity's reference point lies behind the middle of its footprint, m.
+    """Return how far an entity's reference point is behind the centre of its footprint, m.
 
-    OpenSCENARIO's is the middle of a vehicle's rear axle; of pedestrians and things the middle of their box.
+    In OpenSCENARIO it is the middle of a vehicle's rear axle, and the centre of the box of pedestrians and things.
     """
     return spec.length_m / 2 - spec.rear_overhang_m if spec.kind in WHEELS else 0.0
 
 
 def reference_position(x: float, y: float, heading_rad: float, spec: ModelSpec) -> Xosc:
-    """Return the position of an entity's reference point from the middle of its footprint."""
+    """Return the position of an entity's reference point, given the centre of its footprint."""
     back = behind_centre_m(spec)
     return world(x - back * math.cos(heading_rad), y - back * math.sin(heading_rad), heading_rad)
 
@@ -67,30 +67,30 @@ def figure(value: float) -> float:
 
 
 def at_once() -> Xosc:
-    """Return the dynamics of a step."""
+    """Return the dynamics of an immediate change."""
     return osc.TransitionDynamics(osc.DynamicsShapes.step, osc.DynamicsDimension.time, 0)
 
 
 def at_time(name: str, time_s: float, point: str = "start") -> Xosc:
-    """Return a trigger that fires at a time of the simulation and starts (or stops: `stop`) something."""
+    """Return a trigger at a time of the simulation; `point` is `start` or `stop`."""
     when = osc.SimulationTimeCondition(figure(time_s), osc.Rule.greaterOrEqual)
     return osc.ValueTrigger(name, 0, osc.ConditionEdge.none, when, point)
 
 
 def event(name: str, actions: dict[str, Xosc], trigger: Xosc, most: int = 1) -> Xosc:
-    """Return an event that runs beside others, `most` times at most, with actions by name."""
-    made = osc.Event(name, osc.Priority.parallel, most)
+    """Return an event that runs parallel to others, at most `most` times, with actions by name."""
+    new_event = osc.Event(name, osc.Priority.parallel, most)
     for action_name, action in actions.items():
-        made.add_action(action_name, action)
-    made.add_trigger(trigger)
-    return made
+        new_event.add_action(action_name, action)
+    new_event.add_trigger(trigger)
+    return new_event
 
 
 def maneuver_group(actor: str, events: list[Xosc]) -> Xosc:
-    """Return the group of everything that one actor does."""
+    """Return the group of one actor's events."""
     maneuver = osc.Maneuver(f"{actor}_maneuver")
-    for one in events:
-        maneuver.add_event(one)
+    for new_event in events:
+        maneuver.add_event(new_event)
     group = osc.ManeuverGroup(f"{actor}_group")
     group.add_actor(actor)
     group.add_maneuver(maneuver)

@@ -1,4 +1,4 @@
-"""Actions that keep an actor across its lane or by another actor, as OpenSCENARIO has them."""
+"""Export of actions that keep an actor at a lateral position or near another actor."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Related = m.ChangesLine | m.KeepsBeside | m.KeepsGap | m.MatchesSpeed | m.Synchr
 
 
 def related_action(action: Related, scene: Scene, left_out: Counter[str]) -> Xosc:
-    """Return such an action; None for a place that depends on where an actor is then. What it does not say is counted
-    in `left_out`."""
+    """Return such an action; None if its place depends on the actor's later position. Parts that OpenSCENARIO cannot
+    express are counted in `left_out`."""
     duration = None if isinstance(action, m.ChangesLine | m.Synchronises) else action.duration
     left_out["ends of actions that keep to another actor"] += duration is not None
     match action:
@@ -62,7 +62,7 @@ def related_action(action: Related, scene: Scene, left_out: Counter[str]) -> Xos
 
 
 def _line(action: m.ChangesLine) -> Xosc:
-    """Return an offset; its time is said by the highest acceleration of a sinusoidal curve, for a move by 1 m too."""
+    """Return an offset; its duration is expressed by the peak acceleration of a sinusoidal curve."""
     to = si_of(action.to)
     over_s = abs(to) / SIDEWAYS_MPS if action.over is None else si_of(action.over)
     most = max(abs(to), 0.1) * math.pi**2 / (2 * over_s**2) if over_s > 0 else None

@@ -1,1 +1,1 @@
-"""Files that vary the parameters of a scenario: the sets of values that they mean, and one scenario of all of them."""
+"""Files that vary the parameters of a scenario: their sets of values, merged into one scenario."""

@@ -1,4 +1,4 @@
-"""Distributions of parameters (`<ParameterValueDistribution>`): the sets of values that a scenario is played with."""
+"""Distributions of parameters (`<ParameterValueDistribution>`): the sets of values of a scenario."""
 
 from __future__ import annotations
 
@@ -17,22 +17,23 @@ from foresee_dsl.exchange.openscenario.reading.source import WHAT, Source, proje
 from foresee_dsl.exchange.outcome import ExchangeError, SourceError
 
 MOST_SETS = 10_000
-"""The largest number of cases that a scenario may draw (`cases` of the language allows no more)."""
+"""Maximum number of cases that a scenario may draw (the limit of `cases` in the language)."""
 _MOST_STEPS = 10_000
 _DEVIATIONS = 4.0
-"""A normal distribution without a range is cut off at this number of standard deviations from its mean. Ours: one draw
-of 16,000 lies outside."""
+"""A normal distribution without a range is cut off at this many standard deviations from its mean. Ours: one draw of
+16,000 is outside."""
 _MOST_TRIES = 10_000
 Values = Mapping[str, str]
-"""Values of parameters, as they are written, by the parameters' names."""
+"""Values of parameters as text, by the parameters' names."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """How the values of a parameter are drawn.
+    """The distribution of a parameter.
+
 
     Attributes:
-        kind: the language can draw `uniform`, `normal` and `choice`; the import itself draws the values of the others.
+        kind: `uniform`, `normal` and `choice` exist in the language; values of the others are drawn by the import.
         low, high: the range, for kinds without weights. mean, deviation: of `normal`; of `lognormal`, those of the
             logarithm; `poisson` has a mean only.
         options: the values of a `choice`. bins: the ranges of a `histogram`. weights: of either, in the same order.
@@ -53,9 +54,9 @@ class Variation:
     """A file that varies the parameters of a scenario.
 
     Attributes:
-        path: the file. scenario: the one that it varies. description: what its header says of it.
-        groups: for each group of parameters that vary together the sets of their values; every combination is meant.
-        drawn: how parameters are drawn instead. runs, seed: how often, and from which seed.
+        path: the file. scenario: the scenario that it varies. description: from its header.
+        groups: for each group of parameters that vary together, its sets of values; all combinations are used.
+        drawn: distributions of parameters, instead of groups. runs, seed: number and seed of the draws.
     """
 
     path: Path
@@ -68,11 +69,11 @@ class Variation:
 
     @property
     def count(self) -> int:
-        """How many sets of values are meant."""
+        """Number of value sets."""
         return self.runs if self.drawn else math.prod(len(group) for group in self.groups)
 
     def sets(self, most: int) -> list[dict[str, str]]:
-        """Return at most this number of sets of values, chosen evenly where there are more."""
+        """Return the value sets; if there are more than `most`, an even selection."""
         if self.drawn:
             rng = np.random.default_rng(self.seed)
             return [{name: _draw(how, rng) for name, how in self.drawn.items()} for _ in range(min(self.runs, most))]
@@ -82,19 +83,18 @@ class Variation:
 
     def _combination(self, k: int) -> dict[str, str]:
         """Return the k-th combination; the last group changes fastest."""
-        found: dict[str, str] = {}
+        values: dict[str, str] = {}
         for group in reversed(self.groups):
             k, at = divmod(k, len(group))
-            found = {**group[at], **found}
-        return found
+            values = {**group[at], **values}
+        return values
 
 
 def read_variation(path: Path, *, allow_outside: bool) -> Variation | None:
-    """Read a file that varies a scenario; None for any other file.
+    """Read a file that varies a scenario; None if the file is something else.
 
     Raises:
-        ExchangeError: it names a scenario that does not exist or lies outside of the project, or a distribution that
-            cannot be drawn.
+        ExchangeError: its scenario does not exist or lies outside the project, or a distribution cannot be drawn.
     """
     root = parse_xml(path, "OpenSCENARIO", WHAT, ExchangeError)
     varied = root.find("ParameterValueDistribution")
@@ -126,9 +126,9 @@ def _group(path: Path, distribution: Element) -> tuple[Values, ...]:
         sets = [
             {
                 a.get("parameterRef", "").removeprefix("$"): a.get("value", "")
-                for a in one.iterfind("ParameterAssignment")
+                for a in value_set.iterfind("ParameterAssignment")
             }
-            for one in distribution.iterfind("ValueSetDistribution/ParameterValueSet")
+            for value_set in distribution.iterfind("ValueSetDistribution/ParameterValueSet")
         ]
         if sets:
             return tuple(sets)
@@ -159,7 +159,7 @@ def _limits(path: Path, name: str, holder: Element) -> tuple[float, float]:
 
 
 def _drawn(path: Path, distribution: Element) -> Drawn:
-    """Return how a `<StochasticDistribution>` draws."""
+    """Return the distribution of a `<StochasticDistribution>`."""
     name = distribution.get("parameterName", "").removeprefix("$")
     kind = next((e for e in distribution if e.tag.endswith(("Distribution", "DistributionSet", "Histogram"))), None)
     tag = "" if kind is None else kind.tag
@@ -193,7 +193,7 @@ def _drawn(path: Path, distribution: Element) -> Drawn:
 
 
 def _draw(how: Drawn, rng: np.random.Generator) -> str:
-    """Return a value."""
+    """Return a drawn value."""
     if how.weights:
         chosen = int(rng.choice(len(how.weights), p=np.array(how.weights) / sum(how.weights)))
         return how.options[chosen] if how.options else repr(float(rng.uniform(*how.bins[chosen])))
@@ -207,4 +207,4 @@ def _draw(how: Drawn, rng: np.random.Generator) -> str:
             value = math.exp(value) if how.kind == "lognormal" else value
         if how.low <= value <= how.high:
             return f"{value:.10g}"
-    raise SourceError(f"a distribution gives hardly any value between {how.low:g} and {how.high:g}")
+    raise SourceError(f"a distribution has hardly any values between {how.low:g} and {how.high:g}")

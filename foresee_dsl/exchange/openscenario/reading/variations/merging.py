@@ -1,4 +1,4 @@
-"""Scenarios that differ only in their values become one with parameters and cases."""
+"""Merging of scenarios that differ only in their values into one with parameters and cases."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from foresee_dsl.exchange.openscenario.reading.variations.distributions import D
 from foresee_dsl.language import model as m
 
 Slot = tuple[str | int, ...]
-"""Where a quantity stands in a model: fields and places in tuples, from the outside."""
+"""Place of a quantity in a model: field names and tuple indices, from the outside in."""
 _EXACT = 2e-4
-"""A value that parameters give so exactly, in its own unit, is theirs (ours: what is written is rounded to 1e-4)."""
+"""Tolerance, in a value's own unit, for a value computed from parameters (ours: written values are rounded to 1e-4)."""
 _DIGITS = 8
-"""Decimals of a factor: with parameters up to 1,000 the value is right to 1e-5 (ours)."""
+"""Decimals of a factor: for parameters up to 1,000 the value is accurate to 1e-5 (ours)."""
 _WORDS = ("straight", "left", "right", "back", "green", "amber", "red")
-"""Names that the language does not allow for parameters."""
+"""Words that the language does not allow as names of parameters."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """One scenario of several alike: the values of the file's parameters that it was made with, and its comments."""
+    """One of several similar scenarios: the parameter values that it was read with, and its comments."""
 
     values: Values
     scenario: m.Scenario
@@ -63,7 +63,7 @@ def replaced(node: Any, values: Mapping[Slot, object], at: Slot = ()) -> Any:  #
 
 
 def shape_of(scenario: m.Scenario) -> str:
-    """Return what scenarios have in common that differ only in their values."""
+    """Return a key that is equal for scenarios that differ only in their values."""
     zero = {at: m.Quantity(value=Decimal(0), unit=q.unit) for at, q in quantities(scenario)}
     return repr(replaced(scenario, zero))
 
@@ -71,9 +71,9 @@ def shape_of(scenario: m.Scenario) -> str:
 def merged(parts: Sequence[Part], doc: str, drawn: Mapping[str, Drawn], runs: int, seed: int) -> Part:
     """Return scenarios of one shape as one with parameters.
 
-    Where its values follow from the parameters of the file by sums and factors, it has those parameters, and its cases
-    are drawn as the file says (`drawn`; `runs` of them from `seed`), or are every combination, where that is what
-    `parts` are. Else each part is a written case.
+    If its values follow from the file's parameters by sums and factors, it has those parameters; its cases are drawn as
+    in the file (`drawn`; `runs` of them from `seed`), or are all combinations, if `parts` are. Otherwise each part
+    becomes a written case.
     """
     scenario = parts[0].scenario
     table = [dict(quantities(part.scenario)) for part in parts]
@@ -93,8 +93,8 @@ def merged(parts: Sequence[Part], doc: str, drawn: Mapping[str, Drawn], runs: in
     cases: list[m.ScenarioItem] = []
     notes: list[str] = []
     for k, (part, row) in enumerate(zip(parts, table, strict=True)):
-        given = tuple(m.Assignment(name=name, value=row[at]) for at, name in names.items())
-        cases.append(m.Case(name=f"set_{k + 1:03d}", values=given))
+        assignments = tuple(m.Assignment(name=name, value=row[at]) for at, name in names.items())
+        cases.append(m.Case(name=f"set_{k + 1:03d}", values=assignments))
         notes.append(sentence(", ".join(f"{name} = {value}" for name, value in part.values.items())))
     return _with(scenario, parts[0].remarks, params, values, cases, notes)
 
@@ -107,7 +107,7 @@ def _with(
     last: Sequence[m.ScenarioItem],
     notes: Sequence[str],
 ) -> Part:
-    """Return a scenario with parameters after what it uses, values in their places, and cases at its end."""
+    """Return a scenario with parameters after its `use` statements, values in their places, and cases at its end."""
     new = replaced(scenario, values)
     at = 1 + max(k for k, item in enumerate(new.body) if isinstance(item, m.UseNetwork | m.UseModels))
     body = (*new.body[:at], *params, *new.body[at:], *last)
@@ -119,25 +119,25 @@ def _with(
 def _written(
     scenario: m.Scenario, table: Sequence[Mapping[Slot, m.Quantity]], differ: Sequence[Slot], taken: set[str]
 ) -> tuple[list[m.ScenarioItem], dict[Slot, object], dict[Slot, str]]:
-    """Return a parameter for each value that differs (one for several that are always equal), what stands for them, and
-    the first place of each."""
+    """Return a parameter per differing value (one for several that are always equal), the references that replace the
+    values, and the first place of each."""
     params: list[m.ScenarioItem] = []
     values: dict[Slot, object] = {}
     names: dict[Slot, str] = {}
-    known: dict[tuple[m.Quantity, ...], str] = {}
+    name_of_column: dict[tuple[m.Quantity, ...], str] = {}
     for at in differ:
         column = tuple(row[at] for row in table)
-        if column not in known:
+        if column not in name_of_column:
             name = distinct_name(_called(scenario, at), "value", taken)
             taken.add(name)
-            known[column], names[at] = name, name
+            name_of_column[column], names[at] = name, name
             params.append(m.Param.model_validate({"name": name, "type": column[0].dimension, "default": column[0]}))
-        values[at] = m.Ref(name=known[column])
+        values[at] = m.Ref(name=name_of_column[column])
     return params, values, names
 
 
 def _called(scenario: m.Scenario, at: Slot) -> str:
-    """Return a name for a value: that of its actor, or `when`, and of the field that it stands in."""
+    """Return a name for a value: its actor (or the kind of its statement) and its field."""
     item = scenario.body[int(at[1])] if len(at) > 1 else scenario
     whose = getattr(item, "name", None) or getattr(item, "kind", "")
     nodes: list[object] = [scenario]
@@ -149,10 +149,10 @@ def _called(scenario: m.Scenario, at: Slot) -> str:
 
 
 def _is_grid(parts: Sequence[Part]) -> bool:
-    """Whether the parts are every combination of the values that their parameters have."""
+    """Return whether the parts are all combinations of their parameters' values."""
     names = dict.fromkeys(itertools.chain.from_iterable(part.values for part in parts))
     options = [{part.values.get(name) for part in parts} for name in names]
-    return int(np.prod([len(found) for found in options])) == len(parts)
+    return int(np.prod([len(values) for values in options])) == len(parts)
 
 
 def _calculated(
@@ -162,7 +162,7 @@ def _calculated(
     drawn: Mapping[str, Drawn],
     taken: set[str],
 ) -> tuple[list[m.ScenarioItem], dict[Slot, object]] | None:
-    """Return the file's parameters, and the values as sums of them with factors; None where they are not such sums."""
+    """Return the file's parameters, and the values as weighted sums of them; None if they are not such sums."""
     all_names = dict.fromkeys(itertools.chain.from_iterable(part.values for part in parts))
     names = [name for name in all_names if len({part.values.get(name) for part in parts}) > 1]
     try:
@@ -185,27 +185,27 @@ def _calculated(
         values[at] = _sum(factors, [called[name] for name in names], table[0][at].unit)
     params: list[m.ScenarioItem] = []
     for k, name in enumerate(names):
-        made = _param(called[name], [part.values[name] for part in parts], numbers[:, k], drawn.get(name))
-        if made is None:
+        param = _param(called[name], [part.values[name] for part in parts], numbers[:, k], drawn.get(name))
+        if param is None:
             return None
-        params.append(made)
+        params.append(param)
     return params, values
 
 
 def _sum(factors: np.ndarray[Any, Any], names: Sequence[str], unit: str) -> object:
-    """Return `base + name * factor + ...`, without what is zero."""
-    found: m.Quantity | m.Sum | m.Product | None = None
+    """Return `base + name * factor + ...` without zero terms."""
+    total: m.Quantity | m.Sum | m.Product | None = None
     for factor, name in zip(factors, [None, *names], strict=True):
         if not factor:
             continue
-        value = m.Quantity(value=_decimal(abs(factor) if found is not None else factor), unit=unit)
+        value = m.Quantity(value=_decimal(abs(factor) if total is not None else factor), unit=unit)
         term = value if name is None else m.Product(left=m.Ref(name=name), op="*", right=value)
-        found = term if found is None else m.Sum(left=found, op="+" if factor > 0 else "-", right=term)
-    return found if found is not None else m.Quantity(value=Decimal(0), unit=unit)
+        total = term if total is None else m.Sum(left=total, op="+" if factor > 0 else "-", right=term)
+    return total if total is not None else m.Quantity(value=Decimal(0), unit=unit)
 
 
 def _param(name: str, written: Sequence[str], numbers: np.ndarray[Any, Any], drawn: Drawn | None) -> m.Param | None:
-    """Return the parameter, with how it is drawn; None for a distribution that the language does not have."""
+    """Return a parameter with its distribution; None if the language does not have that distribution."""
     options = dict(sorted(zip(map(float, written), written, strict=True)))
     if drawn is None:
         gaps = np.diff(list(options))
@@ -234,5 +234,5 @@ def _plain(value: float) -> m.Quantity:
 
 
 def _decimal(value: float) -> Decimal:
-    found = round(Decimal(repr(float(value))), _DIGITS).normalize()
-    return found.quantize(Decimal(1)) if int(found.as_tuple().exponent) > 0 else found
+    decimal = round(Decimal(repr(float(value))), _DIGITS).normalize()
+    return decimal.quantize(Decimal(1)) if int(decimal.as_tuple().exponent) > 0 else decimal

@@ -1,1 +1,1 @@
-"""The lines that entities follow: trajectories, curves, changes of lane, and paths past who would hold them up."""
+"""The lines that entities follow: trajectories, curves, lane changes, and paths past slower traffic."""

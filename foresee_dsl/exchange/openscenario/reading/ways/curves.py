@@ -1,4 +1,4 @@
-"""Shapes of trajectories as points: polylines as they are, clothoids, splines of them and NURBS sampled."""
+"""Shapes of trajectories as points: polylines unchanged; clothoids, clothoid splines and NURBS sampled."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.outcome import NotExpressed
 
 _STEP_M = 0.5
-"""Curves are sampled so densely (ours: chords are within 2 mm of arcs of 15 m radius)."""
+"""Sampling distance of curves, m (ours: chords are within 2 mm of arcs of 15 m radius)."""
 _LONGEST_M = 20_000.0
 _INNER_STEPS = 10
 
 
 @dataclass(frozen=True)
 class Vertex:
-    """A place at a time, s (NaN: none is given), and whether its heading is given, too."""
+    """A pose at a time, s (NaN: no time), and whether the file contains its heading."""
 
     time_s: float
     pose: Pose
@@ -29,7 +29,7 @@ class Vertex:
 
 
 def vertices(trajectory: Element, places: Places) -> list[Vertex]:
-    """Return the points of a `<Trajectory>`; `NotExpressed` for a shape that is not known."""
+    """Return the points of a `<Trajectory>`; `NotExpressed` for an unsupported shape."""
     shape = trajectory.find("Shape")
     inner = next(iter(shape), None) if shape is not None else None
     if inner is None:
@@ -51,8 +51,10 @@ def _vertex(vertex: Element, places: Places) -> Vertex:
     if position is None or kind is None:
         raise NotExpressed("trajectories: vertices without a position")
     orientation = kind.find("Orientation")
-    given = kind.get("h") if kind.tag == "WorldPosition" else orientation.get("h") if orientation is not None else None
-    return Vertex(_time(vertex, "time"), places.pose(position), given is not None)
+    heading = (
+        kind.get("h") if kind.tag == "WorldPosition" else orientation.get("h") if orientation is not None else None
+    )
+    return Vertex(_time(vertex, "time"), places.pose(position), heading is not None)
 
 
 def _time(element: Element, name: str) -> float:
@@ -69,7 +71,7 @@ def _clothoid(shape: Element, places: Places) -> list[Vertex]:
 
 
 def _clothoid_spline(shape: Element, places: Places) -> list[Vertex]:
-    found: list[Vertex] = []
+    line: list[Vertex] = []
     pose: Pose | None = None
     end = _time(shape, "timeEnd")
     segments = shape.findall("ClothoidSplineSegment") or shape.findall("Segment")
@@ -86,33 +88,33 @@ def _clothoid_spline(shape: Element, places: Places) -> list[Vertex]:
         pose = Pose(pose.x, pose.y, pose.heading_rad + number(segment, "hOffset", 0.0))
         begin = begin if math.isnan(_time(segment, "timeStart")) else _time(segment, "timeStart")
         points = _spiral(pose, curvature, prime, length, (begin, math.nan))
-        found += points[1:] if found else points
+        line += points[1:] if line else points
         pose = points[-1].pose
-    if found and not math.isnan(end):
-        found[-1] = Vertex(end, found[-1].pose)
-    return found
+    if line and not math.isnan(end):
+        line[-1] = Vertex(end, line[-1].pose)
+    return line
 
 
 def _spiral(start: Pose, curvature: float, prime: float, length: float, times: tuple[float, float]) -> list[Vertex]:
-    """Return points along a clothoid; times run evenly from its beginning to its end."""
+    """Return points along a clothoid; times are spread evenly from its beginning to its end."""
     if not 0 < length <= _LONGEST_M:
         raise NotExpressed("trajectories: curves without a length")
     steps = max(math.ceil(length / _STEP_M), 1)
     ds = length / steps / _INNER_STEPS
     x, y, s = start.x, start.y, 0.0
-    found = [Vertex(times[0], start)]
+    line = [Vertex(times[0], start)]
     for k in range(1, steps + 1):
         for _ in range(_INNER_STEPS):  # the midpoint rule
             middle = s + ds / 2
             heading = start.heading_rad + curvature * middle + prime * middle * middle / 2
             x, y, s = x + ds * math.cos(heading), y + ds * math.sin(heading), s + ds
         time_s = times[0] + (times[1] - times[0]) * k / steps
-        found.append(Vertex(time_s, Pose(x, y, start.heading_rad + curvature * s + prime * s * s / 2)))
-    return found
+        line.append(Vertex(time_s, Pose(x, y, start.heading_rad + curvature * s + prime * s * s / 2)))
+    return line
 
 
 def _nurbs(shape: Element, places: Places) -> list[Vertex]:
-    """Return points of a NURBS; times of its first and last control point count, and run evenly along it."""
+    """Return points of a NURBS; the times of its first and last control point are spread evenly along it."""
     order = round(number(shape, "order"))
     controls = shape.findall("ControlPoint")
     knots = [number(knot, "value") for knot in shape.iterfind("Knot")]

@@ -1,4 +1,4 @@
-"""Vehicles that follow their way along lanes as a path at their speed, as a default controller does."""
+"""Vehicles that follow their lanes as a path at constant speed, as a default controller does."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 
 _LOOKS_S = 20.0
-"""How far ahead a bend or a slower actor is looked for: what the vehicle drives in this time, s (ours: a third of the
-usual run)."""
+"""Time horizon in which bends and slower actors ahead matter, s (ours: a third of the usual run)."""
 _SLOWER = 0.98
 _IN_THE_WAY_M = 2.0
-"""An actor that is at most this far from the way stands on it, m (ours: half a lane)."""
+"""Largest distance from the way of an actor that stands on it, m (ours: half a lane)."""
 _NEAR_S = 1.5
-"""Somebody so near ahead holds a vehicle up that is no faster, s (ours: SUMO's gap of 1 s and half of that)."""
+"""An actor within this time ahead that is not faster holds a vehicle up, s (ours: SUMO's gap of 1 s plus half)."""
 _STRAIGHT_M = 0.02
-"""A path may leave out points that are at most this far from it, m (ours)."""
+"""Largest distance between a path and a point that it leaves out, m (ours)."""
 
 
 def path_along(
@@ -40,10 +39,11 @@ def path_along(
     kind: LaneKind,
     if_held_up: tuple[float, Iterable[tuple[Pose, float]]] | None = None,
 ) -> list[XY]:
-    """Return the way along some edges as a path of a vehicle's middle; nothing where it is on none of their lanes.
+    """Return the way along some edges as a path of a vehicle's centre; empty if it is on none of their lanes.
 
-    `if_held_up`: its speed, m/s, and the others (pose, m/s): only where it could not keep its speed on the lanes, as
-    limits or bends are slower, or one of the others is ahead, and slower or too near. Else nothing: SUMO moves it.
+    `if_held_up`: its speed, m/s, and the other actors (pose, m/s). With it, a path is returned only if SUMO could not
+    keep the speed on the lanes: limits or bends are slower, or an actor ahead is slower or too near. Otherwise the path
+    is empty, and SUMO moves the vehicle.
     """
     near = nearest(network, front, kind)
     if near is None:
@@ -74,8 +74,8 @@ def _held_up(line: RouteLine, middle: Pose, speed_mps: float, others: Iterable[t
 
 
 def held_by_tyres(path: Sequence[XY], spec: ModelSpec, speed_mps: float) -> float | None:
-    """Return the speed to which the bends of a path slow a vehicle down in the next time, m/s, where that is less than
-    its own: it turns with no more than its tyres hold on a dry road. None where no bend does."""
+    """Return the speed to which a path's bends slow a vehicle down within the horizon, m/s, because its tyres hold no
+    more on a dry road; None if no bend does."""
     line = line_of(tuple(path))
     lateral = lateral_limit_mps2(spec.name, DRY_FRICTION)
     bends = BendSpeeds(
@@ -87,7 +87,7 @@ def held_by_tyres(path: Sequence[XY], spec: ModelSpec, speed_mps: float) -> floa
 
 
 def way_on(network: RoadNetwork, end: Pose, kind: LaneKind) -> list[XY]:
-    """Return the way along the lanes from a place on, as straight as possible; nothing where it is on none."""
+    """Return the way along the lanes from a place on, as straight as possible; empty if it is on no lane."""
     near = nearest(network, end, kind)
     if near is None or near.lane.internal:
         return []
@@ -99,7 +99,7 @@ def way_on(network: RoadNetwork, end: Pose, kind: LaneKind) -> list[XY]:
 
 
 def _along(line: RouteLine, start: Pose) -> list[XY]:
-    """Return the points of a line from a place on, as far beside it as the place is."""
+    """Return the points of a line from a place on, at the place's lateral offset."""
     begin, beside = line.project(start.x, start.y)
     points = [
         (x - beside * math.sin(angle), y + beside * math.cos(angle))

@@ -1,4 +1,4 @@
-"""The lane ahead of a place on an OpenDRIVE map, as a player follows it: over the lanes that links lead to."""
+"""The lane ahead of a place on an OpenDRIVE map, along the lanes' links, as a player follows it."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from foresee_dsl.exchange.openscenario.reading.roads import RoadPlace, Roads, li
 from foresee_dsl.exchange.outcome import SourceError
 
 _STEP_M = 1.0
-"""Lanes are looked at so often (ours: a bend of 10 m radius is met within 0.02 m)."""
+"""Sampling distance of lanes, m (ours: within 0.02 m of a bend of 10 m radius)."""
 _MOST_ROADS = 1000
 
 
 def lane_ahead(roads: Roads, place: RoadPlace, length_m: float, *, onward: bool) -> list[Pose]:
-    """Return the poses of a lane from a place on, as far beside its middle as the place is, straight on at junctions.
+    """Return the poses of a lane from a place on, at the place's lateral offset, straight on at junctions.
 
-    `onward`: in the road's direction, in which lanes lie here, whatever their traffic does; else against it.
+    `onward`: in the road's direction, whatever the direction of traffic; otherwise against it.
     """
-    found: list[Pose] = []
+    poses: list[Pose] = []
     road, lane, begin, offset = place.road, place.lane, place.s, place.offset
     try:
         for _ in range(_MOST_ROADS):
             for s, there in _along(roads, road, lane, begin, onward=onward):
                 pose, lane = roads.on_lane(road, there, s, offset), there
-                found.append(pose if onward else Pose(pose.x, pose.y, pose.heading_rad + math.pi))
-                if len(found) * _STEP_M > length_m:
-                    return found
+                poses.append(pose if onward else Pose(pose.x, pose.y, pose.heading_rad + math.pi))
+                if len(poses) * _STEP_M > length_m:
+                    return poses
             step = roads.lane_behind(road, lane, onward=onward) if lane else None
             if step is None:
                 break
@@ -36,8 +36,8 @@ def lane_ahead(roads: Roads, place: RoadPlace, length_m: float, *, onward: bool)
             road, lane, onward = step
             begin = 0.0 if onward else roads.length(road)
     except (CompileError, SourceError):
-        pass  # a lane that ends, or a map that says less than it should
-    return found
+        pass  # the lane ends, or the map is incomplete
+    return poses
 
 
 def _along(roads: Roads, road: str, lane: int, begin: float, *, onward: bool) -> Iterator[tuple[float, int]]:

@@ -1,4 +1,4 @@
-"""Lane changes that are no change between the lanes of one direction: over the middle of a road, or back, by a path."""
+"""Lane changes that SUMO cannot do: across the middle of a road or back, as a path."""
 
 from __future__ import annotations
 
@@ -20,15 +20,14 @@ from foresee_dsl.simulate.actors.bend_speeds import TURNS_WITH
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 
 USUAL_S = 3.3
-"""How long a change takes that does not say it. Ours: a lane of 3.3 m with 1 m/s, as vehicles on lanes do it."""
+"""Duration of a change if the file has none, s. Ours: a lane of 3.3 m at 1 m/s, as vehicles on lanes do it."""
 _SLOWEST_MPS = 3.0
-"""An actor whose speed is not known, or nearly none, changes lane as one that drives so fast (ours)."""
+"""Least assumed speed of an actor that changes lane, if its speed is unknown or lower, m/s (ours)."""
 _SLOWER = 0.98
 _APART_M = 20.0
-"""Distance between the places through which the actor goes on, m. Ours: in a bend of 250 m radius the path is 0.2 m
-off."""
+"""Distance between the path's points after the change, m. Ours: in a bend of 250 m radius the error is 0.2 m."""
 _ONWARDS_M = 300.0
-"""So far it goes on in a lane of the other direction (ours: 20 s at 54 km/h)."""
+"""Length of the path in a lane of the other direction, m (ours: 20 s at 54 km/h)."""
 _PARTS = 6
 
 
@@ -43,10 +42,10 @@ def over_the_middle(
     *,
     waited_for: bool,
 ) -> list[m.Action]:
-    """Return the actions of a change to a lane that traffic does not change to: a path, and the traffic of the lane
-    where it goes the actor's way; `NotExpressed` where the lanes are not known.
+    """Return the actions of a change to a lane that SUMO does not change to: a path, then the edges of that lane if it
+    leads in the actor's direction; `NotExpressed` if the lanes are unknown.
 
-    `took_s`: how long it takes; `distance_m`: over what length instead. `waited_for`: others wait for its end.
+    `took_s`: duration of the change, s; `distance_m`: its length instead. `waited_for`: events wait for its end.
     """
     place = places.lane_of(state.entity.ref) if places.roads is not None else None
     if place is None or places.roads is None or state.lane is None:
@@ -58,7 +57,7 @@ def over_the_middle(
     speed = max(state.speed_mps or 0.0, _SLOWEST_MPS)
     length = distance_m if distance_m is not None else speed * (USUAL_S if took_s is None else max(took_s, 0.5))
     name = state.entity.name
-    sideways = abs(left) * math.pi**2 / 2 * (speed / length) ** 2  # the most of a sinusoidal change
+    sideways = abs(left) * math.pi**2 / 2 * (speed / length) ** 2  # peak of a sinusoidal change, m/s^2
     if sideways > TURNS_WITH * lateral_limit_mps2(state.entity.spec.name, DRY_FRICTION):
         losses.note(f"{name} slows down in a lane change that turns with {sideways:.1f} m/s^2: its tyres hold no more")
     points = tuple(_points(name, length, left, state.entity.spec.length_m / 2))
@@ -68,7 +67,7 @@ def over_the_middle(
         beginning = Pose(there.x, there.y, math.remainder(heading, math.tau))
         way = tracks.straight_on(network, tracks.route_through(network, [beginning], kind), kind)
         if min(lane.speed_mps for edge in way for lane in network.edges[edge].drivable) < speed * _SLOWER:
-            way = ()  # it would be held up: it goes on along its way, beside where it was
+            way = ()  # a speed limit would slow it down: it continues beside its previous way
     if not way:
         state.on_lanes = False
         if not waited_for:
@@ -80,14 +79,14 @@ def over_the_middle(
 
 
 def _onwards(name: str, begin: float, left: float) -> Iterator[m.Place]:
-    """Yield places along an actor's way at a lateral offset, from a distance ahead of the actor on."""
+    """Yield places along an actor's way at a lateral offset, from a distance ahead of the actor."""
     offset = quantity(left, "length") if left else None
     for k in range(1, round(_ONWARDS_M / _APART_M) + 1):
         yield m.AheadOf(actor=name, at=quantity(begin + k * _APART_M, "length"), offset=offset)
 
 
 def _points(name: str, length: float, left: float, half: float) -> Iterator[m.Place]:
-    """Yield places ahead of an actor on a sinusoidal curve to the side; a path is that of its middle."""
+    """Yield places ahead of an actor on a sinusoidal curve to the side, for the path of its centre."""
     for k in range(1, _PARTS + 1):
         share = k / _PARTS
         beside = left * (1 - math.cos(math.pi * share)) / 2

@@ -1,4 +1,4 @@
-"""Where actors go: routes over the network's edges, and recorded trajectories as paths with speeds over time."""
+"""Ways of actors: routes over the network's edges, and recorded trajectories as paths with speeds over time."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from foresee_dsl.exchange.openscenario.reading.ways.curves import vertices
 from foresee_dsl.exchange.outcome import NotExpressed
 
 ON_LANE_M = 3.0
-"""A place farther from every lane is off the road (what the language asks of a start, too)."""
+"""A place farther than this from every lane is off the road, m (the same limit as for a start in the language)."""
 AHEAD_M = 600.0
-"""A route that the file does not give goes straight on for this length, m (ours: half a minute at 70 km/h)."""
+"""Length of the straight continuation if the file has no route, m (ours: half a minute at 70 km/h)."""
 PATH_M = 0.001
-"""A path may leave out points of a trajectory that are at most this far from it, m (asked for)."""
+"""Largest distance between a path and a trajectory's point that it leaves out, m (a requirement)."""
 SPEED_M = 0.05
-"""Along its path an actor is at most this much from where the trajectory has it, before rounding (ours: below what
-two simulators differ by)."""
+"""Largest error of an actor's position along its path, m, before rounding (ours: below the difference between two
+simulators)."""
 _MOST_PIECES = 60
 _MOST_ROUNDS = 20
-"""The most rounds that are driven of a loop (ours: half a minute on one of 30 m)."""
+"""Maximum number of rounds on a loop (ours: half a minute on one of 30 m)."""
 _STEADY_S = 1.0
 """Weight of an error of 1 m/s at a knot relative to an error of 1 m in the distance covered. Without it the speeds
-swing between knots faster than a vehicle's can (ours)."""
+oscillate between knots beyond a vehicle's abilities (ours)."""
 _FIRST_SLACK_MPS, _LAST_SLACK_MPS = 0.4, 0.005
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A trajectory: [N] s (NaN where it has no times), [N, 2] m and [N] rad of the middle of the footprint."""
+    """A trajectory of the footprint's centre: times [N] s (NaN without times), points [N, 2] m, headings [N] rad."""
 
     time_s: NDArray[np.float64]
     points: NDArray[np.float64]
@@ -52,50 +52,50 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class SpeedProfile:
-    """Speeds along a path: [K] s and [K] m/s; linear in between, constant before and after."""
+    """Speeds along a path: times [K] s and speeds [K] m/s; linear in between, constant before and after."""
 
     time_s: tuple[float, ...]
     speed_mps: tuple[float, ...]
 
 
 def read_trajectory(trajectory: Element, places: Places, centre_m: float) -> Trajectory:
-    """Return a `<Trajectory>`; the footprint's middle lies `centre_m` ahead of its reference point."""
-    found = vertices(trajectory, places)
-    if len(found) < 2:
+    """Return a `<Trajectory>`; the footprint's centre is `centre_m` ahead of its reference point."""
+    line = vertices(trajectory, places)
+    if len(line) < 2:
         raise NotExpressed("trajectories: fewer than two vertices")
-    points = np.array([(vertex.pose.x, vertex.pose.y) for vertex in found])
-    heading = np.array([vertex.pose.heading_rad for vertex in found])
-    if not all(vertex.has_heading for vertex in found):
+    points = np.array([(vertex.pose.x, vertex.pose.y) for vertex in line])
+    heading = np.array([vertex.pose.heading_rad for vertex in line])
+    if not all(vertex.has_heading for vertex in line):
         heading = _directions(points)
     points = points + centre_m * np.column_stack((np.cos(heading), np.sin(heading)))
-    return Trajectory(_filled([vertex.time_s for vertex in found], points), points, heading)
+    return Trajectory(_filled([vertex.time_s for vertex in line], points), points, heading)
 
 
 def _filled(times: list[float], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the times, those between two that are given by the way between; NaN where first or last is missing."""
+    """Return the times, missing ones interpolated by distance; NaN remains if the first or last is missing."""
     time_s = np.array(times)
-    known = ~np.isnan(time_s)
-    if known.all() or not (known[0] and known[-1]):
+    has_time = ~np.isnan(time_s)
+    if has_time.all() or not (has_time[0] and has_time[-1]):
         return time_s
     way = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
-    return np.asarray(np.interp(way, way[known], time_s[known]), dtype=np.float64)
+    return np.asarray(np.interp(way, way[has_time], time_s[has_time]), dtype=np.float64)
 
 
 def path_of(track: Trajectory) -> list[tuple[float, float]]:
-    """Return the points of a path along a trajectory, in its order; none but the ends where it leaves them out."""
+    """Return the points of a path along a trajectory; empty if the trajectory does not move."""
     steps = np.hypot(*np.diff(track.points, axis=0).T)
-    kept = track.points[np.r_[True, steps > PATH_M / 10]]
-    if len(kept) < 2:
+    moving = track.points[np.r_[True, steps > PATH_M / 10]]
+    if len(moving) < 2:
         return []
-    line = shapely.simplify(shapely.LineString(kept), PATH_M, preserve_topology=False)
+    line = shapely.simplify(shapely.LineString(moving), PATH_M, preserve_topology=False)
     return [(float(x), float(y)) for x, y in line.coords]
 
 
 def speed_profile(track: Trajectory) -> SpeedProfile | None:
-    """Return the speeds that bring an actor along its path in the trajectory's times, in few pieces; None without
+    """Return the speeds, in few pieces, with which an actor keeps the trajectory's times along its path; None without
     times.
 
-    Knots are chosen where the speed bends; then their speeds are fitted so that the way covered is right.
+    Knots are placed where the speed bends; then their speeds are fitted to the distances covered.
     """
     time_s = track.time_s
     if np.isnan(time_s).any() or not (np.diff(time_s) > 0).all():
@@ -115,15 +115,14 @@ def speed_profile(track: Trajectory) -> SpeedProfile | None:
 
 
 def nearest(network: RoadNetwork, pose: Pose, kind: LaneKind) -> NearLane | None:
-    """Return the lane that a pose is on, in its direction, or None."""
+    """Return the lane at a pose, in the pose's direction, or None."""
     return network.nearest_lane(pose.x, pose.y, pose.heading_rad, kind, within_m=ON_LANE_M)
 
 
 def route_through(network: RoadNetwork, poses: Sequence[Pose], kind: LaneKind) -> tuple[str, ...]:
-    """Return the edges through some places, the first being where an actor stands.
+    """Return the edges through some places, the first of which is an actor's start.
 
-    Places off the lanes are left out, but for the first, which is a `NotExpressed`. With one place the way goes on as
-    straight as it can.
+    Places off the lanes are skipped, except the first, which raises `NotExpressed`.
     """
     edges: list[str] = []
     for k, pose in enumerate(poses):
@@ -146,19 +145,20 @@ def route_through(network: RoadNetwork, poses: Sequence[Pose], kind: LaneKind) -
 
 
 def straight_on(network: RoadNetwork, edges: Sequence[str], kind: LaneKind) -> tuple[str, ...]:
-    """Return edges continued as straight as possible, until the way is long enough or ends; a loop is driven round."""
+    """Return edges continued as straight as possible, until the route is long enough or ends; loops repeat."""
     way = list(edges)
     while sum(network.edges[e].drivable[0].length_m for e in way) < AHEAD_M:
         onward = {m.to_edge: m for m in network.movements_from(way[-1], kind) if m.turn != "back"}
-        found = sorted(onward.values(), key=lambda m: (m.turn != "straight", m.direction not in "sR", m.to_edge))
-        if not found or way.count(found[0].to_edge) >= _MOST_ROUNDS:
+        movements = sorted(onward.values(), key=lambda m: (m.turn != "straight", m.direction not in "sR", m.to_edge))
+        if not movements or way.count(movements[0].to_edge) >= _MOST_ROUNDS:
             break
-        way.append(found[0].to_edge)
+        way.append(movements[0].to_edge)
     return tuple(way)
 
 
 def _edges_at(network: RoadNetwork, near: NearLane, kind: LaneKind, *, first: bool) -> tuple[str, ...]:
-    """Return the edge of a lane; of one inside a junction the edge before it (and the one after it)."""
+    """Return the edge of a lane; for a lane inside a junction the edge before it (with `first`) and the one after
+    it."""
     if not near.lane.internal:
         return (near.lane.edge,)
     for movement in network.movements:
@@ -168,16 +168,16 @@ def _edges_at(network: RoadNetwork, near: NearLane, kind: LaneKind, *, first: bo
 
 
 def _directions(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the direction of each point to the next, rad; where two are the same, that of the one before."""
+    """Return the direction from each point to the next, rad; for equal points, the previous direction."""
     steps = np.diff(points, axis=0)
-    found: list[float] = []
+    directions: list[float] = []
     for dx, dy in steps:
-        found.append(math.atan2(dy, dx) if math.hypot(dx, dy) > 1e-6 else found[-1] if found else 0.0)
-    return np.array([*found, found[-1]])
+        directions.append(math.atan2(dy, dx) if math.hypot(dx, dy) > 1e-6 else directions[-1] if directions else 0.0)
+    return np.array([*directions, directions[-1]])
 
 
 def _knots(time_s: NDArray[np.float64], speed: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
-    """Return the times at which a speed bends: Douglas and Peucker's choice, with a slack in m/s."""
+    """Return the times at which a speed bends (Douglas and Peucker), with a tolerance in m/s."""
     line = shapely.simplify(shapely.LineString(np.column_stack((time_s, speed))), slack, preserve_topology=False)
     return np.array([t for t, _ in line.coords])
 
@@ -185,7 +185,7 @@ def _knots(time_s: NDArray[np.float64], speed: NDArray[np.float64], slack: float
 def _fitted(
     time_s: NDArray[np.float64], way: NDArray[np.float64], knots: NDArray[np.float64], speed: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the speeds at the knots whose way is nearest to `way`, and that are near to `speed` (least squares)."""
+    """Return the speeds at the knots whose distances are nearest to `way` and that are near `speed` (least squares)."""
     unit = np.eye(len(knots))
     columns = [np.r_[_covered(time_s, knots, row), _STEADY_S * row] for row in unit]
     way = np.r_[way, _STEADY_S * speed]
@@ -195,7 +195,7 @@ def _fitted(
 def _covered(
     time_s: NDArray[np.float64], knots: NDArray[np.float64], speed: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the way covered with a speed that is linear between knots, m at each time."""
+    """Return the distance covered with a speed that is linear between knots, m at each time."""
     at_knots = np.r_[0.0, np.cumsum(np.diff(knots) * (speed[1:] + speed[:-1]) / 2)]
     k = np.clip(np.searchsorted(knots, time_s, side="right") - 1, 0, len(knots) - 2)
     dt = time_s - knots[k]
@@ -205,9 +205,9 @@ def _covered(
 
 
 def thinned(points: Sequence[Pose]) -> list[Pose]:
-    """Return poses that lie apart, for looking up a route along a trajectory."""
-    kept = list(points[:1])
+    """Return poses with some distance between them, for the search of a route along a trajectory."""
+    spaced = list(points[:1])
     for pose in points[1:]:
-        if math.hypot(pose.x - kept[-1].x, pose.y - kept[-1].y) > ON_LANE_M * 2:
-            kept.append(pose)
-    return [*kept, points[-1]] if points and kept[-1] is not points[-1] else kept
+        if math.hypot(pose.x - spaced[-1].x, pose.y - spaced[-1].y) > ON_LANE_M * 2:
+            spaced.append(pose)
+    return [*spaced, points[-1]] if points and spaced[-1] is not points[-1] else spaced
