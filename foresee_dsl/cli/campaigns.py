@@ -163,7 +163,7 @@ def campaign(
         screen.print(note, markup=False)
     if results[-1][1].interrupted:
         ended = "Stopped at the first failure. " if first_failure.name and fail_fast else "The time budget is used up. "
-        screen.print(f"{'' if stop() else ended}Run the same command again to continue.")
+        screen.print(f"{'' if stop() else ended}The same command continues from there.")
         if stop():
             raise typer.Exit(stop.exit_code)
     if any(result.broken or (result.failed and not exit_zero) for _, result in results):

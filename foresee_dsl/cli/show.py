@@ -194,9 +194,7 @@ def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: flo
         console.print(line, soft_wrap=True)
     for run_step in steps:
         console.print()
-        for line in step_lines(
-            run_step, page.run.trace, page.strips[-1].opponent, width if console.is_terminal else 0
-        ):
+        for line in step_lines(run_step, page.run.trace, page.strips[-1].opponent, width if console.is_terminal else 0):
             console.print(line, soft_wrap=True)
 
 

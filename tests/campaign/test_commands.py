@@ -82,7 +82,7 @@ def test_signals_stop_it_and_the_same_command_goes_on(project: Path, tmp_path: P
 
 def _look_at_plan_and_store(project: Path, out: Path, tmp_path: Path) -> None:
     """Of a finished campaign there is nothing left to do; another driver's is all still to be done."""
-    assert "nothing has to be run" in foresee("plan", project, *OPTIONS, "--out", out).stdout
+    assert "nothing is left to run" in foresee("plan", project, *OPTIONS, "--out", out).stdout
     plan = json.loads(foresee("plan", project, *OPTIONS, "--out", out, "--format", "json").stdout)
     assert plan["runs"] == {"to_run": 0, "at_most_more": 0} and plan["measured"] is True
     other = json.loads(foresee("plan", project, "--driver", "pdm", "--out", out, "--format", "json").stdout)

@@ -48,7 +48,10 @@ def test_a_flipped_byte_of_a_trace_is_found_and_the_trace_is_written_again(tmp_p
     changed(file, 3)
     with Store(tmp_path) as store:
         assert store.get(KEYS[0]) is None and store.damaged == {KEYS[0]: "run_0"}
-        assert "1 result had been changed on the disk: run_0. What was missing was run again" in notes_on(store)[-1]
+        assert (
+            "1 result had been changed on the disk: run_0. The campaign ran the missing results again"
+            in notes_on(store)[-1]
+        )
         store.add(row, b"trace 0")
     with Store(tmp_path) as store:
         assert store.get(KEYS[0]) is not None and not store.damaged

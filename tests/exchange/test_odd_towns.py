@@ -253,5 +253,5 @@ def test_a_way_that_leaves_the_road_is_found(tmp_path: Path) -> None:
 def test_a_route_whose_end_is_its_start(motorway: Path, tmp_path: Path) -> None:
     ends = FIRST.at(40, -1.75), FIRST.at(40.5, -1.75)
     routes = write_routes(tmp_path / "Town06_Scenario3.xml", ends, town="Town06")
-    with pytest.raises(ExchangeError, match="its end is where it starts"):
+    with pytest.raises(ExchangeError, match="its end is at its start"):
         carla_import.run(motorway, [routes], out=tmp_path / "out")

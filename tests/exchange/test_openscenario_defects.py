@@ -129,7 +129,8 @@ def _mirrored(description: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("description", "said"), [("CARLA:cut in", "description says CARLA"), ("town", "stand on lanes only so")]
+    ("description", "said"),
+    [("CARLA:cut in", "description says CARLA"), ("town", "only then do its actors stand on lanes")],
 )
 def test_left_handed_coordinates_are_found_said_and_turned_round(tmp_path: Path, description: str, said: str) -> None:
     done, scenario = imported(tmp_path, _mirrored(description))

@@ -129,7 +129,7 @@ def test_a_netconvert_that_dies_of_the_maps_crossings_is_said_and_started_again(
     environment = {**os.environ, "PYTHONPATH": str(packages), "COLUMNS": "400"}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "while it put the map's crossings" in done.stdout
+    assert "while it added the map's crossings" in done.stdout
     assert (tmp_path / "out" / "small_town.net.xml").is_file()
 
 
