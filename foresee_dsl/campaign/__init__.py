@@ -1,1 +1,1 @@
-"""The whole method over many scenarios: plan, run in parallel, keep what fails."""
+"""Campaigns: plan the whole method over many scenarios, run it in parallel, and keep the failures."""

@@ -1,4 +1,4 @@
-"""The result of a campaign, put together from what its store holds, under the names that it has in this campaign."""
+"""Assembly of a campaign's result from its store, with the names that this campaign uses."""
 
 from __future__ import annotations
 
@@ -34,12 +34,13 @@ from foresee_dsl.simulate.trace import Trace
 
 
 class Assembly(NamedTuple):
-    """What was found.
+    """The parts of a campaign's result.
+
 
     Attributes:
-        seeds, clips: sorted by name. traces: the blobs to show, by their file in the campaign's folder; each with
-            the id of its test case where another campaign knew it by another one, else "".
-        minimised: the findings' representatives made smaller, sorted by name.
+        seeds, clips: sorted by name. traces: blobs to copy into the campaign's folder, by file; each with its test
+            case's id if another campaign stored it under another id, otherwise "".
+        minimised: minimised representatives of the findings, sorted by name.
     """
 
     seeds: tuple[SeedOutcome, ...]
@@ -53,8 +54,8 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
     """Collect the results of all steps that have one.
 
     Args:
-        stages: the steps. out: the campaign's folder, where its texts will be.
-        failures: leave out children that did not fail, whose results need not be read then.
+        stages: the steps. out: the campaign's folder.
+        failures: skip mutants that did not fail, so that their results need not be read.
     """
     seeds: dict[Node, SeedOutcome] = {}
     clips: dict[Node, ClipOutcome] = {}
@@ -79,7 +80,7 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
                                       rank=node.step.rank)  # fmt: skip
                 children[node] = {}
             case Mutants():
-                pass  # their children are steps of their own
+                pass  # their mutants are separate steps
             case ChildOutcome():
                 if row.trace:
                     file = (out / node.file).as_posix()
@@ -118,7 +119,7 @@ class _Allocated(TypedDict, total=False):
 
 
 def _allocated(node: Node) -> _Allocated:
-    """Return the round that asked for a child and the child that it was drawn near, where there are rounds."""
+    """Return the round of a mutant and the mutant that it was drawn near, if there are rounds."""
     step, above = node.step, node.over("mutants").step
     if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep) or not above.asked.round:
         return {}
@@ -128,7 +129,7 @@ def _allocated(node: Node) -> _Allocated:
 
 
 def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimised:
-    """Add the runs with other drivers to a minimised child, and to its text who avoids its failure."""
+    """Add the reference drivers' runs to a minimised mutant, and to its text which drivers avoid its failure."""
     child = replace(small.child, references=references)
     return replace(small, child=replace(child, text=_with_avoided(child.text, child)))
 
@@ -141,7 +142,7 @@ def _with_references(
 
 
 def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
-    """Give the texts that will be files (a failing child's and its clip's) the names that they have here."""
+    """Write this campaign's names into the texts that become files: a failing mutant's and its clip's."""
     if not clip.failing:
         return clip
     parent = relative_path(node.case.source, out / node.folder)
@@ -158,7 +159,7 @@ def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
 
 
 def _with_avoided(text: str, child: ChildOutcome) -> str:
-    """Write into a mutant's origin which other drivers avoid its failure."""
+    """Write into a mutant's origin which reference drivers avoid its failure."""
     if not child.avoided:
         return text
     document = parse(text, child.name)
@@ -168,7 +169,7 @@ def _with_avoided(text: str, child: ChildOutcome) -> str:
 
 
 def _here(small: Minimised, node: Node, out: Path) -> Minimised:
-    """Give a minimised child and its clip the names that they have here."""
+    """Write this campaign's names into a minimised mutant and its clip."""
     name, clip = node.step.name, node.over("clip").step.name
     parent = relative_path(node.case.source, out / node.folder)
     text = with_header(small.clip_text, "clip", clip, parent, node.case.id.partition("::")[2])
@@ -177,7 +178,7 @@ def _here(small: Minimised, node: Node, out: Path) -> Minimised:
 
 
 def with_header(text: str, kind: str, name: str, parent: str, case: str = "") -> str:
-    """Return a clip's or mutant's text as it is called in this campaign: another one may have written it."""
+    """Return a clip's or mutant's text with this campaign's names; another campaign may have written it."""
     begins = f'{kind} {name} of "{parent}"{f" case {case}" if case else ""} pin '
     if "".join(text.split("\n", 3)[2:3]).startswith(begins):
         return text
@@ -191,6 +192,6 @@ def with_header(text: str, kind: str, name: str, parent: str, case: str = "") ->
 
 
 def trace_of(data: bytes, test_case: str) -> bytes:
-    """Return a packed trace whose metadata name this test case."""
+    """Return a packed trace with this test case in its metadata."""
     trace = Trace.load(io.BytesIO(data))
     return replace(trace, meta={**trace.meta, "test_case": test_case}).packed()

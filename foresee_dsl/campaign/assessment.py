@@ -1,4 +1,4 @@
-"""How drivers do on plain test cases: every case with every driver, and a row of figures for each."""
+"""Comparison of drivers on plain test cases: every case with every driver, and a row of figures per driver."""
 
 from __future__ import annotations
 
@@ -27,17 +27,18 @@ HARD_BRAKING_MPS2 = 3.0
 """Braking harder than this is an event: the initial threshold of harsh braking in the naturalistic driving study UDRIVE
 (Jansen and Wesseling, Harsh braking by truck drivers, 6th Humanist Conference, 2018)."""
 APART_S = 0.5
-"""Two brakings with less than this between them are one event. Ours: half a second is a driver's reaction."""
+"""Two brakings with less time than this between them count as one, s. Ours: half a second is a reaction time."""
 
 
 @dataclass(frozen=True)
 class DriverRun:
-    """One test case with one driver.
+    """One test case driven by one driver.
+
 
     Attributes:
-        driver: its address. version: its own. way_m: how far the ego came. hard_brakings: events.
-        step_ms: mean wall time of the driver's own answer. digest: the trace's; equal for equal runs; "" of a process
-            that died or was ended. notes: what the driver printed and raised.
+        driver: its address. version: the driver's version. way_m: distance driven by the ego. hard_brakings: number.
+        step_ms: mean wall time of the driver's decision. digest: the trace's, equal for equal runs; "" if the process
+            died or was ended. notes: prints and errors of the driver.
     """
 
     case: str
@@ -53,7 +54,7 @@ class DriverRun:
     digest: str
     notes: DriverNotes = NO_NOTES
     broken_expectations: tuple[str, ...] = ()
-    """The expectations that do not hold, a sentence each."""
+    """Broken expectations, one sentence each."""
 
     shown = (
         "case family driver version verdict broken_expectations reason duration_s way_m hard_brakings step_ms "
@@ -62,13 +63,13 @@ class DriverRun:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed."""
+        """Whether the run passed with all expectations."""
         return passes(self.verdict, self.broken_expectations)
 
 
 @dataclass(frozen=True)
 class DriverRow:
-    """The runs of one driver (and of one family, or "all"), summed up; shares are of the cases."""
+    """Sums over the runs of one driver (and one family, or "all"); shares refer to the number of cases."""
 
     driver: str
     family: str
@@ -82,54 +83,54 @@ class DriverRow:
     shown = "driver family cases verdicts=by_verdict arrived:4 failed:4 mean_mps:3 hard_brakings_per_km:3 step_ms:3"
 
     def share(self, *verdicts: Verdict) -> float:
-        """Return the share of the cases that ended in one of these."""
+        """Return the share of the cases that ended in one of these verdicts."""
         return sum(self.verdicts[v] for v in verdicts) / self.cases if self.cases else 0.0
 
     @property
     def by_verdict(self) -> dict[Verdict, int]:
-        """The verdicts that occur, in their order."""
+        """Number of runs by verdict, in the order of `Verdict`."""
         return {verdict: self.verdicts[verdict] for verdict in Verdict if self.verdicts[verdict]}
 
     @property
     def arrived(self) -> float:
-        """The share that passed."""
+        """Share of the cases that passed."""
         return self.share(Verdict.PASS)
 
     @property
     def failed(self) -> float:
-        """The share that ended in a collision or off the road, F1 to F5."""
+        """Share of the cases that ended in a collision or off the road, F1 to F5."""
         return self.share(*(v for v in Verdict if v.is_collision))
 
     @property
     def mean_mps(self) -> float:
-        """Mean speed over all of its way, standing included."""
+        """Mean speed including standing, m/s."""
         return self.way_m / self.duration_s if self.duration_s else 0.0
 
     @property
     def hard_brakings_per_km(self) -> float:
-        """Events a kilometre."""
+        """Number of hard brakings per km."""
         return self.hard_brakings / self.way_m * 1000 if self.way_m else 0.0
 
 
 @dataclass(frozen=True)
 class Assessment:
-    """All runs, and their figures; what is measured on the clock (`step_ms`) differs from run to run."""
+    """All runs with their figures; `step_ms` is measured on the clock, so it differs from run to run."""
 
     runs: tuple[DriverRun, ...]
     seed: int
     broken: tuple[str, ...] = ()
-    """Nothing: a run whose process died is a crash among the others."""
+    """Always empty: a run whose process died counts as a crash among the runs."""
 
     shown = "seed drivers families runs broken"
 
     @property
     def drivers(self) -> tuple[DriverRow, ...]:
-        """A row a driver."""
+        """One row per driver."""
         return rows_of(self.runs)
 
     @property
     def families(self) -> tuple[DriverRow, ...]:
-        """A row a driver and family."""
+        """One row per driver and family."""
         return rows_of(self.runs, families=True)
 
 
@@ -145,14 +146,14 @@ def assess_drivers(
 ) -> tuple[DriverRun, ...]:
     """Run every case with every driver.
 
-    `on_run` is called with each run when it is done; the result does not depend on `jobs`, unless it ends at the first
-    run that does not arrive (`fail_fast`).
+    `on_run` is called with each finished run. The result does not depend on `jobs`, unless `fail_fast` ends it at the
+    first run that does not arrive.
 
     Returns:
-        The runs, by driver (in the order given) and case.
+        The runs, sorted by driver (in the given order) and case.
 
     Raises:
-        InputError: a test case is impossible on its network; nothing was run.
+        InputError: a test case is impossible on its network; no run was started.
     """
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
@@ -175,7 +176,7 @@ def assess_drivers(
 
 
 def _broken(case: TestCase, driver: str, broken: Broken) -> DriverRun:
-    """Return a run whose process died or was ended."""
+    """Return the run of a process that died or was ended."""
     verdict, reason = broken_verdict(broken)
     return DriverRun(case.id, case.family, driver, "", verdict, reason, 0.0, 0.0, 0, 0.0, "",
                      DriverNotes(output=broken.output))  # fmt: skip
@@ -190,7 +191,7 @@ def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEAD
         return drivers[-1]
 
     result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines)
-    timed = drivers[-1]  # the last, where a run is driven again to check it
+    timed = drivers[-1]  # the last one, if the run was repeated for a check
     return DriverRun(
         case=case.id,
         family=case.family,
@@ -209,7 +210,7 @@ def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEAD
 
 
 def hard_brakings(trace: Trace) -> int:
-    """Count the ego's brakings over 3 m/s^2; two with less than half a second between them are one."""
+    """Return the number of the ego's brakings over 3 m/s^2; two within half a second count as one."""
     frames = np.flatnonzero(trace.states[:, 0, ACCELERATION] < -HARD_BRAKING_MPS2)
     return 0 if not len(frames) else 1 + int((np.diff(frames) * STEP_S > APART_S + STEP_S / 2).sum())
 
@@ -239,7 +240,7 @@ def _row(driver: str, family: str, runs: Sequence[DriverRun]) -> DriverRow:
 
 
 class _Timed:
-    """A driver, and how long its answers took."""
+    """A driver whose decisions are timed."""
 
     def __init__(self, driver: Driver) -> None:
         self._driver = driver
@@ -251,7 +252,11 @@ class _Timed:
         self.name, self.version = self._driver.name, self._driver.version
 
     def step(self, observation: Observation) -> Control:
-        _ = observation.actors, observation.signals, observation.ego  # sensed when they are read: not the driver's time
+        _ = (
+            observation.actors,
+            observation.signals,
+            observation.ego,
+        )  # sensing happens on access and is not the driver's time
         started = time.perf_counter()
         try:
             return self._driver.step(observation)

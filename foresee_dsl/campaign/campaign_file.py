@@ -1,4 +1,4 @@
-"""A campaign's file, read: `campaign nightly { seeds "scenarios/**"; drivers [pdm, idm]; budget 30 min }`."""
+"""Reader of a campaign's file: `campaign nightly { seeds "scenarios/**"; drivers [pdm, idm]; budget 30 min }`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from foresee_dsl.language.project.loading import Project
 NOT_INSTALLED, NOTHING_THERE = "FS058", "FS059"
 
 NOBODY = "none"
-"""What stands for no reference driver."""
+"""Word for no reference driver."""
 _PATTERN = frozenset("*?[")
 
 
@@ -32,11 +32,11 @@ class CampaignFile:
     """The contents of a campaign's file.
 
     Attributes:
-        paths: its test cases: files and addresses, as a command line would name them.
-        drivers, rankers: empty where the file names none.
-        given: the settings in the file, by the names of `CampaignSettings`; the reference drivers are `against`, None
-            where the file does not say.
-        budget_s: no new run begins later than that; None: no bound.
+        paths: its test cases: files and addresses, as on a command line.
+        drivers, rankers: empty if the file names none.
+        given: the settings in the file, by the names of `CampaignSettings`.
+        against: the reference drivers; None if the file does not state them.
+        budget_s: time after which no new run begins, s; None: no limit.
     """
 
     name: str
@@ -49,7 +49,7 @@ class CampaignFile:
 
 
 def is_campaign(path: str) -> bool:
-    """Return whether a command line's path names a campaign's file."""
+    """Return whether a path on the command line names a campaign's file."""
     return os.path.isfile(path) and kind_of(Path(path)) == "campaign"  # noqa: PTH113 - paths may be no file names
 
 
@@ -57,7 +57,7 @@ def read_campaign(path: Path, *, allow_outside: bool = False) -> CampaignFile:
     """Read a campaign's file; `allow_outside`: its test cases may lie outside the file's project folder.
 
     Raises:
-        InputError: it has errors, or names what is not there (see `mistakes_of`).
+        InputError: it has errors, or names something that does not exist (see `mistakes_of`).
     """
     document = Project().document(path)
     model = document.model
@@ -79,9 +79,9 @@ def read_campaign(path: Path, *, allow_outside: bool = False) -> CampaignFile:
 
 
 def mistakes_of(document: Document, *, allow_outside: bool = False) -> tuple[Diagnostic, ...]:
-    """Return what a campaign's file names that is not there: drivers, rankers, its preset, its test cases.
+    """Return an error for each missing driver, ranker, preset and test case that a campaign's file names.
 
-    Also test cases outside its project folder, unless `allow_outside`: these folders are not even looked at.
+    Test cases outside its project folder are errors too, unless `allow_outside`; their folders are not even read.
     """
     if not isinstance(document.model, m.Campaign):
         return ()
@@ -101,7 +101,7 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
                     message, help_ = f"no {what} '{plain}' is installed", did_you_mean(plain, known)
                     yield document.diagnostic(item, f"names.{k}", NOT_INSTALLED, message, help_)
         elif isinstance(item, m.Preset) and item.name not in PRESETS:
-            message, help_ = f"no preset '{item.name}' is known", did_you_mean(item.name, PRESETS)
+            message, help_ = f"there is no preset '{item.name}'", did_you_mean(item.name, PRESETS)
             yield document.diagnostic(item, "name", NOT_INSTALLED, message, help_)
         elif isinstance(item, m.Seeds) and not allow_outside and _leads_outside(item.path, folder):
             message = f"'{item.path}' leads out of the project folder '{project_folder(absolute(folder)).as_posix()}'"
@@ -113,9 +113,9 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
 
 
 def _leads_outside(path: str, folder: Path) -> bool:
-    """Return whether a path or pattern may mean files outside the project folder of the campaign's file.
+    """Return whether a path or pattern may lead to files outside the project folder of the campaign's file.
 
-    A pattern is judged by its beginning, before its first wildcard; after that it may not go up again.
+    A pattern is judged by the part before its first wildcard; after that it may not contain `..`.
     """
     fixed, pattern = _divided(path) if _PATTERN & set(path) else (parse_address(path)[0], ())
     projects = (project_folder(absolute(folder)), project_folder(absolute(Path())))
@@ -123,14 +123,14 @@ def _leads_outside(path: str, folder: Path) -> bool:
 
 
 def _divided(path: str) -> tuple[Path, tuple[str, ...]]:
-    """Return what stands before the first wildcard of a pattern, and the parts from there on."""
+    """Return the path before the first wildcard of a pattern, and the remaining parts."""
     parts = Path(path).parts
     fixed = tuple(itertools.takewhile(lambda part: not _PATTERN & set(part), parts))
     return Path(*fixed), parts[len(fixed) :]
 
 
 def _paths(item: m.Seeds, folder: Path) -> tuple[str, ...]:
-    """What a `seeds` line means: a pattern's scenarios, sorted; a file, folder or address as it is."""
+    """Return the scenarios of a `seeds` line: those of a pattern, sorted; a file, folder or address unchanged."""
     if not _PATTERN & set(item.path):
         file, case = parse_address(item.path)
         at = str(folder / file)
@@ -142,7 +142,7 @@ def _paths(item: m.Seeds, folder: Path) -> tuple[str, ...]:
 
 
 def _under(base: Path, pattern: tuple[str, ...]) -> Iterator[Path]:
-    """Yield the files under a folder that match a pattern, as seen from there; hidden ones and linked folders not."""
+    """Yield the files under a folder that match a pattern, relative to it; hidden files and linked folders excluded."""
     for at, folders, names in os.walk(base):
         here = Path(at).relative_to(base)
         deep = "**" in pattern or len(here.parts) + 1 < len(pattern)
@@ -151,7 +151,7 @@ def _under(base: Path, pattern: tuple[str, ...]) -> Iterator[Path]:
 
 
 def _fits(parts: Sequence[str], pattern: Sequence[str]) -> bool:
-    """Return whether the parts of a path match those of a pattern; `**` matches any number of them."""
+    """Return whether the parts of a path match those of a pattern; `**` matches any number of parts."""
     if not pattern:
         return not parts
     if pattern[0] == "**":

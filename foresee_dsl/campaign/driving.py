@@ -1,4 +1,4 @@
-"""One test case, compiled and simulated with a driver; how its files are named, and for how long it is simulated."""
+"""Compilation and simulation of one test case with a driver; names of its files; its longest simulated time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSettings
 
 REMEMBERS = "keeps something from run to run that changes what it does"
-"""Said of a driver whose run, driven again with nothing kept, is another one; the result is that of the latter."""
+"""Note on a driver whose repeated run, without any kept state, differs; the repeated run's result counts."""
 
 
 def run_test_case(case: TestCase, driver: str, seed: int, *, deadlines: Deadlines | None = DEADLINES) -> RunResult:
@@ -47,15 +47,15 @@ def driven(
     meta: Mapping[str, Any],
     deadlines: Deadlines | None = DEADLINES,
 ) -> RunResult:
-    """Compile a test case and simulate it with the driver that `make` returns; put back what that changes here.
+    """Compile a test case and simulate it with the driver that `make` returns; restore the process afterwards.
 
-    `driver`: its address, which says what its sensors can do. `meta`: goes into the trace's.
+    `driver`: its address, which determines its sensors. `meta`: becomes part of the trace's metadata.
     """
     bundle = compile_test_case(case)
 
     def once() -> RunResult:
         driver_made = make()
-        seed_globals(seed)  # what its package draws when it is imported differs from process to process
+        seed_globals(seed)  # its package may draw random numbers on import, which only the first run of a process does
         return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines)
 
     with put_back(seed) as changed:
@@ -63,7 +63,7 @@ def driven(
             began_s, most_s = time.monotonic(), (deadlines or DEADLINES).for_run_s(longest_s(case))
             with one_run() as to_be_checked:
                 result = once()
-            # A run that took half of its time has none for a second one; a later run is checked then.
+            # A run that took half of its deadline has no time for a second one; a later run is checked instead.
             if time.monotonic() - began_s < most_s / 2 and to_be_checked():
                 with nothing_kept():
                     again = once()
@@ -77,28 +77,28 @@ def driven(
 
 
 def _same(one: RunResult, other: RunResult) -> bool:
-    """Whether two runs are the same; of one that hung nothing can be said, since wall time ended it."""
+    """Return whether two runs are equal; runs that hung count as equal, because wall time ended them."""
     hung = one.notes.hang is not None or other.notes.hang is not None
     return hung or (one.verdict, one.trace.digest) == (other.verdict, other.trace.digest)
 
 
 def _left_behind() -> list[str]:
-    """End the processes that a driver has left behind, where this process is a worker and all below it are such."""
+    """End the processes that a driver has left behind, if this process is a worker, whose children are all such."""
     left = printed_here() is not None and end_below_this(kept_programs())
     return ["left processes behind"] if left else []
 
 
 def sensors_of(driver: str) -> SensorSettings:
-    """Return what the sensors of a driver's address can do: `pdm+ideal` has ideal ones."""
+    """Return the sensors of a driver's address: `pdm+ideal` has ideal ones."""
     return IDEAL if sees_all(driver) else STANDARD
 
 
 @Part.START.measured
 def made(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
-    """Make a driver for a run; one whose code raises while it is made raises the same in its `reset`.
+    """Return a driver for a run; if its code raises while it is created, its `reset` raises the same error.
 
     Raises:
-        DriverError: there is none of this name.
+        DriverError: there is no driver of this name.
     """
     find_driver(driver)
     try:
@@ -113,7 +113,7 @@ def made(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
 
 
 class _NotMade:
-    """Stands for a driver that could not be made."""
+    """A substitute for a driver that could not be created."""
 
     def __init__(self, name: str, why: BaseException) -> None:
         self.name, self.version, self._why = name, "", why
@@ -126,19 +126,19 @@ class _NotMade:
 
 
 def notes_of(result: RunResult) -> DriverNotes | None:
-    """Return what is stored of a run's notes: of a run that passed, what the driver changed of its process."""
+    """Return the notes of a run that are stored; of a passed run, only the driver's changes to its process."""
     notes = result.notes if result.verdict is not Verdict.PASS else DriverNotes(changed=result.notes.changed)
     return notes if notes != DriverNotes() else None
 
 
 def recorded_run(origin: Origin | None) -> tuple[str, int]:
-    """Return the driver and the seed that a mutant's file records of its run; by default `pdm` and 0."""
+    """Return the driver and seed that a mutant's file records; by default `pdm` and 0."""
     driver = recorded_address((origin.driver if origin else None) or "pdm")
     return driver, int(origin.seed.value) if origin and origin.seed else 0
 
 
 def case_name(case: TestCase) -> str:
-    """Return the name that a test case's files begin with: `red_light_runner_r02`."""
+    """Return the beginning of the names of a test case's files: `red_light_runner_r02`."""
     if case.mutant is not None:
         return case.mutant.name
     if case.clip is not None:
@@ -148,11 +148,11 @@ def case_name(case: TestCase) -> str:
 
 
 def longest_s(case: TestCase) -> float:
-    """Return for how many seconds a test case is simulated at most."""
+    """Return the longest simulated time of a test case, s."""
     end = case.scenario.one(End)
     return float(end.after.si) if end is not None and isinstance(end.after, Quantity) else DEFAULT_END_S
 
 
 def relative_path(target: Path, folder: Path) -> str:
-    """Return how a file in `folder` names `target`: relative, with forward slashes."""
+    """Return the path of `target` from `folder`, relative and with forward slashes."""
     return Path(os.path.relpath(target.resolve(), folder.resolve())).as_posix()

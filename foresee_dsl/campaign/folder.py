@@ -1,4 +1,4 @@
-"""A campaign's folder: written beside the old one, put in its place only when whole."""
+"""A campaign's folder: written beside the old one, and moved into its place only when complete."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ _PARTS = ("children", "findings", "traces")
 
 
 class CampaignFolder:
-    """`campaign.json`, `children/` (clips and mutants that failed), `findings/` (one of each kind, made smaller) and
-    `traces/` under one folder.
+    """`campaign.json`, `children/` (failing mutants and their clips), `findings/` (minimised representatives) and
+    `traces/` in one folder.
 
-    While a campaign runs, its files gather in `.work-PID` inside; nothing of an earlier campaign is touched until the
+    While a campaign runs, its files are collected in `.work-PID` inside; files of an earlier campaign remain until the
     end.
     """
 
     def __init__(self, out: Path) -> None:
         self.out = out
-        self.work = out.absolute() / f".work-{os.getpid()}"  # workers read there, whatever folder a driver goes to
+        self.work = out.absolute() / f".work-{os.getpid()}"  # absolute, because a driver may change the working folder
 
     @contextmanager
     def working(self) -> Iterator[Path]:
-        """Make the folder where files gather, and remove it at the end; also what killed campaigns left.
+        """Create the working folder, and remove it at the end; also remove those of killed campaigns.
+
 
         Raises:
             ForeseeError: another process writes into the campaign's folder.
-            OSError: the folder cannot be made or written to.
+            OSError: the folder cannot be created or written to.
         """
         with only_writer(self.out, "--out"):
             for left in self.out.glob(".work-*"):
@@ -52,9 +53,9 @@ class CampaignFolder:
 
     @Part.FOLDER.measured
     def publish(self, result: CampaignResult, traces: Mapping[str, tuple[str, str]], blobs: Blobs) -> None:
-        """Write what failed, as it was found and made smaller, the traces, and `campaign.json`; put all in place.
+        """Write the failures in both forms, the traces and `campaign.json`; then move all into place.
 
-        `traces`: by file, the blob's name, and the test case's id where the trace has another one.
+        `traces`: blob by file, with the test case's id if the trace has another one.
         """
         for clip in result.clips:
             if clip.failing:
@@ -71,14 +72,14 @@ class CampaignFolder:
             self._put_in_place(part)
 
     def _put_in_place(self, part: str) -> None:
-        """Put a finished part where the old one is; the old one is deleted with the working folder."""
+        """Replace the old part by the finished one; the old one is deleted with the working folder."""
         old = self.out / part
         if old.is_dir():
             old.replace(self.work / f"old-{part}")
         (self.work / part).replace(old)
 
     def _show(self, file: str, name: str, test_case: str, blobs: Blobs) -> None:
-        """Put a trace into the folder: the store's own file where the disk can give it a second name."""
+        """Add a trace to the folder: a hard link to the store's file if possible, otherwise a copy."""
         source, target = blobs.path(name), self.work / file
         target.parent.mkdir(parents=True, exist_ok=True)
         if test_case:
@@ -92,7 +93,7 @@ class CampaignFolder:
             shutil.copyfile(source, target)
 
     def _write(self, name: str, text: str) -> None:
-        """Write a file; one that is there with the same content is taken over, as a new one costs a millisecond."""
+        """Write a file; if the old one has the same content, link it, because a new file takes a millisecond."""
         file, old, data = self.work / name, self.out / name, text.encode()
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -100,19 +101,19 @@ class CampaignFolder:
                 os.link(old, file)
                 return
         except OSError:
-            pass  # it is not there, or the disk gives no file a second name
+            pass  # there is no old file, or the disk has no hard links
         file.write_bytes(data)
 
 
 def campaign_document(result: CampaignResult) -> dict[str, Any]:
-    """Return what `campaign.json` holds."""
+    """Return the contents of `campaign.json`."""
     return {"schema": 1, "document": "campaign", **plain(result)}
 
 
 def as_text(campaign: Mapping[str, Any]) -> str:
-    """Return what `campaign.json` holds as JSON, a line for each test case, clip and child.
+    """Return the contents of `campaign.json` as JSON, one line per test case, clip and mutant.
 
-    Python's own indentation is written by Python itself: of 34,000 children it would take seconds.
+    `json.dumps` with indentation is pure Python: for 34,000 mutants it would take seconds.
     """
     parts = []
     for name, value in campaign.items():
@@ -132,6 +133,6 @@ def _clip_text(clip: Mapping[str, Any]) -> str:
 
 
 def _listed(items: list[str], depth: int) -> str:
-    """Return a JSON list with an item a line."""
+    """Return a JSON list with one item per line."""
     inner, outer = " " * (depth + 2), " " * depth
     return "[" + ",".join(f"\n{inner}{item}" for item in items) + f"\n{outer}]" if items else "[]"

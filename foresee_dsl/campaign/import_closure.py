@@ -1,9 +1,9 @@
-"""The code that a module depends on: itself and all modules that it imports, directly or not, of this package and of
-those that add plug-ins to it.
+"""The code that a module depends on: itself and all modules that it imports, directly or indirectly, of this package
+and of plug-in packages.
 
-Imports are read from the sources, those inside functions included and those for type checkers alone left out; nothing
-is imported. So the answer is the same in a checkout and in a wheel that was built from it. This package imports none of
-its plug-ins, so that its own code is the same with and without them.
+Imports are read from the sources, including those inside functions and excluding those for type checkers; no module is
+imported. So the result is the same in a checkout and in a wheel built from it. This package imports none of its
+plug-ins, so its own code hash is the same with and without them.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from pathlib import Path
 from foresee_dsl.files import cache_folder, write_whole
 
 DIGITS = 40
-"""Hexadecimal digits of a hash. Ours: 160 bits; two of a billion are the same with a chance below 1e-30."""
+"""Number of hexadecimal digits of a hash. Ours: 160 bits; the chance of a collision in a billion is below 1e-30."""
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CACHE = "imports-2.json"
-"""What each source imports, by the source's hash, is cached between processes: reading 230 sources took 2 s. The
-number is raised when `imports_of` changes."""
+"""Cache file of the imports of each source, by the source's hash, as reading 230 sources took 2 s. The number in the
+name must be raised when `imports_of` changes."""
 _GROUPS = "foresee_dsl."
-"""How the names of the entry-point groups of plug-ins begin."""
+"""Prefix of the entry-point groups of plug-ins."""
 
 
 def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
-    """Return modules and all that they import, sorted: those of this package, of theirs, and of those with plug-ins."""
+    """Return modules and all that they import, sorted: of this package, of their packages and of plug-in packages."""
     ahead = list(modules)
     known, found = _modules(_followed(ahead)), set[str]()
     imports, fresh = _cached_imports(), dict[str, list[str]]()
@@ -40,7 +40,9 @@ def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
         if name in found or name not in known:
             continue
         found.add(name)
-        ahead.extend(name[:end] for end in range(len(name)) if name[end] == ".")  # packages run before what is in them
+        ahead.extend(
+            name[:end] for end in range(len(name)) if name[end] == "."
+        )  # packages are executed before their modules
         digest = file_hash(known[name])
         if digest not in imports:
             imports[digest] = fresh[digest] = sorted(set(imports_of(known[name].read_bytes())))
@@ -52,16 +54,16 @@ def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
 
 @cache
 def code_of(*modules: str) -> str:
-    """Return a hash over the code of modules and of all that they import (`import_closure`)."""
+    """Return a hash of the code of modules and of all that they import (`import_closure`)."""
     known = _modules(_followed(modules))
     parts = (f"{name} {file_hash(known[name])}\n" for name in import_closure(modules))
     return hashlib.sha256("".join(parts).encode()).hexdigest()[:DIGITS]
 
 
 def imports_of(source: bytes) -> Iterator[str]:
-    """Yield what a source imports: modules, and `MODULE.NAME` where it may be a module or not.
+    """Yield the imports of a source: modules, and `MODULE.NAME`, which may be a module or not.
 
-    Relative imports are as they are written: `.near.by`.
+    Relative imports are yielded as written: `.near.by`.
     """
     ahead: list[ast.AST] = [ast.parse(source)]
     while ahead:
@@ -79,19 +81,19 @@ def imports_of(source: bytes) -> Iterator[str]:
 
 
 def with_plug_ins() -> frozenset[str]:
-    """Return the names of this package and of the packages that add plug-ins to it; nothing is imported."""
+    """Return the names of this package and of all plug-in packages; no package is imported."""
     entries = (e for package in distributions() for e in package.entry_points if e.group.startswith(_GROUPS))
     return frozenset({_PACKAGE.name, *(top_of(entry.module) for entry in entries)})
 
 
 def top_of(module: str) -> str:
-    """Return the name of the package that a module is in."""
+    """Return the top-level package of a module."""
     return module.partition(".")[0]
 
 
 @cache
 def file_hash(file: Path) -> str:
-    """Return a hash over a file's bytes; a process reads each file once."""
+    """Return a hash of a file's bytes; each process reads a file once."""
     return hashlib.sha256(file.read_bytes()).hexdigest()[:DIGITS]
 
 
@@ -103,13 +105,13 @@ def _followed(modules: Iterable[str]) -> frozenset[str]:
 
 @cache
 def _modules(packages: frozenset[str]) -> dict[str, Path]:
-    """Return the sources of packages by the modules' names."""
+    """Return the sources of packages, by module name."""
     return {name: file for package in packages for name, file in _modules_of(package).items()}
 
 
 @cache
 def _modules_of(package: str) -> dict[str, Path]:
-    """Return the sources of one package by the modules' names; of one that is not installed none."""
+    """Return the sources of one package, by module name; empty if it is not installed."""
     spec = None
     with suppress(ImportError, ValueError):
         spec = find_spec(package)
@@ -125,7 +127,7 @@ def _modules_of(package: str) -> dict[str, Path]:
 
 
 def _absolute(imported: str, module: str, file: Path) -> str:
-    """Return the name that a module's import means: `.near` in `ours.far` is `ours.near`."""
+    """Return the absolute name of an import: `.near` in `ours.far` is `ours.near`."""
     name = imported.lstrip(".")
     level = len(imported) - len(name)
     if not level:
@@ -143,7 +145,7 @@ def _cached_imports() -> dict[str, list[str]]:
 
 
 def _cache_imports(imports: dict[str, list[str]]) -> None:
-    with suppress(OSError):  # a cache that cannot be written costs time, nothing else
+    with suppress(OSError):  # a cache that cannot be written only costs time
         there = {file_hash(file) for package in with_plug_ins() for file in _modules_of(package).values()}
         used = {digest: names for digest, names in imports.items() if digest in there}
         write_whole(cache_folder("imports") / _CACHE, json.dumps(used))

@@ -1,8 +1,8 @@
-"""What a result depends on, as a key: two steps with the same key give the same result, so one of them is enough.
+"""Keys of results: two steps with the same key give the same result, so only one of them is run.
 
-A key is a hash over everything that the result can depend on, and over nothing else: the meaning of what is run, the
-driver with its code and weights, the settings of that step alone, the code of this package that the step runs.
-Names of files, the number of workers, and settings of later steps are in none.
+A key is a hash of everything that can affect the result, and of nothing else: the meaning of the test case, the driver
+with its code and weights, the settings of that step, the code of this package that the step runs. File names, the
+number of workers and settings of later steps are not part of it.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ _ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"))
 
 
 def key(step: type[Step[Any, Any]], **parts: str | float | None) -> str:
-    """Return the key of a step of this class that depends on these parts, and on the code that its module imports."""
+    """Return the key of a step of this class that depends on these parts and on the code that its module imports."""
     everything = {"kind": step.kind, "tool": __version__, "code": step_code(step.__module__), **parts}
     return hashlib.sha256(_ENCODER.encode(everything).encode()).hexdigest()[:DIGITS]
 
 
 @cache
 def step_code(module: str) -> str:
-    """Return a hash over the code that a module imports, the data files of this package, and SUMO's version."""
+    """Return a hash of the code that a module imports, this package's data files, and SUMO's version."""
     parts = [code_of(module), *(_digest(data_folder(name)) for name in ("grammars", "templates"))]
     parts += [_version("libsumo"), _version("eclipse-sumo")]
     return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:DIGITS]
 
 
 def driver_identity(address: str) -> str:
-    """Return what stands for a driver: its address, version, weights, and a hash of its code.
+    """Return a text that identifies a driver: its address, version, weights, and a hash of its code.
 
-    A driver may name its weights' hash in an attribute `weights_hash`. Of a program (`external:python3 mine.py`) the
-    files that its command line names are hashed. A driver of another package may ask for pictures, so the code of all
-    installed views stands for it too.
+    A driver may provide its weights' hash as the attribute `weights_hash`. For a program (`external:python3 mine.py`)
+    the files on its command line are hashed. A driver of another package may request pictures, so the code of all
+    installed views is included for it.
 
     Raises:
         DriverError: there is no such driver.
@@ -67,8 +67,8 @@ def driver_identity(address: str) -> str:
 
 
 def ranker_identity(name: str, driver: str) -> str:
-    """Return what stands for a ranker: its name, a hash of its code, and, where it is learned, of the weights that
-    watch the driver and of the views that it may look at.
+    """Return a text that identifies a ranker: its name, a hash of its code and, if it is learned, of its weights for
+    the driver and of the views that it may use.
 
     Raises:
         ForeseeError: there is no such ranker, or no weights for this driver.
@@ -79,18 +79,18 @@ def ranker_identity(name: str, driver: str) -> str:
 
 
 def operators_identity() -> str:
-    """Return what stands for the operators that packages have added to ours."""
+    """Return a text that identifies the mutation operators of other packages."""
     return json.dumps([[name, _plugin(OPERATORS, name)] for name in OPERATORS.names()])
 
 
 @cache
 def views_identity() -> str:
-    """Return what stands for the views that packages add; a package's files are read once a process."""
+    """Return a text that identifies the views of other packages; each process reads a package's files once."""
     return json.dumps([[name, _plugin(RASTER_VIEWS, name)] for name in RASTER_VIEWS.names()])
 
 
 def _plugin(group: PluginGroup, name: str) -> str:
-    """Return package, version and code of what an entry point names."""
+    """Return package, version and code hash of an entry point."""
     entry = group.find(name)
     top = top_of(entry.module)
     if top == "foresee_dsl":
@@ -100,9 +100,9 @@ def _plugin(group: PluginGroup, name: str) -> str:
 
 
 def _package_digest(top: str) -> str:
-    """Return a hash over another package's files, and over the code that it imports of ours and of other plug-ins.
+    """Return a hash of another package's files, and of the code that it imports from us and from other plug-ins.
 
-    All files count, whatever the plug-in imports of them: a package may load its modules and data in any way.
+    All files count, whether imported or not, because a package may load modules and data in any way.
     """
     with suppress(ImportError, ValueError):
         spec = find_spec(top)
@@ -117,7 +117,7 @@ def _package_digest(top: str) -> str:
 
 
 def _imports(file: Path) -> set[str]:
-    with suppress(SyntaxError, ValueError):  # what is no source of this version of Python imports nothing
+    with suppress(SyntaxError, ValueError):  # a file that is not source of this Python version has no imports
         return set(imports_of(file.read_bytes()))
     return set()
 
@@ -131,7 +131,7 @@ def _files_named(argument: str) -> str:
 
 
 def _digest(place: Path) -> str:
-    """Return a hash over a file, or over the names and files of a folder without what Python leaves there."""
+    """Return a hash of a file, or of the names and files in a folder without Python's caches."""
     lines = (f"{file.relative_to(place).as_posix()} {hashlib.sha256(file.read_bytes()).hexdigest()}\n"
              for file in _files(place))  # fmt: skip
     return hashlib.sha256("".join(lines).encode()).hexdigest()[:DIGITS]

@@ -1,4 +1,4 @@
-"""A clip's file, mutated, and its children run: what `foresee mutate` does."""
+"""The command `foresee mutate`: a clip's file is mutated and its mutants are run."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from foresee_dsl.language.project.loading import load_test_case
 def mutate_file(
     file: Path, *, preset: str, count: int, driver: str, seed: int, allow_outside: bool = True
 ) -> tuple[ChildOutcome, ...]:
-    """Mutate a clip's file and run the children, whose files belong beside it.
+    """Mutate a clip's file and run the mutants, whose files belong beside it.
 
     Raises:
-        ForeseeError: the file is no clip.
+        ForeseeError: the file is not a clip.
     """
     clip_case = load_test_case(str(file), allow_outside=allow_outside)
     model = clip_case.clip
     if model is None or clip_case.mutant is not None:
-        raise ForeseeError(f"{file} is no clip: `foresee clip` writes them")
+        raise ForeseeError(f"{file} is not a clip: write one with `foresee clip`")
     result = run_test_case(clip_case, driver, seed)
     drove = driver_of(result.trace, driver)
     mutants = mutate(clip_case, model, result.trace, preset=preset, count=count, seed=seed, driver=drove)

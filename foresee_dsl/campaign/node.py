@@ -1,4 +1,4 @@
-"""One step of a campaign in its place: the test case that it has to do with, and the step that it follows from."""
+"""A step of a campaign with its test case and the step that it follows from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ AnyStep = Step[Any, Any]
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One step of a campaign, and the test case and the step that it follows from."""
+    """One step of a campaign, its test case, and the step that it follows from (`above`)."""
 
     step: AnyStep
     case: TestCase
@@ -21,19 +21,19 @@ class Node:
 
     @property
     def folder(self) -> str:
-        """Where the files of the clips and children are, relative to the campaign's folder."""
+        """Folder of the files of clips and mutants, relative to the campaign's folder."""
         return self.step.folder(self.case)
 
     @property
     def file(self) -> str:
-        """Its own file there."""
+        """Its file, relative to the campaign's folder."""
         return f"{self.folder}/{self.step.name}.foresee"
 
     def over(self, kind: str) -> Node:
-        """Return the step of a kind that it follows from (or itself).
+        """Return the nearest step of a kind among itself and the steps that it follows from.
 
         Raises:
-            ValueError: it follows from none of that kind.
+            ValueError: it follows from no step of that kind.
         """
         node: Node = self
         while node.step.kind != kind:

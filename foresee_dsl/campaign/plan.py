@@ -1,4 +1,4 @@
-"""What a campaign would do, before anything runs: its steps as a graph, what is done already, and how long it takes."""
+"""The plan of a campaign before it runs: its steps as a graph, which of them are done, and the time for the rest."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from foresee_dsl.campaign.storage.store import Store
 
 @dataclass(frozen=True)
 class StagePlan:
-    """All steps of one class: those in the store, those that are missing, and how many may follow from these at most.
+    """All steps of one class: those in the store, the missing ones, and the maximum number that may follow from these.
 
-    `each_s`: wall time of one step; `measured`: whether it is the mean of those in the store.
+    `each_s`: wall time of one step; `measured`: it is the mean of the stored ones.
     """
 
     step: type[AnyStep]
@@ -36,17 +36,17 @@ class StagePlan:
 
     @property
     def kind(self) -> str:
-        """The steps' kind."""
+        """Kind of the steps."""
         return self.step.kind
 
 
 @dataclass(frozen=True)
 class Allocated:
-    """Where children are allocated in rounds: how many rounds there are, and those that are known so far.
+    """The allocation of mutants in rounds: the number of rounds, and the later ones known so far.
 
-    Attributes:
-        rounds: how many, the first included, which gives each clip `first` children. known: the later ones that have
-            begun, of each part of the campaign.
+
+    rounds: number of rounds, including the first, which gives each clip `first` mutants.
+    known: the later rounds that have begun, of each part of the campaign.
     """
 
     rounds: int
@@ -57,14 +57,14 @@ class Allocated:
 
     @property
     def told(self) -> str:
-        """How children are allocated, and the last rounds that are known, in sentences."""
-        begins = (f"children are allocated in {self.rounds} rounds: {self.first} a clip, then to those clips that the "
-                  "rounds before say will pay")  # fmt: skip
+        """The allocation and its known rounds, in sentences."""
+        begins = (f"children are allocated in {self.rounds} rounds: {self.first} per clip, then more to clips whose "
+                  "children in earlier rounds were worth most")  # fmt: skip
         return "\n".join((begins, *(one.told for one in self.known)))
 
 
 class ToDo(NamedTuple):
-    """How many runs are missing, and how many more may follow from them."""
+    """Number of missing runs, and of further runs that may follow from them."""
 
     to_run: int
     at_most_more: int
@@ -72,21 +72,22 @@ class ToDo(NamedTuple):
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """The whole campaign: a graph of steps (nodes with `kind`, `name`, `state` and `count`), and a row a stage."""
+    """The plan of a whole campaign: a graph of steps (nodes with `kind`, `name`, `state`, `count`), and a row per
+    stage."""
 
     graph: nx.DiGraph[str]
     stages: tuple[StagePlan, ...]
     jobs: int
     allocation: Allocated | None = None
-    """Where children are allocated in rounds: how far these are."""
+    """The rounds so far, if mutants are allocated in rounds."""
 
     shown = "stages runs=runs_to_do jobs at_most_s=longest_s:1 measured allocation? graph=links"
 
     @property
     def longest_s(self) -> float:
-        """Wall time of what is to run, at most: what follows from a run is not known before it.
+        """Upper limit of the wall time of the remaining steps, s, as the number of following steps is unknown.
 
-        Of the failures that are minimised it is a usual share.
+        Failures to minimise are counted with a usual share.
         """
         return (
             sum((stage.to_run + stage.at_most * stage.step.share) * stage.each_s for stage in self.stages) / self.jobs
@@ -94,12 +95,12 @@ class CampaignPlan:
 
     @property
     def measured(self) -> bool:
-        """Whether all times are the store's own."""
+        """Whether all times come from the store."""
         return all(stage.measured or not stage.to_run + stage.at_most for stage in self.stages)
 
     @property
     def runs_to_do(self) -> ToDo:
-        """How many runs are known to be missing, and how many more may follow."""
+        """Number of runs known to be missing, and of further runs that may follow."""
         stages = [stage for stage in self.stages if stage.step.drives]
         return ToDo(sum(s.to_run for s in stages), sum(s.at_most for s in stages))
 
@@ -109,7 +110,7 @@ class CampaignPlan:
         return dict(nx.node_link_data(self.graph, edges="links"))
 
     def as_dot(self) -> str:
-        """Return the graph for Graphviz: done steps green, missing ones white, what may follow dashed."""
+        """Return the graph for Graphviz: done steps green, missing ones white, possible ones dashed."""
         looks = {"done": 'style=filled fillcolor="#c7e9c0"', "to_run": "style=solid", "at_most": "style=dashed"}
         lines = ["digraph campaign {", "  rankdir=LR", "  node [shape=box fontsize=10]"]
         titles = {step.kind: step.title for step in STEPS}
@@ -122,7 +123,7 @@ class CampaignPlan:
 
 
 def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> CampaignPlan:
-    """Look at what there is to do; `store` is None where nothing was run, `jobs` are the workers, for the time."""
+    """Return the plan of a campaign; `store` is None if there is none, `jobs` is the number of workers."""
     graph: nx.DiGraph[str] = nx.DiGraph()
     for rounds in stages.rounds:
         while rounds.known and rounds.next():
@@ -155,9 +156,9 @@ def _name(node: Node) -> str:
 
 
 def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings, *, known: bool) -> None:
-    """Add what may follow from a step: a node a stage, which stands for that many.
+    """Add the steps that may follow from a step: one node per stage, which stands for all of them.
 
-    `known`: the step has been run, so that only what follows from chosen ones is still open.
+    `known`: the step has been run, so only steps that follow from chosen ones are still open.
     """
     step = node.step
     if isinstance(step, MutantsStep) and step.asked.children:
@@ -169,7 +170,7 @@ def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSetting
 
 
 def _add_children(graph: nx.DiGraph[str], name: str, count: int, settings: CampaignSettings) -> None:
-    """Add children that are not known yet, and what may follow from them."""
+    """Add mutants that are not known yet, and the steps that may follow from them."""
     graph.add_node(name, kind=ChildStep.kind, name="", key="", state="at_most", count=count)
     _add_below(graph, ChildStep.kind, name, count, settings, known=False)
 
@@ -195,7 +196,7 @@ def _stage_plans(graph: nx.DiGraph[str], store: Store | None, settings: Campaign
     keys: set[str] = set()
     for _, data in graph.nodes(data=True):
         if data["key"] and data["key"] in keys:
-            continue  # two names of one run
+            continue  # the same run under two names
         keys.add(data["key"])
         counts[data["kind"], data["state"]] += data["count"]
     measured = store.mean_wall_s(settings.driver) if store is not None else {}

@@ -1,1 +1,1 @@
-"""Children where they pay: rounds, what each child of the rounds before was worth, and who gets the next ones."""
+"""Allocation of mutants in rounds: each round gives more mutants to the clips whose earlier ones were worth more."""

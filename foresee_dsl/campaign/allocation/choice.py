@@ -1,7 +1,7 @@
-"""Who gets the next children, from what earlier ones were worth.
+"""Choice of the clips for the next mutants, from the worth of the earlier ones.
 
-A child was worth something where it is a new failure, one that could have been avoided, or a pass that was a near miss.
-Clips are chosen by successive halving, and their ways to draw a child by Thompson sampling.
+A mutant is worth something if it is a new failure, an avoidable failure, or a pass with a near miss. Clips are chosen
+by successive halving, and their ways to draw a mutant by Thompson sampling.
 """
 
 from __future__ import annotations
@@ -20,40 +20,41 @@ from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
 NEW = 1.0
-"""A failure whose story no earlier one tells, and that could have been avoided."""
+"""Worth of an avoidable failure whose story is new."""
 NEW_UNAVOIDED = 0.6
-"""Such a failure of which that is not known."""
+"""Worth of a failure whose story is new and that is not known to be avoidable."""
 AGAIN = 0.1
-"""A failure whose story is known, as a share of what it was worth as the first. Ours: in replays
+"""Worth of a failure whose story occurred before, as a share of its first worth. Ours: in replays
 (docs/background/method.md) 0.25 found as many failures and a tenth fewer findings, 0 fewer of both."""
 NEAR_MISS = 0.2
-"""A pass that came as near as can be; a quarter of it for one half as near (`nearness_of`)."""
+"""Worth of a pass with the nearest possible miss; the worth falls with the square of the nearness (`nearness_of`)."""
 NEAR_M = 2.0
-"""A pass counts as a near miss below this distance between the footprints. Ours: about what a driver leaves beside a
-parked car and its door."""
+"""Distance between footprints below which a pass is a near miss, m. Ours: about a driver's clearance to a parked car
+and its door."""
 NEAR_S = 1.5
-"""Likewise below this time to collision: what conflict studies call serious (see `simulate.results.near_misses`)."""
+"""Time to collision below which a pass is a near miss, s: a serious conflict in the literature (see
+`simulate.results.near_misses`)."""
 
 
 WAY_WEIGHT = 8.0
-"""The worth of a way is estimated as if it had had this many children of average worth besides its own."""
+"""Number of virtual mutants of average worth that are added to the estimate of a way's worth."""
 CERTAINTY = 8.0
-"""Each child counts as so many where a way's worth is drawn. Ours: drawn from single children, ways that never found
-anything are tried about as often as the best; in replays (docs/background/method.md) that cost one finding in
-thirty."""
+"""Weight of each mutant when a way's worth is drawn. Ours: with weight 1, ways that never found anything are tried
+about as often as the best; in replays (docs/background/method.md) that cost one finding in thirty."""
 
 
-# ---- what a child was worth ------------------------------------------------------------------------------------------
+# ---- the worth of a mutant ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Told:
-    """What allocation reads of a child.
+    """The facts about a mutant that allocation uses.
+
 
     Attributes:
-        story: what equal failures have in common; () of another run.
-        avoidable: whether a judge says that its driver would have avoided it.
-        nearness: of a pass, 0 (far) to 1 (they nearly touch); else 0.
+        story: signature that equal failures share; () if the run did not fail.
+        avoidable: a judge states that its driver would have avoided the failure.
+        nearness: for a pass, 0 (far) to 1 (almost touching); otherwise 0.
     """
 
     story: tuple[str, ...]
@@ -62,7 +63,7 @@ class Told:
 
     @classmethod
     def of(cls, child: ChildOutcome, family: str) -> Told:
-        """Read a child's record; findings of different families are different ones."""
+        """Return the facts about a mutant's record; equal stories of different families differ."""
         signature = child.story.signature if child.story is not None else (child.verdict.value,)
         return cls(
             story=(family, *signature) if child.verdict.is_failure else (),
@@ -72,7 +73,7 @@ class Told:
 
 
 def nearness_of(near: NearMisses | None) -> float:
-    """Return how near a run came to a contact, 0 to 1: by distance, or by time where that says more."""
+    """Return how near a run came to a contact, 0 to 1: by distance or by time, whichever is nearer."""
     if near is None:
         return 0.0
     gap = 1.0 - near.distance_m.value / NEAR_M if near.distance_m is not None else 0.0
@@ -86,9 +87,9 @@ def avoided(references: Iterable[ReferenceRun]) -> bool:
 
 
 def worths(children: Iterable[tuple[Told, bool]]) -> list[float]:
-    """Return what each child was worth, 0 to 1.
+    """Return the worth of each mutant, 0 to 1.
 
-    `children`: in the order of their rounds; with each, whether a reference driver is known to avoid it.
+    `children`: in the order of their rounds, each with whether a reference driver avoids its failure.
     """
     stories: set[tuple[str, ...]] = set()
     found = []
@@ -102,24 +103,24 @@ def worths(children: Iterable[tuple[Told, bool]]) -> list[float]:
     return found
 
 
-# ---- who gets the next children --------------------------------------------------------------------------------------
+# ---- which clips get the next mutants --------------------------------------------------------------------------------
 
 
 class Way(NamedTuple):
-    """A way to draw a child: the names of the operators; and near another child, or anew."""
+    """A way to draw a mutant: the names of the operators, and whether it is drawn near another mutant."""
 
     operators: tuple[str, ...]
     near: bool = False
 
 
 FOUND = Way(("searched",))
-"""The children of the preset's search, one after the other."""
+"""The way of the mutants that the preset's search proposes, one after the other."""
 
 
 class Tried(NamedTuple):
-    """A child of an earlier round: its clip, how it was drawn, what it was worth, and whether it failed.
+    """A mutant of an earlier round: its clip, its way, its worth, and whether it failed.
 
-    A near miss says something of its clip, and nothing of the way: what is drawn near a near miss is one again.
+    A near miss counts for its clip but not for its way, because mutants drawn near a near miss are near misses again.
     """
 
     clip: str
@@ -129,7 +130,7 @@ class Tried(NamedTuple):
 
 
 def ranked(clips: Sequence[str], tried: Iterable[Tried]) -> list[str]:
-    """Return clips by what their children were worth on average, best first; equal ones in the order given."""
+    """Return clips by the mean worth of their mutants, best first; equal ones in the given order."""
     own: defaultdict[str, list[float]] = defaultdict(list)
     for one in tried:
         own[one.clip].append(one.worth)
@@ -137,17 +138,17 @@ def ranked(clips: Sequence[str], tried: Iterable[Tried]) -> list[str]:
 
 
 def halved(count: int, number: int) -> int:
-    """Return how many of so many clips are left in a round: all in the first, then half, a quarter, and so on."""
+    """Return how many of `count` clips remain in a round: all in the first, then half, a quarter, and so on."""
     return max(1, math.ceil(count / (1 << (number - 1))))
 
 
 class Ways:
-    """What failures say of the ways to draw a child, over all clips, and how often each clip had each."""
+    """Estimates of the worth of each way over all clips, and the number of its uses per clip."""
 
     def __init__(self, tried: Sequence[Tried], rng: Generator) -> None:
-        """Learn from all children so far."""
+        """Estimate from all mutants so far."""
         self._rng = rng
-        # Neither 0 nor 1, between which a beta distribution has its mean.
+        # Strictly between 0 and 1, as the mean of a beta distribution must be.
         self._mean = (sum(one.worth for one in tried if one.fails) + 0.1) / (len(tried) + 1)
         self._worth: defaultdict[Way, list[float]] = defaultdict(list)
         self._had: Counter[tuple[str, Way]] = Counter()
@@ -156,8 +157,8 @@ class Ways:
             self._had[one.clip, one.way] += 1
 
     def choose(self, clip: str, ways: Sequence[Way]) -> Way:
-        """Return one of a clip's ways, and remember that it had it."""
-        # What a search found differs from child to child already.
+        """Return one of a clip's ways, and count its use."""
+        # Mutants of the search differ anyway, so repeated use has no penalty.
         scores = [self._drawn(way) / (1 if way == FOUND else 1 + self._had[clip, way]) for way in ways]
         best = ways[scores.index(max(scores))]
         self._had[clip, best] += 1
@@ -171,11 +172,11 @@ class Ways:
 
 
 def spread(children: int, rounds: int) -> tuple[int, ...]:
-    """Return how many children each of some rounds gets, as evenly as can be; the first ones get what is over."""
+    """Return the number of mutants of each round, as even as possible; the first rounds get the remainder."""
     each, over = divmod(children, rounds)
     return tuple(each + (k < over) for k in range(rounds))
 
 
 def counts(names: Iterable[str]) -> dict[str, int]:
-    """Return how often each name occurs, the most frequent first, then by name."""
+    """Return the number of occurrences of each name, the most frequent first, then by name."""
     return dict(sorted(Counter(names).items(), key=lambda item: (-item[1], item[0])))

@@ -1,8 +1,8 @@
-"""The rounds of a campaign whose children are allocated: what is known after one round decides who gets the next.
+"""Rounds of a campaign with allocated mutants: the results of one round decide which clips get the next mutants.
 
-A round begins when all children of the rounds before have ended. So what it does depends on their results and on the
-campaign's seed alone, never on which worker was faster, and a campaign that was stopped comes to the same rounds again.
-What reference drivers did counts a round later: they drive while the next round's children do.
+A round begins when all mutants of the earlier rounds have ended. So its choices depend only on their results and the
+campaign's seed, not on the speed of workers, and a stopped campaign repeats the same rounds. Results of reference
+drivers count one round later, because these drive while the next round's mutants run.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 class Steps(Protocol):
-    """What rounds ask of a campaign's `Stages`."""
+    """The part of a campaign's `Stages` that rounds use."""
 
     @property
     def settings(self) -> CampaignSettings:
@@ -54,38 +54,39 @@ class Steps(Protocol):
         ...
 
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
-        """Return the steps that follow from one with this result."""
+        """Return the steps that follow from a step with this result."""
         ...
 
     def walk(self, roots: Sequence[Node] | None = None) -> Iterator[tuple[Node, Row | None]]:
-        """Yield every step that follows from some, with its result if there is one."""
+        """Yield every step that follows from the roots, with its result if there is one."""
         ...
 
     def further(self, clip: Node, step: MutantsStep, asked: Asked) -> Node:
-        """Return the step in which a clip that was mutated is mutated once more."""
+        """Return the step that mutates an already mutated clip once more."""
         ...
 
 
 ROUNDS = 4
-"""Rounds of a campaign. Ours: with four children a clip each round has about as many as there are clips."""
+"""Number of rounds. Ours: with four mutants per clip, each round has about as many mutants as there are clips."""
 MOST = 2
-"""So many times `children` is what one clip gets in one round, at most, with each seed."""
+"""Largest number of mutants of one clip in one round and with one seed, as a multiple of the setting `children`."""
 NEAR_ENOUGH = 0.5
-"""Children are drawn near those whose nearness is this or more: 1 m, or a time to collision of 0.75 s. Ours: from any
-near miss, 3 of 92 such children failed, of other children of the same rounds 15 of 151."""
+"""Least nearness of a mutant near which others are drawn: 1 m, or a time to collision of 0.75 s. Ours: near arbitrary
+near misses 3 of 92 mutants failed, of the other mutants of the same rounds 15 of 151."""
 NEAR_AT_MOST = 2
-"""Children that are drawn near one child, at most."""
+"""Maximum number of mutants drawn near one mutant."""
 _NEVER = sys.maxsize
-"""The round that waits for what no round waits for."""
+"""Round number of steps that no round waits for."""
 
 
 @dataclass(frozen=True)
 class Round:
-    """What a round does, for people.
+    """The allocation of one round, for people.
+
 
     Attributes:
-        number, of: which round, of how many. children: how many it has. before: how many there were before. total: how
-            many there will be. clips: how many of its children each clip gets. ways: how many are drawn in each way.
+        number, of: index of the round, and number of rounds. children: mutants of this round. before: mutants of the
+            earlier rounds. total: mutants of all rounds. clips: mutants by clip. ways: mutants by way of drawing.
     """
 
     number: int
@@ -114,7 +115,7 @@ _NAMED = 3
 
 
 class _Made(NamedTuple):
-    """A child that was drawn. `node`: its step."""
+    """A drawn mutant. `node`: the step that runs it."""
 
     node: Node
     step: ChildStep
@@ -125,22 +126,22 @@ class _Made(NamedTuple):
 
 @dataclass
 class _Unit:
-    """A clip with one seed: what was drawn of it."""
+    """A clip with one seed, and the mutants drawn from it."""
 
     clip: Node
     step: MutantsStep
     plans: tuple[PlanNames, ...]
     made: list[_Made] = field(default_factory=list)
     searched: int = 0
-    """How many children the preset's search has."""
+    """Number of mutants that the preset's search proposes."""
     turns: Counter[int] = field(default_factory=Counter)
-    """How many children were asked for anew, by plan."""
+    """Number of independent draws requested so far, by plan."""
     uses: Counter[int] = field(default_factory=Counter)
-    """How many were asked for near a child, by that child's number."""
+    """Number of draws requested near a mutant, by the mutant's number."""
     dry: set[int] = field(default_factory=set)
-    """The plans that gave no more children."""
+    """Plans that have no more mutants."""
     numbers: int = 0
-    """How many were asked for altogether."""
+    """Number of draws requested in total."""
     wanted: list[Wanted] = field(default_factory=list)
 
     def way(self, plan: int, *, near: bool = False) -> Way:
@@ -150,36 +151,36 @@ class _Unit:
 
     @property
     def open_plans(self) -> list[int]:
-        """The plans that have more children: the preset's search first, and the others when it has no more."""
+        """Plans that have more mutants: first only the preset's search, and the others when it is used up."""
         if self.turns[SEARCHED] < self.searched:
             return [SEARCHED]
         return [plan for plan in range(len(self.plans)) if plan not in self.dry]
 
 
 class Rounds:
-    """The rounds of one part of a campaign: of these test cases and all that follows from them."""
+    """The rounds of one part of a campaign: of these test cases and all steps that follow from them."""
 
     def __init__(self, stages: Steps, seeds: tuple[Node, ...]) -> None:
-        """Begin with the first round, in which each clip gets its first children."""
+        """Begin with the first round, in which each clip gets its first mutants."""
         self._stages, self.seeds = stages, seeds
         self.number = 1
         self.nodes: list[Node] = []
-        """The mutations that later rounds asked for."""
+        """Mutation steps that the later rounds requested."""
         self.begun: list[Round] = []
         """The later rounds."""
         self.finished = False
-        """Whether there is no further round."""
+        """True when there is no further round."""
         self._told: dict[Node, Told] = {}
 
     @property
     def known(self) -> bool:
-        """Whether all results that the next round waits for are there."""
+        """Whether all results that the next round waits for are available."""
         walked = self._stages.walk((*self.seeds, *self.nodes))
         return all(row is not None or awaited_by(node) > self.number + 1 for node, row in walked)
 
     @property
     def left(self) -> int:
-        """How many children of the clips that are known to be mutated no round has given out yet."""
+        """Number of mutants of the mutated clips that no round has allocated yet."""
         if self.finished:
             return 0
         units = self._units()
@@ -188,7 +189,7 @@ class Rounds:
         return self._stages.settings.children * len(units) - sum(len(unit.made) for unit in units) - asked
 
     def next(self) -> tuple[Node, ...]:
-        """Begin the next round and return its first steps; none where all children are given out, or none is left."""
+        """Begin the next round and return its first steps; empty if all mutants are allocated or no clip has more."""
         units = self._units()
         total = self._stages.settings.children * len(units)
         made = sum(len(unit.made) for unit in units)
@@ -220,7 +221,7 @@ class Rounds:
         return nodes or self.next()
 
     def _units(self) -> list[_Unit]:
-        """Return the clips that are mutated, in an order that no name and no worker decides, with their children."""
+        """Return the mutated clips with their mutants, in an order that depends only on content hashes."""
         units: dict[tuple[str, str, int], _Unit] = {}
         for node, row in self._stages.walk((*self.seeds, *self.nodes)):
             step = node.step
@@ -252,7 +253,7 @@ class Rounds:
         return [units[name] for name in sorted(units)]
 
     def _before(self, units: list[_Unit]) -> _Before:
-        """Return what the children of the rounds before were worth."""
+        """Return the mutants of the earlier rounds with their worth."""
         every = sorted(((made, unit) for unit in units for made in unit.made), key=lambda pair: pair[0].round)
         known = [(made, unit, told) for made, unit in every if (told := self._read(made.node)) is not None]
         values = worths((told, self._others_avoid(made)) for made, _, told in known)
@@ -272,7 +273,7 @@ class Rounds:
         return self._told[node]
 
     def _others_avoid(self, made: _Made) -> bool:
-        """Return whether a reference driver avoids a child's failure, as far as this round may know."""
+        """Return whether a reference driver avoids a mutant's failure, among the results that this round may use."""
         row = self._stages.row(made.node)
         if made.round >= self.number or row is None or not self._told[made.node].story:
             return False
@@ -283,14 +284,14 @@ class Rounds:
 
 
 class _Before(NamedTuple):
-    """The children of the rounds before. `nearness`: of each child's step, as a pass."""
+    """The mutants of the earlier rounds. `nearness`: nearness of each mutant that passed, by its step."""
 
     tried: list[Tried]
     nearness: dict[Node, float]
 
 
 def awaited_by(node: Node) -> int:
-    """Return the first round that waits for a step's result."""
+    """Return the number of the first round that waits for a step's result."""
     above: Node | None = node
     while above is not None and not isinstance(above.step, MutantsStep):
         above = above.above
@@ -301,9 +302,9 @@ def awaited_by(node: Node) -> int:
 
 
 def _give_out(units: list[_Unit], before: _Before, ways: Ways, count: int, number: int, *, most: int) -> None:
-    """Let so many children be chosen, of one clip at most `most` with each seed.
+    """Choose `count` mutants, at most `most` of one clip and seed.
 
-    The clips that are left in this round get them in turn; where they have no more, those that are left out follow.
+    The clips that remain in this round get them in turn; if these have no more, other clips follow.
     """
     by_clip: defaultdict[str, list[_Unit]] = defaultdict(list)
     for unit in units:
@@ -331,14 +332,14 @@ def _open_ways(units: list[_Unit], nearness: Mapping[Node, float]) -> tuple[Way,
 
 
 def _bases(unit: _Unit, nearness: Mapping[Node, float]) -> Iterator[_Made]:
-    """Yield the children near which others may be drawn."""
+    """Yield the mutants near which others may be drawn."""
     for made in unit.made:
         if nearness.get(made.node, 0.0) >= NEAR_ENOUGH and unit.uses[made.step.mutant.number] < NEAR_AT_MOST:
             yield made
 
 
 def _want(units: list[_Unit], way: Way, nearness: Mapping[Node, float]) -> None:
-    """Ask one of a clip's units for a child that is drawn in a way."""
+    """Request a mutant drawn in a way from one of a clip's units."""
     if way.near:
         bases = [
             (unit, made) for unit in units for made in _bases(unit, nearness) if unit.way(made.plan, near=True) == way
@@ -357,7 +358,7 @@ def _want(units: list[_Unit], way: Way, nearness: Mapping[Node, float]) -> None:
 
 
 def _first(count: int, record: Mutants) -> tuple[Wanted, ...]:
-    """Return what the first round asks for without saying so."""
+    """Return the draws of the first round, which requests them implicitly."""
     drawn = ((k, Draw.numbered(k, len(record.plans), min(record.searched, count))) for k in range(1, count + 1))
     return tuple(Wanted(k, draw) for k, draw in drawn if draw is not None)
 

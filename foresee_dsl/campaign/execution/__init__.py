@@ -1,1 +1,1 @@
-"""How a campaign's tasks are run: worker processes here or on a Dask cluster."""
+"""Execution of a campaign's tasks in worker processes, here or on a Dask cluster."""

@@ -1,8 +1,8 @@
-"""A Dask cluster as the executor: a task of Dask is a batch of ours, run by the same isolated workers as here.
+"""The Dask executor: one Dask task is a batch of ours, run by the same isolated workers as without Dask.
 
 A Dask worker runs no simulation itself. It starts a host (this module as a program, with the arguments LIFELINE, PIPE
-and MEMORY_MB), a process that keeps a pool of isolated workers; so what a driver does to its process never reaches
-Dask. Batches and their outcomes go through the pipe, and the host ends with the Dask worker.
+and MEMORY_MB), a process with a pool of isolated workers; so a driver's effects on its process never reach Dask.
+Batches and outcomes pass through the pipe, and the host ends with the Dask worker.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from foresee_dsl.campaign.settings import Limits
 from foresee_dsl.errors import ForeseeError
 
 _TICK_S = 0.2
-"""Interval at which `stop` is called."""
+"""Interval between calls of `stop`, s."""
 CONNECT_S = 10
-"""How long to wait for a scheduler. Ours: one that is there answers within a second."""
+"""Timeout for the connection to a scheduler, s. Ours: a reachable one answers within a second."""
 
 
 class ClusterError(ForeseeError):
@@ -38,9 +38,9 @@ class ClusterError(ForeseeError):
 
 
 def dask(scheduler: str = "", *, dashboard: str = "") -> Callable[[RunOptions], DaskExecutor]:
-    """Return what makes an executor on a scheduler's cluster (`tls://10.0.0.1:8786`), or on one of processes here.
+    """Return a factory of executors on a scheduler's cluster (`tls://10.0.0.1:8786`), or on a cluster started here.
 
-    `dashboard`: the address of Dask's web page of a cluster that is started here (`:8787`); by default there is none.
+    `dashboard`: address of Dask's web page for a cluster started here (`:8787`); by default there is no page.
     """
     return lambda options: DaskExecutor(
         scheduler, jobs=options.jobs, memory_mb=options.limits.memory_mb, dashboard=dashboard
@@ -73,7 +73,7 @@ class DaskExecutor(Executor):
                 yield from self._take(self._ended.get(timeout=_TICK_S))
 
     def close(self) -> None:
-        """Give up what is under way and leave the cluster; one that was started here ends."""
+        """Cancel the running batches and leave the cluster; a cluster started here ends."""
         with contextlib.suppress(Exception):  # a cluster that is gone already
             self._client.cancel(list(self._batches))
         self._batches.clear()
@@ -84,17 +84,17 @@ class DaskExecutor(Executor):
             cluster.close()
 
     def _submit(self) -> None:
-        """Keep two batches for each thread of the cluster under way: one that runs, and one that waits there."""
+        """Keep two batches per thread of the cluster submitted: one that runs, and one that waits."""
         try:
             threads = max(1, sum(self._client.nthreads().values()))
-        except Exception as err:  # Dask's are of many kinds; all of them mean that the scheduler does not answer
+        except Exception as err:  # Dask raises many kinds; each means that the scheduler does not answer
             raise ClusterError(f"the Dask scheduler is gone ({err}): what was finished is kept, and the same command "
                                "continues from there") from err  # fmt: skip
         while self._queue and len(self._batches) < 2 * threads:
             size = max(1, min(BATCH, len(self._queue) // (2 * threads)))
             numbers = self._queue.take(size)
             tasks = [_inlined(self._tasks[number]) for number in numbers]
-            # Not pure: a batch that was lost is sent again, not remembered.
+            # Not pure: Dask must run a lost batch again, not return a remembered result.
             future = self._client.submit(run_batch, pickle.dumps(tasks), self._memory_mb, pure=False)
             self._batches[future] = numbers
             future.add_done_callback(self._ended.put)
@@ -116,7 +116,7 @@ class DaskExecutor(Executor):
             yield update
 
     def _resend(self, numbers: list[int], why: str) -> Iterator[Update]:
-        """Send tasks again that were lost with their Dask worker or its host; in the end one by one, then not."""
+        """Submit tasks again that were lost with their Dask worker or its host, up to `DEATHS` times each."""
         for number in numbers:
             self._lost[number] += 1
             if self._lost[number] < DEATHS:
@@ -130,7 +130,7 @@ def run_batch(packed: bytes, memory_mb: float) -> bytes:
     """Run a pickled list of tasks in this Dask worker's host; this is what Dask calls.
 
     Returns:
-        A pickled list of what became of them: each task's index, and a part, an outcome or a `Broken`.
+        A pickled list of updates: each task's index, and a part, an outcome or a `Broken`.
 
     Raises:
         ClusterError: the host ended.
@@ -139,14 +139,14 @@ def run_batch(packed: bytes, memory_mb: float) -> bytes:
 
 
 class _Host:
-    """A process that runs batches (`serve_batches`), seen from the Dask worker's thread that it works for."""
+    """A process that runs batches (`serve_batches`), seen from its Dask worker's thread."""
 
     def __init__(self, memory_mb: float) -> None:
         line, self._lifeline = os.pipe()
         self._pipe, theirs = multiprocessing.Pipe()
         passed = [line, theirs.fileno()]
         command = [sys.executable, "-m", "foresee_dsl.campaign.execution.cluster", *map(str, (*passed, memory_mb))]
-        # Standard output is the report's (`--json`); what a driver prints goes to standard error.
+        # Standard output belongs to the report (`--json`); prints of drivers go to standard error.
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, our own module
             command, stdin=subprocess.DEVNULL, stdout=2, pass_fds=passed, start_new_session=True
         )
@@ -172,7 +172,7 @@ class _Host:
 
 
 _HOSTS = threading.local()
-"""A host for each thread of a Dask worker: threads work on different batches."""
+"""One host per thread of a Dask worker, as threads work on different batches."""
 
 
 def _host(memory_mb: float) -> _Host:
@@ -183,7 +183,7 @@ def _host(memory_mb: float) -> _Host:
 
 
 def _inlined(task: Task) -> Task:
-    """Return a task that needs no file of this machine."""
+    """Return a task that contains the bytes of its files, so that it needs no file of this machine."""
     argument = task.argument
     if not is_dataclass(argument) or isinstance(argument, type):
         return task
@@ -195,8 +195,9 @@ def _inlined(task: Task) -> Task:
 def _client(scheduler: str, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 - the package has no types
     """Return Dask's client.
 
-    Who can speak to a scheduler can run code on its workers: it unpickles what it is sent. So the one that is started
-    here listens on this machine alone, and takes only who has its certificate, which is made for it and kept in memory.
+    Anyone with access to a scheduler can run code on its workers, because it unpickles its input. So a scheduler
+    started here listens on this machine only, and accepts only connections with its certificate, which is kept in
+    memory.
     """
     try:
         distributed: Any = import_module("distributed")
@@ -211,7 +212,7 @@ def _client(scheduler: str, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 -
 
 
 def _here(distributed: Any, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 - Dask's, as above
-    """Start a cluster here and return its client. Its web server serves pages only where a dashboard was asked for."""
+    """Start a cluster here and return its client. Its web server serves pages only with a dashboard."""
     security = _certificates(distributed)
     pages: dict[str, list[str]] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
     with import_module("dask").config.set({} if dashboard else pages):
@@ -226,7 +227,7 @@ def _here(distributed: Any, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 -
             worker_dashboard_address=None,
         )
     if not dashboard:
-        cluster.scheduler.http_server.stop()  # Dask 2026.8 starts it all the same
+        cluster.scheduler.http_server.stop()  # Dask 2026.8 starts it even without routes
     return distributed.Client(cluster, security=security)
 
 
@@ -238,7 +239,7 @@ def _certificates(distributed: Any) -> Any:  # noqa: ANN401 - Dask's, as above
 
 
 def serve_batches(lifeline: int, descriptor: int, memory_mb: float) -> None:
-    """Be a host: work until the other end of the pipe is closed, or the process that started this one ends."""
+    """Serve as a host until the other end of the pipe is closed, or the process that started this one ends."""
     end_with(lifeline)
     with (
         WorkerPool(1, memory_mb=memory_mb) as pool,
@@ -253,7 +254,7 @@ def serve_batches(lifeline: int, descriptor: int, memory_mb: float) -> None:
 
 
 def _without_argument(value: Any) -> Any:  # noqa: ANN401 - what a task gave
-    """Return what became of a task; of a broken one without what it was to do, which its giver has."""
+    """Return a task's outcome; a broken one without the task's argument, which the sender has."""
     return replace(value, task=replace(value.task, argument=None)) if isinstance(value, Broken) else value
 
 

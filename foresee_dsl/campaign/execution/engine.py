@@ -1,7 +1,7 @@
-"""The campaign: what is not in the store yet is run, and everything found is put together.
+"""The engine of a campaign: it runs the steps that the store lacks, and assembles the result.
 
-A step is run once for its key, however many campaigns have it. Its result is stored before it is reported and before
-anything follows from it: whenever this process ends, the same command continues from there.
+A step is run once per key, even if several campaigns share it. Its result is stored before it is reported and before
+any step follows from it: whenever this process ends, the same command continues from there.
 """
 
 from __future__ import annotations
@@ -38,33 +38,33 @@ from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 _MENDED = 3
-"""How many times a campaign whose results are changed on the disk meanwhile runs what is missing (ours)."""
+"""Number of passes of a campaign whose stored results change on the disk while it runs (ours)."""
 _AWAITED_TURN = ChildStep.turn
-"""What comes after the children has no round waiting for it."""
+"""Turns after this one belong to steps that no round waits for."""
 
 
 class Listener:
-    """Is told while a campaign runs (a progress bar, a log); this one does nothing."""
+    """Receives the events of a campaign (for a progress bar, a log); this one ignores them."""
 
     def planned(self, kind: str, count: int) -> None:
-        """So many more steps of a kind are known of."""
+        """`count` more steps of a kind are known."""
 
     def done(self, row: Row, *, new: bool = True) -> None:
-        """One of them is in the store; `new`: it was not there before."""
+        """A step's result is in the store; `new`: it was not there before."""
 
     def broken(self, what: str) -> None:
-        """One of them cannot be done."""
+        """A step cannot be done."""
 
     def round(self, begun: Round) -> None:
-        """A later round of children begins, where they are allocated in rounds."""
+        """A later round of mutants begins, if they are allocated in rounds."""
 
 
 @contextmanager
 def _no_search_for_cycles() -> Iterator[None]:
-    """Let Python not look for cycles of objects meanwhile.
+    """Switch Python's search for reference cycles off inside this context.
 
-    Results are in none, and while they are put together all that are there are looked through again and again: 4 to 9 %
-    of the time for 35,611 of them.
+    Results contain no cycles, and the search visits all of them again and again while they are assembled: 4 to 9 % of
+    the time for 35,611 results.
     """
     searched = gc.isenabled()
     gc.disable()
@@ -87,15 +87,15 @@ def run_campaign(
     """Run a whole campaign and write its folder.
 
     Args:
-        out: the campaign's folder; its `children` and `traces` are replaced, all at once, at the end.
-        store: open to be written.
+        out: the campaign's folder; its `children` and `traces` are replaced together at the end.
+        store: open for writing.
 
     Returns:
-        The result; when it was stopped, with what was finished and `interrupted` set.
+        The result; if it was stopped, the finished part of it, with `interrupted` set.
 
     Raises:
-        InputError: a test case is impossible on its network; nothing was run or written.
-        StoreError: the store cannot be written any more; what was finished is in it.
+        InputError: a test case is impossible on its network; no run was started and no file written.
+        StoreError: the store can no longer be written; it has the finished results.
     """
     started = time.monotonic()
     if mistakes := placement_mistakes(cases):
@@ -115,7 +115,7 @@ def run_campaign(
 
 
 class Ran(NamedTuple):
-    """How a campaign's runs went. `broken`: what could not be done, sorted. `stopped`: before the end."""
+    """The end of a campaign's runs. `broken`: steps that could not be done, sorted. `stopped`: before the end."""
 
     broken: tuple[str, ...]
     stopped: bool
@@ -131,15 +131,15 @@ def run_missing(
     options: RunOptions = RunOptions(),  # noqa: B008 - immutable
     minimise: bool = True,
 ) -> Ran:
-    """Run those steps of a campaign that the store does not have, and write no folder.
+    """Run the steps of a campaign that the store lacks; no folder is written.
 
     Args:
-        stages: its steps; its test cases are possible on their networks.
-        work: a folder for the files that workers read; the caller removes it.
-        minimise: whether the findings' representatives are made smaller at the end.
+        stages: its steps; all test cases are possible on their networks.
+        work: folder for the files that workers read; the caller removes it.
+        minimise: minimise the findings' representatives at the end.
 
     Raises:
-        StoreError: the store cannot be written any more; what was finished is in it.
+        StoreError: the store can no longer be written; it has the finished results.
     """
     run = _Run(stages, store, CaseFiles(work / "cases"), listeners, options)
     broken, stopped = run.until_done(minimise=minimise)
@@ -147,7 +147,7 @@ def run_missing(
 
 
 class _Run:
-    """What is under way in a campaign."""
+    """The state of a running campaign."""
 
     def __init__(
         self, stages: Stages, store: Store, files: CaseFiles, listeners: Sequence[Listener], options: RunOptions
@@ -156,34 +156,34 @@ class _Run:
         self._listeners, self._options = listeners, options
         self._executor: Executor | None = None
         self._running: dict[str, Node] = {}
-        """The step of each task that is under way, by its key."""
+        """The steps of the running tasks, by key."""
         self._waiting: dict[str, list[Node]] = {}
-        """Steps whose result a task under way may give, by key."""
+        """Steps that wait for a result of a running task, by key."""
         self._expected: Counter[str] = Counter()
-        """Keys that tasks under way may give, and how many of these tasks."""
+        """Number of running tasks that may give a result, by the result's key."""
         self._broken: list[str] = []
         self._begun_again: set[str] = set()
-        """Keys of steps that broke as what they read had been changed."""
+        """Keys of steps that broke because their input had changed on the disk."""
         self._then: dict[str, list[Node]] = {}
-        """These steps, by the key of what they read."""
+        """Those steps, by the key of their input."""
         self._rounds = {node: rounds for rounds in stages.rounds for node in rounds.seeds}
-        """The rounds that a test case belongs to, where children are allocated in rounds."""
+        """The rounds of each test case, if mutants are allocated in rounds."""
         self._awaited: Counter[tuple[int, int]] = Counter()
-        """How many steps are handed out for which a round waits, by part of the campaign and round."""
+        """Number of running steps that a round waits for, by part of the campaign and round."""
         budget_s = options.limits.budget_s
         self._ends_s = math.inf if budget_s is None else time.monotonic() + budget_s
         self._stopped_early = False
-        """Whether it was stopped while it looked at what there is to do."""
+        """True if it was stopped while it determined the missing steps."""
 
     def until_done(self, *, minimise: bool) -> tuple[list[str], bool]:
-        """Run what is missing; return what could not be done, and whether it was stopped before the end."""
+        """Run the missing steps; return those that could not be done, and whether it was stopped before the end."""
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
         try:
             roots: Sequence[Node] = self._stages.seeds
             for _ in range(_MENDED):
                 self._run_through(roots)
-                # What is a finding is known once all children are.
+                # Findings are known only after all mutants.
                 if minimise and not self._stopped:
                     with _no_search_for_cycles():
                         chosen = choose_representatives(self._stages)
@@ -203,7 +203,7 @@ class _Run:
         return self._stopped_early or bool(self._running) or unfinished
 
     def _run_through(self, nodes: Iterable[Node]) -> None:
-        """Run what is missing of steps and of what follows from them."""
+        """Run the missing ones of some steps and of all steps that follow from them."""
         with _no_search_for_cycles():
             self._visit(nodes)
         self._begin_rounds()
@@ -213,7 +213,7 @@ class _Run:
                 self._begin_rounds()
 
     def _changed_meanwhile(self) -> list[Node]:
-        """Return the steps without a result, where one of these was changed on the disk since it was stored."""
+        """Return the steps without a result, if one of these results was changed on the disk since it was stored."""
         if self._executor is None:
             return []
         self._store.read_again()
@@ -221,7 +221,7 @@ class _Run:
         return missing if any(node.step.key in self._store.damaged for node in missing) else []
 
     def _begin_rounds(self) -> None:
-        """Begin each round for which all results are there."""
+        """Begin each round whose required results are all available."""
         for rounds in self._stages.rounds:
             while not (rounds.finished or self._stop() or self._stopped_early or self._awaits(rounds)):
                 begun = len(rounds.begun)
@@ -241,7 +241,7 @@ class _Run:
         return self._options.stop() or time.monotonic() > self._ends_s
 
     def _visit(self, nodes: Iterable[Node]) -> None:
-        """Go through steps and what follows from them as far as it is known; hand out what is missing."""
+        """Visit steps and all known steps that follow from them; start tasks for the missing ones."""
         ahead = list(reversed(tuple(nodes)))
         while ahead and not self._stop():
             node = ahead.pop()
@@ -270,17 +270,17 @@ class _Run:
         waiting.append(node)
         self._awaited[self._awaited_by(node)] += 1
         if self._expected[node.step.key]:
-            return  # a task that is under way gives it
+            return  # a running task will give it
         task = self._stages.task(node, self._files, self._options.limits)
         self._running[node.step.key] = node
         self._expected.update(step.key for step in self._stages.task_steps(node))
         if self._executor is None:
             self._executor = self._options.executor(self._options)
-        # Test cases first, so that it is soon known how much there is to do; then the clips of first rank with their
-        # children before those of second rank: where time runs out, the best points were studied. Of one rank a process
-        # goes on with the clip that it has at hand.
+        # Test cases first, so that the amount of work is soon known; then the clips of the first rank with their
+        # mutants before those of the second rank, so that the best points are studied if time runs out. Within a rank,
+        # a process continues with the clip that it has loaded.
         turn = node.step.turn
-        # With rounds, all that the next one waits for comes before what none waits for.
+        # With rounds, steps that the next round waits for come before all others.
         apart = (int(turn > _AWAITED_TURN), 0) if self._rounds else (0, node.step.rank)
         self._executor.add([task], (int(turn > 0), *apart, turn))
 
@@ -294,7 +294,7 @@ class _Run:
         if isinstance(update.value, Broken) and self._begins_again(node):
             return
         if isinstance(update.value, Broken):
-            # The part that it was at is the first that it has not given.
+            # The task broke at the first part that it has not delivered.
             key = next((k for k in keys if not self._store.has(k)), node.step.key)
             row = _broken_row(node, update.value) if key == node.step.key else None
             if row is not None:
@@ -306,7 +306,7 @@ class _Run:
                     listener.broken(self._broken[-1])
 
     def _begins_again(self, node: Node) -> bool:
-        """Run once more what a step that broke had read, if that was changed on the disk; the step follows from it."""
+        """Repeat the input of a step that broke, if that input was changed on the disk; the step follows again."""
         if not node.step.reads or node.step.key in self._begun_again:
             return False
         read = node.over(node.step.reads)
@@ -326,7 +326,7 @@ class _Run:
             self._visit((*self._then.pop(row.key, ()), *self._stages.after(node, row)))
 
     def _end_waiting(self, key: str) -> list[Node]:
-        """Return the steps that waited for a result."""
+        """Return the steps that waited for a result, and stop their waiting."""
         nodes = self._waiting.pop(key, [])
         self._awaited.subtract(self._awaited_by(node) for node in nodes)
         return nodes
@@ -357,8 +357,8 @@ def _row(made: Made, *, broken: bool = False) -> Row:
 def _broken_row(node: Node, broken: Broken) -> Row | None:
     """Return the row of a run that gave no result.
 
-    None where no run broke, but a forecast or a mutation; and where the process was ended from outside: that is no
-    result, and the next campaign runs it.
+    None if the step is a forecast or a mutation, not a run; also if the process was ended from outside, which is not a
+    result: the next campaign runs the step again.
     """
     if broken.how == "killed":
         return None

@@ -1,4 +1,5 @@
-"""Imported in the fork server alone: what workers leave behind becomes its child, where their starter finds it."""
+"""Set-up of the fork server, which alone imports it: orphans of workers become its children, where the pool ends
+them."""
 
 from __future__ import annotations
 

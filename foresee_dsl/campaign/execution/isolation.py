@@ -1,7 +1,7 @@
-"""One worker process: it gets batches of tasks over a pipe and reports what it begins and what it has done.
+"""One worker process: it receives batches of tasks over a pipe and reports each start and end.
 
-So its starter knows at each moment which task the process is running: when it dies, hangs or takes too much memory,
-that task is the cause, and nothing has to be run again to find it.
+So its starter always knows which task the process runs: if the process dies, hangs or takes too much memory, that task
+is the cause, and no other task must be repeated to find it.
 """
 
 from __future__ import annotations
@@ -44,31 +44,32 @@ from foresee_dsl.simulate.driver_faults import place_in_dump
 from foresee_dsl.simulate.printed import keep_prints, read_all, shortened
 
 PRELOAD = ("foresee_dsl.campaign.execution.fork_server", "foresee_dsl.campaign.execution.preloading")
-"""Imported once in the fork server, so that a new worker starts warm."""
+"""Modules that the fork server imports once, so that new workers start quickly."""
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
+"""Variables that limit the threads of libraries to one: there is a worker per core already."""
 
 _WARM = 4
-"""How many clips a process counts as warm for. Ours: while it runs one, the children of the one before are made; caches
-of clips hold sixteen."""
+"""Number of clips for which a process counts as warm. Ours: while a clip runs, the mutants of the previous one are
+made; caches of clips hold sixteen."""
 _GRACE_S = 10.0
-"""A run looks at its deadline itself, and then says where the driver was. Ours: it does so once a second, and what
-comes before and after the run takes under a second; of a short deadline as much again."""
+"""Time beyond a deadline before a process is ended, s. Ours: a run checks its deadline once a second and reports where
+the driver was; the work before and after a run takes less than a second. At most the deadline itself."""
 _REPORTED_S = 2.0
-"""How long the fork server may take to report how a process ended. Ours: a hundred times what it takes."""
+"""Time for the fork server to report how a process ended, s. Ours: a hundred times the usual time."""
 
 
 @dataclass(frozen=True)
 class Task:
     """A function of an installed package and its argument.
 
+
     Attributes:
-        name: for people. function: returns the outcome, or yields one part of it after the other.
-        deadline_s: wall time for the outcome, or for each part; None: as long as it takes.
-        key: by which its giver recognises it.
-        shares: what it works with, from what many tasks have in common to what few do (a network, a test case, a clip):
-            a process that has worked with the same is warm for it.
-        programs: the drivers in programs that it may start (`drivers.consent`).
+        name: for people. function: returns the outcome, or yields its parts.
+        deadline_s: wall time for the outcome, or for each part; None: no limit.
+        key: identity of the task for its sender.
+        shares: its inputs, from those that many tasks share to those that few share (a network, a test case, a clip);
+            a process that has used the same inputs is warm for it.
+        programs: the external drivers that it may start (`drivers.consent`).
     """
 
     name: str
@@ -81,15 +82,15 @@ class Task:
 
 
 Message = tuple[str, int, Any]
-"""What a worker reports of the task with this number: `started`, `part` (with a value), `changed` (with what a driver
-has changed of the process, in phrases), `done` (with a value), `raised` (with the exception in words)."""
+"""A worker's report on the task with this number: `started`, `part` (with a value), `changed` (with a driver's changes
+to the process, as phrases), `done` (with a value), `raised` (with the exception as text)."""
 
 
 class Worker:
-    """A worker process, seen from the one that started it."""
+    """A worker process, seen from the process that started it."""
 
     def __init__(self, *, once: bool = False) -> None:
-        """Start a process; `once`: as a fork of this one, where that is safe.
+        """Start a process; `once`: as a fork of this one, if that is safe.
 
         Raises:
             OSError, EOFError: the fork server was killed at this moment; another try starts a new one.
@@ -97,7 +98,7 @@ class Worker:
         forked = once and "libsumo" not in sys.modules and threading.active_count() == 1
         context = multiprocessing.get_context("fork") if forked else forkserver()
         self.connection, theirs = context.Pipe()
-        """For `multiprocessing.connection.wait`: ready when there is a message, or when the process is gone."""
+        """For `multiprocessing.connection.wait`: ready when there is a message, or when the process has ended."""
         line, self._lifeline = context.Pipe(duplex=False)
         self._output, self._stacks = SharedFile.new(), SharedFile.new()
         files = self._output, self._stacks
@@ -113,42 +114,42 @@ class Worker:
             theirs.close()
             line.close()
         self.waiting: list[tuple[int, Task]] = []
-        """What it was given and has not begun."""
+        """Tasks that it has received and not begun."""
         self.current: tuple[int, Task] | None = None
         self.since_s = 0.0
-        """When (on the monotonic clock) it began what it does now, or its last part."""
+        """Time on the monotonic clock when it began its present task, or finished the last part of it."""
         self.finished = 0
-        """How many tasks it has ended so far."""
+        """Number of tasks that it has ended."""
         self.changed: tuple[str, ...] = ()
-        """What a driver has changed of the process, which ends after that task."""
+        """A driver's changes to the process, which ends after that task."""
         self._server = 0 if forked else parent_of(self.pid)
         _running.add(self.pid)
         self.warm: list[tuple[str, ...]] = []
-        """What the tasks that it was given last share with others, the latest first."""
+        """`shares` of the last tasks that it received, the latest first."""
 
     @property
     def pid(self) -> int:
-        """Its process's number."""
+        """Its process id."""
         return self._process.pid or 0
 
     @property
     def watched(self) -> tuple[Connection | int, ...]:
-        """For `multiprocessing.connection.wait`: one is ready when there is a message, or when the process is gone.
+        """For `multiprocessing.connection.wait`: one is ready when there is a message, or when the process has ended.
 
-        The connection alone does not tell the latter, where a process that a driver started has it open, too.
+        The connection alone does not show the end if a process that a driver started still has it open.
         """
         return self.connection, self._process.sentinel
 
     @property
     def idle(self) -> bool:
-        """Whether it has nothing to do."""
+        """Whether it has no task."""
         return self.current is None and not self.waiting
 
     def give(self, batch: Sequence[tuple[int, Task]]) -> None:
-        """Give it numbered tasks to do, one after the other.
+        """Send it numbered tasks, which it runs in order.
 
         Raises:
-            OSError: the process is gone.
+            OSError: the process has ended.
         """
         self.connection.send([(number, pickle.dumps(task)) for number, task in batch])
         self.waiting.extend(batch)
@@ -159,7 +160,7 @@ class Worker:
         """Yield its messages since the last call.
 
         Raises:
-            EOFError: the process is gone (after all its messages).
+            EOFError: the process has ended (after all its messages).
         """
         while self.connection.poll():
             try:
@@ -179,33 +180,33 @@ class Worker:
             raise EOFError
 
     def overdue(self) -> bool:
-        """Whether what it does now has taken longer than it may, by so much that it does not end it itself."""
+        """Return whether its present task exceeds its deadline by more than the time in which it would end itself."""
         limit_s = self.current[1].deadline_s if self.current else None
         return limit_s is not None and time.monotonic() - self.since_s > limit_s + min(limit_s, _GRACE_S)
 
     def memory_mb(self, limit_mb: float) -> float:
-        """Return how much memory the process and what it has started have in use, exactly where that passes `limit_mb`;
-        0 where the system does not tell (no Linux)."""
+        """Return the memory of the process and its descendants, in MB, exactly if it exceeds `limit_mb`; 0 if the
+        system does not report it (only Linux does)."""
         return memory_mb(self.pid, limit_mb)
 
     def started(self) -> int:
-        """Return how many processes it has started that still run."""
+        """Return the number of its descendants that still run."""
         return len(started_by(self.pid))
 
     def left_behind(self) -> LeftBehind:
-        """Return what a process that broke has left: what was printed, and whether and where it hung or crashed."""
+        """Return the traces of a process that broke: its prints, and whether and where it hung or crashed."""
         stack = read_all(self._stacks.descriptor).decode("utf-8", "replace")
         printed = shortened(read_all(self._output.descriptor))
         return LeftBehind(printed, stack.startswith("Timeout "), place_in_dump(stack), stack)
 
     def kill(self, *, gone: bool = False) -> Ending:
-        """End the process now, or one that is `gone`, with all that it has started; return how it had ended."""
+        """End the process now, or one that is already `gone`, with its descendants; return how it had ended."""
         if gone:
             self._process.join(_REPORTED_S)
         else:
             end_started(self.pid)
         code = self._process.exitcode
-        # Without its fork server (killed, too) it is not known how a process ended, or whether it did.
+        # Without its fork server (killed too) it is unknown whether and how a process ended.
         if code is None or code == 255:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
@@ -219,18 +220,18 @@ class Worker:
 
 
 _running: set[int] = set()
-"""The numbers of all worker processes that this process has started and not ended."""
+"""Ids of all worker processes that this process has started and not ended."""
 
 
 class Ending(NamedTuple):
-    """How a process ended. `outside`: by a signal that nothing in a process sends by itself."""
+    """How a process ended. `outside`: by a signal that a process does not send to itself."""
 
     text: str
     outside: bool = False
 
     @classmethod
     def of(cls, code: int | None) -> Ending:
-        """Return what an exit code means."""
+        """Return the meaning of an exit code."""
         if code is None:
             return cls("its process broke off the connection")
         if code >= 0:
@@ -245,15 +246,16 @@ class Ending(NamedTuple):
 
 
 _FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
-"""What `kill`, a terminal that closes, a batch system and the kernel send, the last when memory is short."""
+"""Signals of `kill`, a closing terminal, a batch system and the kernel (the last when memory is short)."""
 
 
 class LeftBehind(NamedTuple):
-    """What a process that broke has left.
+    """The traces of a process that broke.
+
 
     Attributes:
-        output: what was printed. hung: it was ended because it did not come back. place: in a driver's code, or "".
-        stack: as `faulthandler` writes it.
+        output: its prints. hung: it was ended because it did not return. place: in a driver's code, or "".
+        stack: in the format of `faulthandler`.
     """
 
     output: str
@@ -263,7 +265,7 @@ class LeftBehind(NamedTuple):
 
 
 class SharedFile:
-    """A file without a name, which a worker writes and its starter reads; it is gone with both."""
+    """A file without a name, written by a worker and read by its starter; it disappears with both."""
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
@@ -271,14 +273,14 @@ class SharedFile:
 
     @classmethod
     def new(cls) -> Self:
-        """Make one that is always appended to."""
+        """Create one in append mode."""
         with tempfile.TemporaryFile(buffering=0) as file:
             descriptor = os.dup(file.fileno())
         fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_APPEND)
         return cls(descriptor)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Go to another process as `multiprocessing` sends its pipes."""
+        """Pass the descriptor to another process, as `multiprocessing` passes its pipes."""
         return _received, (DupFd(self.descriptor),)
 
 
@@ -287,7 +289,7 @@ def _received(sent: Any) -> SharedFile:  # noqa: ANN401 - a type that multiproce
 
 
 def forkserver() -> ForkServerContext:
-    """Return the context in which workers start. libsumo must never be forked while it runs: hence a fork server."""
+    """Return the context in which workers start: a fork server, because libsumo must not be forked while it runs."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(PRELOAD))
     for variable in _ONE_THREAD:
@@ -296,31 +298,31 @@ def forkserver() -> ForkServerContext:
 
 
 class _Reports:
-    """The worker's end of its pipe, which only the worker itself writes to."""
+    """The worker's end of its pipe, to which only the worker itself writes."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe, self._pid = pipe, os.getpid()
 
     def send(self, message: Message) -> None:
-        """Send a message; a fork that a driver made, and that came to the end of the run as well, ends here."""
+        """Send a message; a fork made by a driver, which also reaches the end of the run, ends here instead."""
         if os.getpid() != self._pid:
             os._exit(0)
         self._pipe.send(message)
 
 
 def _serve(pipe: Connection, lifeline: Connection, output: SharedFile, stacks: SharedFile, *others: Connection) -> None:
-    """Work until the starter has nothing more, or is gone; `others` are the starter's ends, which a fork has too."""
+    """Work until the starter has no more tasks or has ended; `others` are the starter's ends, which a fork inherits."""
     for other in others:
         other.close()
-    with contextlib.suppress(PermissionError):  # it leads a session already
-        os.setsid()  # what a driver sends to its process group reaches the worker, not the campaign
+    with contextlib.suppress(PermissionError):  # it already leads a session
+        os.setsid()  # signals of a driver to its process group reach the worker, not the campaign
     end_with(lifeline.fileno())
     adopt_orphans()
     keep_prints(output.descriptor, stacks.descriptor)
     # Ctrl-C reaches the whole group; only the starter decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    with contextlib.suppress(OSError):  # where memory runs out, a worker goes first, not the starter
+    with contextlib.suppress(OSError):  # if memory runs out, the kernel kills a worker, not the starter
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
     reports = _Reports(pipe)
     while True:
@@ -330,11 +332,11 @@ def _serve(pipe: Connection, lifeline: Connection, output: SharedFile, stacks: S
             return
         for number, packed in batch:
             if _run_task(reports, number, packed):
-                return  # its starter gives the rest to another process
+                return  # the starter gives the remaining tasks to another process
 
 
 def _run_task(reports: _Reports, number: int, packed: bytes) -> bool:
-    """Run a task and report it; return whether a driver has changed this process, in which no other task is to run."""
+    """Run a task and report it; return whether a driver has changed this process, so that no other task may use it."""
     reports.send(("started", number, None))
     result: Message
     try:
@@ -346,7 +348,7 @@ def _run_task(reports: _Reports, number: int, packed: bytes) -> bool:
                     reports.send(("part", number, part))
                 outcome = None
         result = "done", number, outcome
-    except (Exception, SystemExit) as err:  # an exception is this task's outcome, not this process's end
+    except (Exception, SystemExit) as err:  # an exception is the task's outcome and does not end the process
         result = "raised", number, f"{type(err).__name__}: {err}"
     if changed := changes_here():
         reports.send(("changed", number, changed))
@@ -355,21 +357,21 @@ def _run_task(reports: _Reports, number: int, packed: bytes) -> bool:
 
 
 def end_with(descriptor: int) -> None:
-    """End this process (by SIGKILL) with the one that started it, whatever ends that one.
+    """End this process (by SIGKILL) together with the one that started it, however that one ends.
 
-    The starter keeps the writing end of a pipe that nothing is ever written to; when it ends, also by SIGKILL, the
-    kernel closes that end. On Linux the kernel then sends the signal, to the whole process group, which this process
-    leads: a thread that waits for the end of the pipe would get no turn while a library keeps Python's lock.
-    `descriptor` is the reading end, this process's own.
+    The starter holds the writing end of a pipe that stays empty; when it ends, even by SIGKILL, the kernel closes that
+    end. On Linux the kernel then signals the whole process group, which this process leads; a thread that waits for the
+    end of the pipe could not run while a library holds Python's lock.
+    `descriptor` is the reading end, owned by this process.
     """
     set_signal = getattr(fcntl, "F_SETSIG", None)
-    if set_signal is None:  # not Linux: as good as a thread can do it
+    if set_signal is None:  # not Linux: a thread is the best substitute
         threading.Thread(target=_wait_and_exit, args=(descriptor,), daemon=True).start()
         return
     fcntl.fcntl(descriptor, fcntl.F_SETOWN, -os.getpid())
     fcntl.fcntl(descriptor, set_signal, signal.SIGKILL)
     fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
-    if select.select([descriptor], [], [], 0)[0]:  # closed before the kernel was asked to tell
+    if select.select([descriptor], [], [], 0)[0]:  # closed before the signal was requested
         os.killpg(os.getpid(), signal.SIGKILL)
 
 

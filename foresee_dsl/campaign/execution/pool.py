@@ -1,4 +1,5 @@
-"""What runs a campaign's tasks: worker processes here; a task that dies, hangs, or takes all memory is one outcome."""
+"""The pool of worker processes that runs a campaign's tasks; a task that dies, hangs or uses up memory is one
+outcome."""
 
 from __future__ import annotations
 
@@ -20,41 +21,42 @@ from foresee_dsl.campaign.settings import Limits, Shard
 __all__ = ["BATCH", "DEATHS", "Broken", "Executor", "Part", "RunOptions", "Task", "Update", "WorkerPool", "local"]
 
 DEATHS = 3
-"""How many times a task's process has to die until the task counts as the cause. Ours: a `kill` from outside, or the
-kernel's when memory is short, hits an innocent task now and then; a crash inside a library comes back every time."""
+"""Number of deaths of its process after which a task counts as the cause. Ours: a `kill` from outside, or the kernel's
+when memory is short, sometimes hits an innocent task; a crash inside a library recurs every time."""
 BATCH = 8
-"""Tasks that a process gets at once, at most. Ours: handing one over costs 0.2 ms, so 8 hide it; more would leave other
-workers without work at the end."""
+"""Maximum number of tasks sent to a process at once. Ours: sending one takes 0.2 ms, which 8 hide; more would leave
+other workers idle at the end."""
 _TICK_S = 0.1
-"""Interval at which deadlines and memory are checked. Ours: a process allocates some 200 MB in that time."""
+"""Interval at which deadlines and memory are checked, s. Ours: a process can allocate about 200 MB in that time."""
 _OUTSIDE = ": sent from outside, as by `kill`, or by the system when memory runs out, so it does not count as a crash"
 _STARTS = 5
-"""How many processes in a row may die before they begin a task, until the pool gives up. Ours: one may be hit by a
-kill, five mean that none can start."""
+"""Number of processes in a row that may die before they begin a task. Ours: one may be hit by a kill, five mean that no
+process can start."""
 
 
 @dataclass(frozen=True)
 class Broken:
-    """A task that gave nothing: its process died (`crash`), it took too long (`timeout`) or too much memory (`memory`),
-    or it raised; or its process was ended from outside each time (`killed`), which says nothing about the task."""
+    """A task without an outcome: its process died (`crash`), it took too long (`timeout`) or too much memory
+    (`memory`), or it raised; or its process was ended from outside each time (`killed`), which says nothing about the
+    task."""
 
     task: Task
     reason: str
     how: Literal["crash", "timeout", "memory", "raised", "killed"] = "crash"
     output: str = ""
-    """What its process had printed."""
+    """Prints of its process."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a task that gives several."""
+    """One part of the outcome of a task that yields parts."""
 
     value: Any
 
 
 @dataclass(frozen=True)
 class Update:
-    """What became of a task: a `Part`, a `Broken`, or its outcome (None of one that gives parts)."""
+    """News of a task: a `Part`, a `Broken`, or its outcome (None for a task that yields parts)."""
 
     task: Task
     value: Any
@@ -66,10 +68,10 @@ class Update:
 
 
 class Executor(ABC):
-    """Runs tasks, isolated from each other: smaller priorities first, and among equals those added first.
+    """Runs tasks isolated from each other, by priority (smaller first), then in the order of their addition.
 
-    Of tasks whose priorities differ in their last number at most, a process gets those first that share most with what
-    it has run (`Task.shares`). No result depends on which process runs what, or when.
+    Among tasks whose priorities differ only in their last number, a process gets those that share most with its earlier
+    ones (`Task.shares`). No result depends on which process runs a task, or when.
     """
 
     def __init__(self) -> None:
@@ -85,34 +87,34 @@ class Executor(ABC):
 
     @abstractmethod
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """Yield what becomes of the tasks until none is left, or `stop` (called several times a second) is true.
+        """Yield the updates of the tasks until none is left, or `stop` (called several times a second) returns true.
 
         Raises:
-            RuntimeError: processes die as soon as they start, so nothing can be run at all.
+            RuntimeError: processes die as soon as they start, so no task can run.
             ClusterError: the scheduler of a cluster does not answer.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """End the workers now; what they were doing is lost."""
+        """End the workers now; their present tasks are lost."""
 
 
 class WorkerPool(Executor):
-    """Runs tasks in `jobs` processes; new ones may be added while others run.
+    """Runs tasks in `jobs` processes; tasks may be added while others run.
 
-    A process runs one task after the other, in batches, as long as all is well. When it dies at a task, the task is
-    run again alone in a process of its own, until that has happened `DEATHS` times; the rest of its batch goes to
-    others.
+    A process runs tasks one after the other, in batches. If it dies at a task, the task is repeated alone in a new
+    process, until that has happened `DEATHS` times; the rest of its batch goes to other processes.
     """
 
     def __init__(
         self, jobs: int, *, memory_mb: float = Limits.memory_mb, deaths: int = DEATHS, once: bool = False
     ) -> None:
-        """Start nothing yet.
+        """Store the settings; processes start later.
 
         Args:
-            memory_mb: what each process and what it starts may take together. deaths: after so many a task is to blame.
-            once: there is one task, for whose process alone no fork server is started where that is safe.
+            memory_mb: memory limit of each process and its descendants together. deaths: number of deaths after which a
+                task is the cause.
+            once: there is a single task, for which no fork server is started if that is safe.
         """
         super().__init__()
         self._jobs = max(1, jobs)
@@ -120,9 +122,9 @@ class WorkerPool(Executor):
         self._most_deaths, self._once = deaths, once
         self._deaths: Counter[int] = Counter()
         self._kills: Counter[int] = Counter()
-        """How many times a task's process was ended from outside."""
+        """Number of times a task's process was ended from outside."""
         self._spoilt: set[int] = set()
-        """Tasks that raised in a process that a driver had changed, and are run once more."""
+        """Tasks that raised in a process changed by a driver, and are repeated once."""
         self._workers: list[Worker] = []
         self._failed_starts = 0
         self._checked_s = 0.0
@@ -148,9 +150,9 @@ class WorkerPool(Executor):
             for ready in multiprocessing.connection.wait(watched, timeout=_TICK_S):
                 worker = busy[id(ready)]
                 if worker not in self._workers:
-                    continue  # both of what is watched were ready, and it is dealt with
+                    continue  # both watched objects were ready, and the worker is already handled
                 received = list(self._receive(worker))
-                self._hand_out()  # a process has its next task before this one looks at what the last one gave
+                self._hand_out()  # a process gets its next task before the caller handles the last result
                 yield from received
             if time.monotonic() - self._checked_s >= _TICK_S:
                 self._checked_s = time.monotonic()
@@ -167,14 +169,14 @@ class WorkerPool(Executor):
 
     @property
     def pids(self) -> tuple[int, ...]:
-        """The processes' numbers."""
+        """Ids of the processes."""
         return tuple(worker.pid for worker in self._workers)
 
     def _hand_out(self) -> None:
         while self._queue:
             worker = next((w for w in self._workers if w.idle), None)
             if worker is not None and worker.finished and self._suspect(self._queue.first):
-                self._drop(worker)  # a suspect runs in a process that nothing else has run in
+                self._drop(worker)  # a suspect runs in a fresh process
                 worker = None
             if worker is None:
                 if len(self._workers) == self._jobs:
@@ -184,18 +186,18 @@ class WorkerPool(Executor):
             batch = self._batch(worker)
             try:
                 worker.give(batch)
-            except OSError:  # it died while it had nothing to do
+            except OSError:  # it died while it was idle
                 self._requeue(number for number, _ in batch)
                 self._drop(worker)
 
     def _started(self) -> Worker:
-        """Start a worker; when the fork server is killed at that very moment, with a new one."""
+        """Return a new worker; if the fork server is killed at that moment, try again with a new one."""
         while True:
             try:
                 return Worker(once=self._once)
             except (OSError, EOFError) as err:
                 self._note_failed_start(f"{type(err).__name__} {err}")
-                time.sleep(_TICK_S)  # until the system knows that the old one is gone
+                time.sleep(_TICK_S)  # until the system has registered the end of the old one
 
     def _note_failed_start(self, how: str) -> None:
         self._failed_starts += 1
@@ -203,14 +205,14 @@ class WorkerPool(Executor):
             raise RuntimeError(f"worker processes die as soon as they start: {how}")
 
     def _batch(self, worker: Worker) -> list[tuple[int, Task]]:
-        """Take the next tasks off the queue: few when few are left; a suspect alone."""
+        """Return the next tasks from the queue: fewer when few are left; a suspect alone."""
         size = max(1, min(BATCH, math.ceil(len(self._queue) / (2 * self._jobs))))
         most = 1 if self._suspect(self._queue.first) else size
         return [(number, self._tasks[number]) for number in self._queue.take(most, worker.warm)]
 
     def _requeue(self, numbers: Iterable[int]) -> None:
         for number in numbers:
-            # Before all others. Suspects last of these: the innocent rest of their batch need not wait for them.
+            # Before all others, suspects last, so that the innocent rest of their batch need not wait for them.
             self._queue.push(number, (-1, self._suspect(number), 0), self._tasks[number].shares)
 
     def _receive(self, worker: Worker) -> Iterator[Update]:
@@ -230,7 +232,7 @@ class WorkerPool(Executor):
                 self._drop(worker)
 
     def _raised(self, number: int, error: str, worker: Worker) -> Iterator[Update]:
-        """Note that a task raised; in a process that a driver had changed the tool may have, so it is run once more."""
+        """Handle a task that raised; if a driver had changed the process, the error may be due to that: repeat once."""
         if worker.changed and number not in self._spoilt:
             self._spoilt.add(number)
             self._requeue([number])
@@ -270,20 +272,20 @@ class WorkerPool(Executor):
             yield self._ended(number, Broken(task, f"{ending.text}{at}{times}", output=left.output))
 
     def _suspect(self, number: int) -> int:
-        """Return how many processes have ended at a task; one that has any runs alone in a process of its own."""
+        """Return how many processes ended at a task; with any, the task runs alone in a fresh process."""
         return self._deaths[number] + self._kills[number]
 
     def _drop(self, worker: Worker, *, gone: bool = False) -> Ending:
-        """End a worker; what it had not begun goes back into the queue. Return how it ended."""
+        """End a worker and requeue its waiting tasks; return how it ended."""
         self._workers.remove(worker)
         self._requeue(number for number, _ in worker.waiting)
         return worker.kill(gone=gone)
 
     def _check_limits(self, worker: Worker) -> Iterator[Update]:
         if worker.connection.poll():
-            return  # it has sent more than was read
+            return  # there are unread messages
         if worker.current is None:
-            # Between two batches: a process that has grown is replaced before it costs an innocent task its run.
+            # Between two batches: replace a process that has grown, before it costs an innocent task its run.
             if worker.idle and worker.memory_mb(self._memory_mb / 2) > self._memory_mb / 2:
                 self._drop(worker)
             return
@@ -302,24 +304,25 @@ class WorkerPool(Executor):
             if alone:
                 reason = f"took more than {self._memory_mb:g} MB of memory and was ended; --memory allows more"
                 yield self._ended(number, Broken(task, reason, "memory", worker.left_behind().output))
-            else:  # what earlier tasks left behind may be to blame
+            else:  # memory of earlier tasks may be the cause
                 self._deaths[number] += 1
                 self._requeue([number])
 
 
 def local(options: RunOptions) -> Executor:
-    """Return the executor that runs tasks in processes here."""
+    """Return an executor that runs tasks in processes here."""
     return WorkerPool(options.jobs, memory_mb=options.limits.memory_mb)
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a campaign is done; none of it changes a result.
+    """How a campaign is executed; no option changes a result.
+
 
     Attributes:
-        jobs: worker processes here. limits: what a run may take. shard: the part of the campaign.
-        retry: run again what broke in an earlier campaign (died, hung, raised).
-        executor: makes what runs the tasks. stop: asked ten times a second whether to stop.
+        jobs: number of worker processes. limits: of each run. shard: part of the campaign.
+        retry: repeat runs that broke in an earlier campaign (died, hung, raised).
+        executor: factory of the executor. stop: called ten times a second; true stops the campaign.
     """
 
     jobs: int = 1

@@ -1,4 +1,4 @@
-"""What the fork server imports, so that a new worker starts warm. Workers import what is missing when they need it."""
+"""Modules that the fork server imports, so that new workers start quickly; workers import others on demand."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MODULES = (
 )
 
 for _name in MODULES:
-    with suppress(Exception):  # the task that needs it reports why it does not load
+    with suppress(Exception):  # a task that needs the module reports the error
         import_module(_name)
 compiling.ensure()
 compiling.load()

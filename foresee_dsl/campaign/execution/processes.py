@@ -1,7 +1,7 @@
-"""A process and all that it has started: how much memory they have in use, and their end (Linux only).
+"""A process and its descendants: their memory use and their end (Linux only).
 
-What a worker starts (an external driver, and that one's own helpers) counts as the worker's: a limit that looks at one
-process is no limit for who may start others.
+Processes that a worker starts (an external driver and its helpers) count as the worker's, because a limit on one
+process alone does not limit a driver that can start others.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from pathlib import Path
 _ADOPT = 36
 """`PR_SET_CHILD_SUBREAPER` of Linux' <sys/prctl.h>."""
 MOST = 1000
-"""Processes that a worker may start. Ours: a driver starts a handful; one that starts others without end is ended
-before it fills the machine. In the tenth of a second between two looks two cores make some hundred."""
+"""Maximum number of descendants of a worker. Ours: a driver starts a handful; one that starts processes without end is
+ended before it fills the machine. In the tenth of a second between two checks, two cores start about a hundred."""
 _END_S = 5.0
-"""How long to look for processes that are to end. Ours: 1,000 take 0.1 s."""
+"""Time in which all processes to be ended must end, s. Ours: 1,000 take 0.1 s."""
 _SHARE = re.compile(rb"^Pss:\s+(\d+) kB", re.MULTILINE)
 
 
 def adopt_orphans() -> None:
-    """Let what this process's children leave behind become its own children, so that it is seen and ended with it."""
+    """Make orphans of this process's children its own children, so that they are counted and ended with it."""
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(_ADOPT, 1, 0, 0, 0)
 
 
 def started_by(pid: int) -> tuple[int, ...]:
-    """Return the processes that a process has started, and these in turn, those nearest to it first."""
+    """Return the descendants of a process, the nearest first."""
     found: list[int] = []
     ahead = [pid]
     while ahead and len(found) < 10 * MOST:  # a fork bomb must not hold the campaign up
@@ -44,10 +44,10 @@ def started_by(pid: int) -> tuple[int, ...]:
 
 
 def memory_mb(pid: int, limit_mb: float) -> float:
-    """Return how much memory a process and all that it has started have in use, in MB.
+    """Return the memory of a process and its descendants, in MB.
 
-    The sum of what each sees counts shared memory more than once; so where it passes `limit_mb`, each is counted with
-    its share, which takes the kernel longer to find out.
+    The sum of their resident memory counts shared memory more than once; so if it exceeds `limit_mb`, each process is
+    counted with its proportional share, which the kernel takes longer to compute.
     """
     everybody = (pid, *started_by(pid))
     seen_mb = sum(map(_resident_mb, everybody))
@@ -55,12 +55,12 @@ def memory_mb(pid: int, limit_mb: float) -> float:
 
 
 def end_started(pid: int, spared: Collection[int] = ()) -> int:
-    """End all that a process has started, also what has left its process group; return how many that were.
+    """End the descendants of a process, even outside its process group; return their number.
 
-    They are stopped first and ended when no new one appears: what starts others without end could else stay ahead.
+    They are stopped first and killed when no new one appears, so that endless starts cannot outrun this.
 
     Args:
-        spared: processes that stay, with all that these have started.
+        spared: processes that stay, with their descendants.
     """
     until_s = time.monotonic() + _END_S
     stopped: dict[int, None] = {}
@@ -76,7 +76,7 @@ def end_started(pid: int, spared: Collection[int] = ()) -> int:
 
 
 def end_below_this(spared: Collection[int] = ()) -> int:
-    """End all that this process has started, but for those `spared`, and leave no zombie; return how many that were."""
+    """End the descendants of this process except `spared` ones, without zombies; return how many ended."""
     ended, until_s = 0, time.monotonic() + _END_S
     while time.monotonic() < until_s:
         ended += end_started(os.getpid(), spared)
@@ -84,24 +84,24 @@ def end_below_this(spared: Collection[int] = ()) -> int:
         if not left:
             break
         for child in left:
-            with contextlib.suppress(ChildProcessError):  # a thread of the driver's waited for it
+            with contextlib.suppress(ChildProcessError):  # a thread of the driver has waited for it already
                 os.waitpid(child, os.WNOHANG)
         time.sleep(0.001)
     return ended
 
 
 def end_session(leader: int) -> None:
-    """End what is left of a session whose leader has ended; no other session gets its number while one runs."""
+    """End the remaining processes of a session whose leader has ended; its id is not reused while one of them runs."""
     _end_all(lambda: [pid for pid in _everyone() if _status(pid)[3:4] == [str(leader)]])
 
 
 def end_orphans(parent: int, spared: Collection[int]) -> None:
-    """End the children of a process, with all below them, but for those `spared`; of process 0 there are none."""
+    """End the children of a process and their descendants, except those `spared`; process 0 stands for none."""
     _end_all(lambda: [pid for child in _children(parent) if child not in spared for pid in (child, *started_by(child))])
 
 
 def parent_of(pid: int) -> int:
-    """Return the number of a process's parent, 0 where it is not known."""
+    """Return the id of a process's parent, 0 if it is unknown."""
     fields = _status(pid)
     return int(fields[1]) if fields else 0
 
@@ -118,7 +118,7 @@ def _end_all(listed: Callable[[], list[int]]) -> None:
 
 
 def _everyone() -> list[int]:
-    """Return the numbers of all processes; on another system than Linux, none."""
+    """Return the ids of all processes; empty on systems other than Linux."""
     if sys.platform != "linux":
         return []
     return [int(name) for name in os.listdir("/proc") if name.isdigit()]  # noqa: PTH208 - as in `_children`
@@ -130,7 +130,7 @@ def _is_dead(pid: int) -> bool:
 
 
 def _status(pid: int) -> list[str]:
-    """Return the fields of /proc/PID/stat from the state on; [] of a process that is gone."""
+    """Return the fields of /proc/PID/stat from the state on; [] if the process has ended."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -151,7 +151,7 @@ def _children(pid: int) -> list[int]:
             with open(f"/proc/{pid}/task/{thread}/children", "rb") as file:  # noqa: PTH123 - as above
                 found += map(int, file.read().split())
     except OSError:
-        pass  # it has ended, or this is no Linux
+        pass  # it has ended, or this is not Linux
     return found
 
 

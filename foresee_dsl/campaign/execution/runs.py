@@ -1,4 +1,4 @@
-"""Plain runs of test cases in processes of their own: whatever a driver does, there is a verdict for it."""
+"""Runs of test cases in separate processes, so that every run has a verdict whatever its driver does."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CaseRun:
-    """One test case as it was run.
+    """The run of one test case.
+
 
     Attributes:
-        result: what the run gave; None where its process died or was ended.
-        reason: how the run ended, in words. notes: what the driver printed and raised.
+        result: the result; None if the process died or was ended.
+        reason: how the run ended, in words. notes: prints and errors of the driver.
     """
 
     case: TestCase
@@ -36,12 +37,12 @@ class CaseRun:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed."""
+        """Whether the run passed with all expectations."""
         return passes(self.verdict, self.broken_expectations)
 
     @property
     def broken_expectations(self) -> tuple[str, ...]:
-        """The expectations that do not hold, a sentence each."""
+        """Broken expectations, one sentence each."""
         return self.result.broken_expectations if self.result is not None else ()
 
 
@@ -54,8 +55,8 @@ def run_cases(
     deadlines: Deadlines,
     profiler: Profiler | None = None,
 ) -> Iterator[CaseRun]:
-    """Run test cases; yield each as soon as it is done. `profiler`: measures where the time goes."""
-    # A single run needs no fork server, whose start would take as long as the run.
+    """Run test cases; yield each run as soon as it ends. `profiler` measures where the time goes."""
+    # A single run uses no fork server, whose start would take as long as the run.
     with WorkerPool(min(jobs, len(cases)), deaths=1, once=len(cases) == 1) as pool:
         tasks = {case.id: case for case in cases}
         todo = (
@@ -74,12 +75,13 @@ def run_cases(
 
 
 def run_here(case: TestCase, driver: str, *, seed: int = 0) -> CaseRun:
-    """Run a test case in this process, for a debugger: no deadlines, and prints go where they always go."""
+    """Run a test case in this process, for a debugger: without deadlines, and with prints going where they usually
+    go."""
     return case_run(case, with_unfired(case, driver, run_test_case(case, driver, seed, deadlines=None)))
 
 
 def case_run(case: TestCase, outcome: RunResult | Broken) -> CaseRun:
-    """Return what became of a test case's task."""
+    """Return the run of a test case from its task's outcome."""
     if isinstance(outcome, RunResult):
         return CaseRun(case, outcome.verdict, outcome.reason, outcome.notes, outcome)
     verdict, reason = broken_verdict(outcome)
@@ -87,23 +89,23 @@ def case_run(case: TestCase, outcome: RunResult | Broken) -> CaseRun:
 
 
 def broken_verdict(broken: Broken) -> tuple[Verdict, str]:
-    """Return the verdict of a run that gave no result, and its reason as one line."""
+    """Return the verdict of a run without a result, and the reason in one line."""
     verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
     begins = {"raised": "the run raised ", "crash": "", "timeout": "timeout: the run "}.get(broken.how, "the run ")
     return verdict, " ".join((begins + broken.reason).split()).replace('"', "'")[:LONGEST_REASON]
 
 
 LONGEST_REASON = 1000
-"""Characters of the reason of a run that broke: as of a driver that raises (`simulate.driver_faults`)."""
+"""Maximum length of a broken run's reason, in characters (as for a driver that raises, `simulate.driver_faults`)."""
 
 
 def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines) -> RunResult:
     result = run_test_case(case, driver, seed, deadlines=deadlines)
-    _ = result.near_misses  # computed here: what imports the kernels is this process
+    _ = result.near_misses  # computed here, because this process has imported the kernels
     return with_unfired(case, driver, result)
 
 
 def with_unfired(case: TestCase, driver: str, result: RunResult) -> RunResult:
-    """Return a run's result with the triggers that never fired, and how near they came: worked out from its trace."""
+    """Return a result completed by the triggers that never fired and how near they came, computed from its trace."""
     found = unfired(case.scenario, lambda: compile_test_case(case), result.trace, sensors_of(driver))
     return replace(result, unfired=found) if found else result

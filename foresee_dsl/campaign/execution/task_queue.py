@@ -1,7 +1,7 @@
-"""The tasks that wait to be run: the most urgent first, and among equally urgent ones those that a process is warm for.
+"""The queue of waiting tasks: the most urgent first, and among equally urgent ones those that a process is warm for.
 
-Priorities are tuples, smaller ones first. Their last number is only an order of preference: tasks whose priorities are
-alike but for it are equally urgent.
+Priorities are tuples, smaller ones first. Their last number is only a preference: tasks whose priorities differ in it
+alone are equally urgent.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from itertools import count
 
 Priority = tuple[int, ...]
 Shares = tuple[str, ...]
-"""What a task works with, from what many tasks share to what few do: a network, a test case, a clip."""
+"""Inputs of a task, from those that many tasks share to those that few share: a network, a test case, a clip."""
 
 
 class TaskQueue:
@@ -22,16 +22,16 @@ class TaskQueue:
     def __init__(self) -> None:
         self._waiting: dict[int, tuple[Priority, int, Shares]] = {}
         self._heaps: dict[Shares, list[tuple[Priority, int, int]]] = {}
-        """By what is shared, `()` for all tasks: priority, turn and number; those that wait no more included."""
+        """Priority, turn and number of tasks by shared inputs (`()`: all tasks); may contain tasks already removed."""
         self._sharing: Counter[Shares] = Counter()
-        """How many waiting tasks share this."""
+        """Number of waiting tasks by shared inputs."""
         self._turns = count()
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def push(self, number: int, priority: Priority, shares: Shares = ()) -> None:
-        """Queue a task; of those with one priority it is the last."""
+        """Queue a task, after those of the same priority."""
         turn = next(self._turns)
         self._waiting[number] = priority, turn, shares
         for length in range(len(shares) + 1):
@@ -40,13 +40,14 @@ class TaskQueue:
 
     @property
     def first(self) -> int:
-        """The most urgent task, which stays in the queue; an `IndexError` where there is none."""
+        """The most urgent task, which remains queued; `IndexError` if there is none."""
         return self._head()[1]
 
     def take(self, most: int = 1, warm: Sequence[Shares] = ()) -> list[int]:
-        """Take out one of the most urgent tasks, and up to `most` that are as urgent and share the same with others.
+        """Remove and return one of the most urgent tasks, and up to `most` in all that are as urgent and share its
+        inputs.
 
-        `warm`: what a process has worked with, the latest first. The tasks share as much as possible with one of these.
+        `warm`: inputs that a process has used, the latest first; tasks that share most with one of them are preferred.
 
         Raises:
             IndexError: there is none.
@@ -65,7 +66,7 @@ class TaskQueue:
             number = top[1]
 
     def clear(self) -> None:
-        """Forget all tasks."""
+        """Remove all tasks."""
         self._waiting.clear()
         self._heaps.clear()
         self._sharing.clear()
@@ -92,7 +93,7 @@ class TaskQueue:
                 del self._sharing[shares[:length]], self._heaps[shares[:length]]
 
     def _top(self, shares: Shares) -> tuple[Priority, int] | None:
-        """Return priority and number of the most urgent task that shares this."""
+        """Return priority and number of the most urgent task with these inputs; None if there is none."""
         heap = self._heaps.get(shares)
         while heap:
             priority, turn, number = heap[0]

@@ -1,1 +1,1 @@
-"""Findings: failures that tell one story, the one that represents them made small, and its review."""
+"""Findings: failures with the same story, their minimised representative, and its review."""

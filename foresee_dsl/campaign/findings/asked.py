@@ -1,4 +1,4 @@
-"""A failure that a command names: a finding or a child of a campaign by its name, or a mutant's file."""
+"""A failure that a command names: a finding or mutant of a campaign by name, or a mutant's file."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from foresee_dsl.language.project.addresses import absolute, is_file, kind_of
 
 @dataclass(frozen=True)
 class Asked:
-    """A failure as it was found.
+    """A failure in its original form.
+
 
     Attributes:
-        name: the mutant's or test case's. file: its file, unreduced; of a test case its address.
-        campaign: the folder of the campaign that found it, None where there is none. data: what its JSON says.
-        child: whether it is a mutant (or a clip), and no test case that fails unmutated.
+        name: of the mutant or test case. file: its file, not minimised; for a test case its address.
+        campaign: folder of its campaign, or None. data: contents of `campaign.json`.
+        child: True for a mutant (or clip), False for a test case that fails without mutation.
     """
 
     name: str
@@ -32,39 +33,39 @@ class Asked:
 
     @property
     def store(self) -> Path | None:
-        """The store of its campaign, None where there is none."""
+        """The store of its campaign; None without a campaign."""
         folder = self.campaign / "store" if self.campaign is not None else None
         return folder if folder is not None and (folder / "runs.sqlite").is_file() else None
 
     @property
     def finding(self) -> Mapping[str, Any] | None:
-        """What the campaign says of the finding that it represents or belongs to."""
+        """Entry in `campaign.json` of the finding that it represents or belongs to."""
         all_found: list[Mapping[str, Any]] = list(self.data.get("findings", ()))
         own = (one for one in all_found if one["name"] == self.name)
         return next(own, next((one for one in all_found if self.name in one.get("siblings", ())), None))
 
     @property
     def minimised(self) -> Path | None:
-        """The file of its minimised form, None where there is none."""
+        """The file of its minimised form, or None."""
         file = self.campaign / "findings" / self.name / self.file.name if self.campaign is not None else None
         return file if file is not None and is_file(file) else None
 
     @property
     def sentence(self) -> str:
-        """What happens, "" where no campaign tells."""
+        """What happens; "" without a campaign."""
         told = (self._own.get("story") or {}).get("sentence")
         found = self.finding or {}
         return str(told or (found.get("sentence") if found.get("name") == self.name else "") or "")
 
     @property
     def sentence_minimised(self) -> str:
-        """What happens in its minimised form, "" where no campaign tells."""
+        """What happens in its minimised form; "" without a campaign."""
         found = self.finding or {}
         return str((found.get("minimised") or {}).get("sentence") or "") if found.get("name") == self.name else ""
 
     @property
     def reason(self) -> str:
-        """How its run ended, "" where no campaign tells."""
+        """How its run ended; "" without a campaign."""
         return str(self._own.get("reason") or "")
 
     @property
@@ -75,13 +76,13 @@ class Asked:
 
 
 def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
-    """Find the failure that is meant.
+    """Return the failure of this name or file.
 
     Args:
-        campaign: the folder in which names are looked up. tests: a test case that fails unmutated will do too.
+        campaign: folder in which names are looked up. tests: also accept a test case that fails without mutation.
 
     Raises:
-        ForeseeError: there is none of that name, or it is no mutant.
+        ForeseeError: there is no failure of that name, or it is not a mutant.
     """
     path = Path(wanted)
     if is_file(path):
@@ -113,7 +114,7 @@ def _by_file(path: Path) -> Asked:
     child = next((child for child in _children(data) if child["mutant"] == path.stem and child.get("file")), None)
     if above is None or child is None:
         return Asked(path.stem, path)
-    # A file in `findings` is minimised already: what is meant is the child that it was made of.
+    # A file in `findings` is already minimised: return the mutant that it was made from.
     own = above / str(child["file"])
     inside = absolute(path).parent in (absolute(own).parent, absolute(above / "findings" / path.stem))
     return Asked(path.stem, own, above, data) if inside else Asked(path.stem, path)

@@ -1,4 +1,4 @@
-"""What is found out about a failure: the judges' answers, and its story."""
+"""Explanation of a failure: the judges' answers and its story."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from foresee_dsl.story import Story, tell
 
 @dataclass(frozen=True)
 class Explained:
-    """What is known of a failure; of another run nothing."""
+    """The explanation of a failure; empty for other runs."""
 
     judgements: tuple[AnyJudgement, ...] = ()
     story: Story | None = None
 
 
 NOTHING = Explained()
-"""Of a run that did not fail."""
+"""The explanation of a run that did not fail."""
 
 
 @Part.EXPLAIN.measured
 def explained(case: TestCase, result: RunResult) -> Explained:
-    """Return of a failure what the judges say, and its story."""
+    """Return the judges' answers and the story of a failure."""
     if not result.verdict.is_failure:
         return NOTHING
     bundle = compile_test_case(case)

@@ -1,4 +1,4 @@
-"""Findings: the failures of a campaign that tell the same story, as one, with the simplest of them in front."""
+"""Grouping of a campaign's failures into findings: those with the same story, the simplest of them in front."""
 
 from __future__ import annotations
 
@@ -17,36 +17,37 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.story import Story
 
 Failure = SeedOutcome | ChildOutcome
-"""A failing test case, as it is or mutated."""
+"""A failing test case or mutant."""
 
 
 class Outcomes(Protocol):
-    """What a `CampaignResult` has of this."""
+    """The parts of a `CampaignResult` that grouping uses."""
 
     @property
     def seeds(self) -> tuple[SeedOutcome, ...]:
-        """The test cases that were run."""
+        """The test cases."""
         ...
 
     @property
     def clips(self) -> tuple[ClipOutcome, ...]:
-        """The clips, with their children."""
+        """The clips with their mutants."""
         ...
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Failures that tell the same story.
+    """Failures with the same story.
+
 
     Attributes:
-        name: the representative's. story: the representative's. representative: the simplest of them.
-        siblings, sibling_files: the others' names and files, sorted.
-        test_case: the address of the representative's test case. family: of all of them.
-        file: the representative's: of a child relative to the campaign's folder, of a test case its address.
-        clip: the file of the representative's clip, relative to the campaign's folder; "" of a test case.
-        minimised: the representative made smaller, where that was done.
-        avoided: how many of the failures another driver avoids, who passes the unmutated clip too; None where no other
-            driver was asked.
+        name: of the representative, the simplest of the failures. story: of the representative.
+        siblings, sibling_files: names and files of the others, sorted.
+        test_case: address of the representative's test case. family: of all failures.
+        file: of the representative: a mutant's relative to the campaign's folder, a test case's address.
+        clip: file of the representative's clip, relative to the campaign's folder; "" for a test case.
+        minimised: the minimised representative, if any.
+        avoided: number of failures that a reference driver avoids which also passes the unmutated clip; None without
+            reference drivers.
     """
 
     name: str
@@ -71,43 +72,44 @@ class Finding:
 
     @property
     def references(self) -> tuple[ReferenceRun, ...]:
-        """The runs with other drivers of what is shown: the minimised representative, else the representative."""
+        """Runs of reference drivers with the displayed mutant: the minimised representative if any, else the
+        original."""
         return (self.minimised and self.minimised.child.references) or self.representative.references
 
     @property
     def judgements(self) -> tuple[AnyJudgement, ...]:
-        """The judges' answers about what is shown, as `references` are."""
+        """The judges' answers about the displayed mutant, as for `references`."""
         return (self.minimised and self.minimised.child.judgements) or self.representative.judgements
 
     @property
     def avoidable(self) -> bool:
-        """Whether a judge of what is shown, or another driver of any of its failures, would have avoided it."""
+        """Whether a judge, or a reference driver for any of its failures, states that it could have been avoided."""
         return any(found.avoids for found in self.judgements) or bool(self.avoided)
 
     @property
     def verdict(self) -> Verdict:
-        """The representative's."""
+        """Verdict of the representative."""
         return self.representative.verdict
 
     @property
     def preventability(self) -> Preventability | None:
-        """The answer of R157's driver."""
+        """Answer of the careful driver of UN Regulation 157."""
         return (self.minimised and self.minimised.child.preventability) or self.representative.preventability
 
     @property
     def anticipation(self) -> Anticipation | None:
-        """That of the anticipating driver."""
+        """Answer of the anticipating driver."""
         return (self.minimised and self.minimised.child.anticipation) or self.representative.anticipation
 
     @property
     def count(self) -> int:
-        """How many failures it stands for."""
+        """Number of its failures."""
         return 1 + len(self.siblings)
 
 
 @dataclass(frozen=True)
 class _Told:
-    """A failure with its story, and what says how simple it is."""
+    """A failure with its story and a measure of its simplicity (smaller is simpler)."""
 
     name: str
     failure: Failure
@@ -120,7 +122,7 @@ class _Told:
 
 
 def findings_of(result: Outcomes) -> tuple[Finding, ...]:
-    """Return the findings of a campaign; by family, then those that stand for most failures, then by name."""
+    """Return the findings of a campaign, sorted by family, then by descending number of failures, then by name."""
     groups: dict[tuple[str, ...], list[_Told]] = defaultdict(list)
     for told in _told(result):
         groups[told.family, *told.story.signature].append(told)
@@ -169,13 +171,14 @@ def _told(result: Outcomes) -> list[_Told]:
 
 
 def case_file_name(address: str, scenario: str) -> str:
-    """Return the name that a test case's files begin with: `red_light_runner_r02`."""
+    """Return the beginning of the names of a test case's files: `red_light_runner_r02`."""
     case = address.partition("::")[2]
     return f"{scenario}_{case}" if case else scenario
 
 
 def _simplicity(child: ChildOutcome) -> tuple[int, float]:
-    """Return how many lines a mutant changes, and how far its numbers are from the original ones, together."""
+    """Return how many lines a mutant changes, and the sum of the differences between its numbers and the original
+    ones."""
     model = parse(child.text, child.name).model
     changes = model.changes if isinstance(model, Mutant) else ()
     far = sum(abs(c.now.si - c.was.si) for c in changes if isinstance(c.now, Quantity) and isinstance(c.was, Quantity))

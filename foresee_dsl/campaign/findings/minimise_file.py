@@ -1,4 +1,4 @@
-"""A mutant's file, minimised: what `foresee minimise` does. What a campaign or the same command did is looked up."""
+"""The command `foresee minimise` for a mutant's file; results of a campaign or of the same command are reused."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ def minimise_file(
     wanted: Asked, store_folder: Path | None = None, *, driver: str = "", budget: int, run_programs: bool = False,
     allow_outside: bool = True,
 ) -> tuple[Minimised, TestCase, int]:  # fmt: skip
-    """Minimise a mutant's file, with the driver and the seed that it records.
+    """Minimise a mutant's file, with the driver and seed that it records.
 
     Args:
-        store_folder: where results are stored; by default its campaign's store, else one in the user's cache.
-        driver: another driver than the recorded one. run_programs: start a program that the file records as its driver.
+        store_folder: where results are stored; by default its campaign's store, otherwise one in the user's cache.
+        driver: replaces the recorded one. run_programs: start a program that the file records as its driver.
 
     Returns:
-        What was found, the test case that the clip was cut from, and how many runs it took now: 0 where it was known.
+        The result, the test case that the clip was cut from, and the number of runs now: 0 if the result was stored.
 
     Raises:
-        DriverError: the file records a program, which was not allowed; or the driver ended the process that ran it.
-        InputError: the file has mistakes or is stale. CannotMinimiseError: the mutant does not fail.
+        DriverError: the file records a program, which is not allowed; or the driver ended its process.
+        InputError: the file has errors or is stale. CannotMinimiseError: the mutant does not fail.
         StoreError: the store cannot be written.
     """
     case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
@@ -67,7 +67,7 @@ def minimise_file(
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
     folder = folder or cache_folder("minimised")
     if (known := _known(folder, its)) is not None:
-        # It may be stored under the names that another campaign gave it.
+        # It may be stored under another campaign's names.
         return _checked(replace(known, clip=clip.name, child=replace(known.child, name=mutant.name))), parent, 0
     work = _Work(parent, clip, mutant, absolute(wanted.file).parent, address, seed, run_seed, limit_m, budget)
     with Store(folder) as store:
@@ -82,7 +82,7 @@ def minimise_file(
 
 @dataclass(frozen=True)
 class _Work:
-    """What a process of its own needs to minimise a mutant; `folder` is that of the mutant's file."""
+    """The input of the process that minimises a mutant; `folder` is that of the mutant's file."""
 
     parent: TestCase
     clip: Clip
@@ -96,10 +96,10 @@ class _Work:
 
 
 def _apart(work: _Work) -> tuple[Minimised, bytes | None]:
-    """Minimise in a process of its own: what a driver does there is not done to this one.
+    """Minimise in a separate process, so that a driver's effects do not reach this one.
 
     Returns:
-        What was found, and the packed trace of its last run, None where there is none.
+        The result, and the packed trace of its last run, if any.
 
     Raises:
         DriverError: the process died or was ended.
@@ -123,7 +123,7 @@ def _minimise(work: _Work) -> tuple[Minimised, bytes | None]:
 
 @dataclass(frozen=True)
 class Texts:
-    """A mutant and its clip as texts, with their names, and the test case that the clip was cut from."""
+    """A mutant and its clip as texts with names, and the test case that the clip was cut from."""
 
     mutant: str
     mutant_text: str
@@ -133,15 +133,15 @@ class Texts:
 
     @classmethod
     def of(cls, found: Minimised, parent: TestCase) -> Self:
-        """Return those of a minimised mutant."""
+        """Return the texts of a minimised mutant."""
         return cls(found.child.name, found.child.text, found.clip, found.clip_text, parent)
 
     @classmethod
     def unreduced(cls, wanted: Asked, *, allow_outside: bool = True) -> Self:
-        """Return those of the mutant as it was found.
+        """Return the texts of the mutant in its original form.
 
         Raises:
-            InputError: the file has mistakes or is stale.
+            InputError: the file has errors or is stale.
         """
         case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
         parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
@@ -169,7 +169,7 @@ def _checked(found: Minimised) -> Minimised:
 
 
 def _known(folder: Path, its: str) -> Minimised | None:
-    """Return what a store has; reading it needs no lock, so that it works while a campaign runs."""
+    """Return a store's result; reading needs no lock, so this works while a campaign runs."""
     if not (folder / "runs.sqlite").is_file():
         return None
     with Store(folder, write=False) as store:
@@ -183,7 +183,9 @@ def _loaded(file: Path, *, allow_outside: bool) -> tuple[TestCase, Clip, Mutant]
     if case.mutant is None or case.clip is None:
         raise ForeseeError(f"{file} holds no mutant, so that there is nothing to minimise")
     mutant, above = case.mutant, absolute(file.parent / case.mutant.parent)
-    while isinstance(other := load(above).model, Mutant):  # a mutant of a mutant: all changes, as one of the clip
+    while isinstance(
+        other := load(above).model, Mutant
+    ):  # a mutant of a mutant becomes one mutant of the clip with all changes
         mutant = mutant.model_copy(update={"pin": other.pin, "body": (*other.changes, *mutant.body)})
         above = absolute(above.parent / other.parent)
     return case, case.clip, mutant.model_copy(update={"parent": relative_to(absolute(file).parent, above)})

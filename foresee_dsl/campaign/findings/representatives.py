@@ -1,4 +1,4 @@
-"""Which failures of a campaign are made smaller: the representatives of its findings, once all children are known."""
+"""Choice of the failures to minimise: the representatives of the findings, once all mutants have ended."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from foresee_dsl.campaign.stages import Stages
 
 
 def choose_representatives(stages: Stages) -> tuple[Node, ...]:
-    """Return the steps that minimise the findings' representatives; a test case that fails unmutated has none.
+    """Return the steps that minimise the findings' representatives; a test case that fails without mutation has none.
 
-    With a shard, findings are those of the shard alone.
+    With a shard, only its own findings count.
     """
     findings = findings_of(assemble(stages, stages.out, failures=True))
     return stages.choose({f.name for f in findings if isinstance(f.representative, ChildOutcome)})

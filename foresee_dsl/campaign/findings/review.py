@@ -1,4 +1,4 @@
-"""A finding as a reviewer needs it: what happens, what was changed, where that begins to fail, what did not fail."""
+"""Review of a finding: what happens, the changes, the boundary of the failure, and the mutations that passed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from foresee_dsl.errors import ForeseeError
 
 @dataclass(frozen=True)
 class Mutation:
-    """One mutation of the finding's clip. `margins`: its near misses, by measure, as in `campaign.json`."""
+    """One mutation of the finding's clip. `margins`: its near misses by measure, as in `campaign.json`."""
 
     name: str
     changes: tuple[str, ...]
@@ -27,10 +27,11 @@ class Mutation:
 
 @dataclass(frozen=True)
 class Review:
-    """A finding.
+    """A finding with all that a reviewer needs.
+
 
     Attributes:
-        finding: as in `campaign.json`. asked: the name that was asked for, which may be a sibling's.
+        finding: as in `campaign.json`. asked: the requested name, which may be that of a sibling.
         others: the other mutations of its clip. driver, seed: of the campaign. campaign: its folder.
     """
 
@@ -45,30 +46,30 @@ class Review:
 
     @property
     def minimised(self) -> Mapping[str, Any] | None:
-        """The representative made smaller; None of a test case, or where that was not done yet."""
+        """The minimised representative; None for a test case, or before minimisation."""
         found: Mapping[str, Any] | None = self.finding.get("minimised")
         return found
 
     @property
     def withstood(self) -> tuple[str, ...]:
-        """The names of the mutations that the driver passed."""
+        """Names of the mutations that the driver passed."""
         return tuple(one.name for one in self.others if one.verdict == "pass")
 
     @property
     def as_found(self) -> str:
-        """The representative's file, unreduced."""
+        """The representative's file in its original form."""
         return str(self.finding["file"])
 
     @property
     def file(self) -> str:
-        """The file to look at: minimised where there is one."""
+        """The file to inspect: the minimised one, if any."""
         if self.finding.get("clip") is None:
             return str(self.finding["file"])
         return (self.campaign / str((self.minimised or self.finding)["file"])).as_posix()
 
     @property
     def commands(self) -> tuple[tuple[str, str], ...]:
-        """What to do next, in words, and its command."""
+        """Next steps: description and command of each."""
         mutant = self.finding.get("clip") is not None
         driver = f" --driver {shlex.quote(self.driver)}" if self.driver != "pdm" else ""
         seed = f" --seed {self.seed}" if self.seed else ""
@@ -82,7 +83,7 @@ class Review:
 
     @property
     def command_lines(self) -> tuple[str, ...]:
-        """The commands alone."""
+        """The commands without descriptions."""
         return tuple(command for _, command in self.commands)
 
 
@@ -95,7 +96,7 @@ def review_of(wanted: Asked) -> Review:
     finding = wanted.finding
     if wanted.campaign is None or finding is None:
         raise ForeseeError(
-            f"{wanted.file} is of no campaign's findings: `foresee minimise` says where it begins to fail"
+            f"{wanted.file} does not belong to a finding of a campaign: `foresee minimise` shows where it fails"
         )
     settings = wanted.data.get("settings", {})
     clip = Path(str(finding["clip"])).stem if finding.get("clip") else ""

@@ -1,4 +1,4 @@
-"""`campaign.json` read back: whatever was changed in it is an error in words, with its place."""
+"""Reader of `campaign.json`: any change by hand becomes an error with its place."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ JSON = "campaign.json"
 
 
 def read_written(campaign: Path) -> dict[str, Any]:
-    """Return what the `campaign.json` of a folder says; {} where there is none.
+    """Return the contents of a folder's `campaign.json`; {} if there is none.
 
-    All that is there has the type that a campaign writes. What a campaign of an older version did not write may be
-    missing; asking for it as `data[key]` raises.
+    All values have the types that a campaign writes. Keys that an older version did not write may be missing; access as
+    `data[key]` then raises.
 
     Raises:
-        ForeseeError: it cannot be read, or something in it is not what a campaign writes.
+        ForeseeError: it cannot be read, or a value is not one that a campaign writes.
     """
     file = campaign / JSON
     try:
@@ -46,7 +46,7 @@ def read_written(campaign: Path) -> dict[str, Any]:
 
 
 class _Object(dict[str, Any]):
-    """An object of the file."""
+    """An object of the file that raises a readable error for a missing key."""
 
     def __init__(self, file: Path, pairs: dict[str, Any]) -> None:
         super().__init__(pairs)

@@ -1,1 +1,1 @@
-"""Where the time goes: by part of the tool, measured from outside, and only where it is asked for (`--profile`)."""
+"""Profiles: time by part of the tool, measured only with `--profile`."""

@@ -1,4 +1,4 @@
-"""A clock that knows which part of the tool is at work: wall and CPU time of each part, without what others take."""
+"""A clock that attributes wall and CPU time to the active part of the tool, without the time of nested parts."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from foresee_dsl.measuring import Part
 
 @dataclass(frozen=True)
 class Spent:
-    """What one part took: CPU and wall time, ns."""
+    """CPU and wall time of one part, ns."""
 
     cpu_ns: int = 0
     wall_ns: int = 0
 
     def __add__(self, other: Spent) -> Spent:
-        """Return both together."""
+        """Return the sum of both."""
         return Spent(self.cpu_ns + other.cpu_ns, self.wall_ns + other.wall_ns)
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """What was measured: time by part (parts that took none are left out), and what was done in it.
+    """Measured times by part (parts without time are left out), with the amount of work done.
+
 
     Attributes:
-        decisions: how many steps drivers answered, the first of each run left out.
+        decisions: number of drivers' decisions, without the first of each run.
     """
 
     spent: Mapping[Part, Spent] = field(default_factory=dict)
@@ -36,7 +37,7 @@ class Measurement:
     simulated_s: float = 0.0
 
     def __add__(self, other: Measurement) -> Measurement:
-        """Return both together."""
+        """Return the sum of both."""
         parts = [part for part in Part if part in self.spent or part in other.spent]
         return Measurement(
             MappingProxyType({p: self.spent.get(p, Spent()) + other.spent.get(p, Spent()) for p in parts}),
@@ -46,29 +47,29 @@ class Measurement:
         )
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Go to another process."""
+        """Pass the measurement to another process."""
         return Measurement, (dict(self.spent), self.runs, self.decisions, self.simulated_s)
 
 
 EVERY = 8
-"""CPU time is read around one in this many decisions. Ours: read around every decision it took 6 % of a campaign, so
+"""CPU time is read around one in this many decisions. Ours: reading it around every decision took 6 % of a campaign, so
 this takes less than 1 %."""
 
 
 class Clock:
-    """Counts time for the part that is at work, one at a time.
+    """Counts time for one part at a time.
 
-    Wall time is read at each change of the part. Reading CPU time costs ten times as much (measured: 0.3 to 1.6 us). It
-    is read where a part begins or ends that is its `own`, and around one in `EVERY` of the driver's decisions: a driver
-    may wait, for a program or a GPU. The CPU time that the other parts took between two such moments is shared out by
-    their wall time: none of them waits for anything.
+    Wall time is read at each change of the part. Reading CPU time costs ten times as much (measured: 0.3 to 1.6 us), so
+    it is read only where a part with `own` begins or ends, and around one in `EVERY` of the driver's decisions, as a
+    driver may wait for a program or a GPU. The CPU time of the other parts between two readings is divided by their
+    wall time, because none of them waits.
 
     Attributes:
-        part: the one at work. refers: it is a reference driver that drives.
+        part: the active part. refers: a reference driver drives.
     """
 
     def __init__(self, part: Part = Part.IDLE, *, exactly: bool = False) -> None:
-        """Begin with a part. `exactly`: CPU time is read at each change, for benchmarks on a busy machine."""
+        """Begin with a part. `exactly`: read CPU time at each change, for benchmarks on a busy machine."""
         self.part = part
         self._before: list[Part] = []
         self._always = exactly
@@ -76,7 +77,7 @@ class Clock:
         self.runs = self.decisions = 0
         self.simulated_s = 0.0
         self._exactly = False
-        """Whether CPU time is read around the present decision."""
+        """True if CPU time is read around the present decision."""
         self._asked = 0
         self._own_cpu = self._own_wall = 0  # of decisions around which it was read
         self._open = [0] * len(Part)  # wall time since CPU time was read
@@ -86,7 +87,7 @@ class Clock:
         self._since = time.perf_counter_ns()
 
     def enter(self, part: Part) -> Part:
-        """Count for another part from now on; return the one before."""
+        """Count for another part from now on; return the previous one."""
         now, before = time.perf_counter_ns(), self.part
         self._open[before.number] += now - self._since
         self._since, self.part = now, part
@@ -101,13 +102,12 @@ class Clock:
         self._before.append(self.enter(part))
 
     def end(self) -> None:
-        """Count for the part again that was at work before the last `begin`."""
-        if self._before:  # else it began before this clock did
+        """Count again for the part that was active before the last `begin`."""
+        if self._before:  # otherwise the part began before this clock
             self.enter(self._before.pop())
 
     def begin_decision(self, *, first: bool) -> None:
-        """Count for the driver, which is asked for a decision, until `end`; `first`: the first of a run, a reset, or a
-        close."""
+        """Count for the driver's decision until `end`; `first`: the first of a run, a reset, or a closing."""
         if self.refers:
             self.begin(Part.REFERENCES)
         elif first:
@@ -119,21 +119,21 @@ class Clock:
             self.begin(Part.DRIVER)
 
     def add_programs(self, cpu_ns: int) -> None:
-        """Count the CPU time of the driver's programs: they worked while the driver waited for them."""
+        """Add the CPU time of the driver's programs, which worked while the driver waited for them."""
         self.add(Part.REFERENCES if self.refers else Part.DRIVER, cpu_ns=cpu_ns)
 
     def count_run(self, simulated_s: float) -> None:
-        """Count a run that is over."""
+        """Count a finished run."""
         self.runs += 1
         self.simulated_s += simulated_s
 
     def add(self, part: Part, *, cpu_ns: int = 0, wall_ns: int = 0) -> None:
-        """Count time that this clock did not see."""
+        """Add time that this clock did not measure."""
         self._cpu[part.number] += cpu_ns
         self._wall[part.number] += wall_ns
 
     def take(self) -> Measurement:
-        """Return what was counted since the last call."""
+        """Return the times since the last call."""
         self.enter(self.part)
         self._share_out()
         spent = {
@@ -146,7 +146,7 @@ class Clock:
         return found
 
     def _share_out(self) -> None:
-        """Share out the CPU time since it was last read; the time that this takes is the profile's own."""
+        """Divide the CPU time since the last reading; the time for this counts as the profile's own."""
         cpu = time.process_time_ns()
         spent, self._cpu_read = cpu - self._cpu_read, cpu
         driver, opened = Part.DRIVER.number, self._open

@@ -1,4 +1,4 @@
-"""Where a command's time went, as a record: what `--profile` prints."""
+"""The record that `--profile` prints: where a command's time went."""
 
 from __future__ import annotations
 
