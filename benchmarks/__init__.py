@@ -1,1 +1,1 @@
-"""What the tool costs, measured: `make bench`."""
+"""Benchmarks of the tool's costs: `make bench`."""

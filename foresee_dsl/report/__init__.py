@@ -1,1 +1,1 @@
-"""What people read: reports for terminals, browsers and build servers, pictures and playbacks."""
+"""Reports for people and tools: reports for terminals, browsers and build servers, pictures and playbacks."""

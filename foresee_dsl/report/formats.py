@@ -1,7 +1,7 @@
-"""The formats in which commands report: for people, and one registry for what tools read.
+"""The formats in which commands report: for people, and a registry of formats for other tools.
 
 A format is a function from a `CommandReport` to a text. Ours are in `OURS`; a package adds its own by the entry-point
-group `foresee_dsl.report_formats`, and every command that has `--format` offers it.
+group `foresee_dsl.report_formats`, and all commands with `--format` offer it.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
     from foresee_dsl.report.builds.case_results import CaseResult
 
 PEOPLE = ("text", "full", "table")
-"""The names of people's form, of which a command has one."""
+"""The names of the format for people; each command has one of them."""
 
 REPORT_FORMATS = PluginGroup("foresee_dsl.report_formats", "report format", ForeseeError)
 
 
 @dataclass(frozen=True)
 class CommandReport:
-    """What a command reports. Each part is worked out when a format asks for it.
+    """The contents of a command's report; each part is computed when a format needs it.
 
     Attributes:
         command: the command's name, such as `check`.
         data: its JSON document (docs/schemas), as text.
-        results: each test case and child, and how it ended; empty for a command that runs nothing.
-        mistakes: the mistakes and lints of files; None: the results of test cases that did not pass stand for them.
-        properties: name and value of what holds for all results, such as the driver.
+        results: the results of test cases and children; empty for a command that does not run any.
+        mistakes: the errors and lints of files; None if the results that did not pass are reported instead.
+        properties: names and values that hold for all results, such as the driver.
     """
 
     command: str
@@ -49,7 +49,7 @@ class CommandReport:
         return document
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return what is wrong, each with its place: mistakes of files, or test cases that did not pass."""
+        """Return the errors with their places: errors and lints of files, or test cases that did not pass."""
         if self.mistakes is not None:
             return self.mistakes()
         from foresee_dsl.report.builds.case_results import as_diagnostics
@@ -57,7 +57,7 @@ class CommandReport:
         return tuple(as_diagnostics(self.results()))
 
     def codes(self) -> Mapping[str, Code]:
-        """Return what the codes of the diagnostics mean, by code."""
+        """Return the explanations of the diagnostics' codes, by code."""
         if self.mistakes is not None:
             from foresee_dsl.language.codes.code import every_code
 
@@ -68,7 +68,7 @@ class CommandReport:
 
 
 class ReportFormat(Protocol):
-    """Writes a report as text, which goes to standard output or whole to the file of `--output`."""
+    """Converts a report to text, which is written to standard output or to the file of `--output`."""
 
     def __call__(self, report: CommandReport, /) -> str:
         """Return the report as text."""

@@ -1,4 +1,4 @@
-"""What happened in a run, in sentences that are derived from its trace."""
+"""Stories: the events of a run in sentences, derived from its trace."""
 
 from foresee_dsl.story.story import ContactClass, Moment, Story
 from foresee_dsl.story.telling import tell

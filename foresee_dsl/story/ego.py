@@ -1,4 +1,4 @@
-"""What the ego did in a run: its moments, and its manoeuvre and motion at the end."""
+"""The ego's part of a story: its moments, and its manoeuvre and motion at the end of the run."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ by `pdm` stays below 1.5 m/s^2."""
 
 @dataclass(frozen=True)
 class Ego:
-    """What the ego did at the end of a run.
+    """The manoeuvre and motion of the ego at the end of a run.
 
     Attributes:
         state: `stands`, `creeps`, `brakes`, `accelerates` or `drives on`.
@@ -75,7 +75,7 @@ class Ego:
 
 
 def ego_of(facts: Facts, place: Place) -> Ego:
-    """Return what the ego did at the end of a run that ended at a place."""
+    """Return the manoeuvre and motion of the ego at the end of a run that ended at a place."""
     speed, last = facts.speed(0), facts.last
     brakings = _brakings(facts)
     stand = next((s for s in spans(speed < STANDS_MPS, 0.0) if s[1] == last), None)
@@ -120,7 +120,7 @@ def _going(facts: Facts, place: Place) -> str:
 
 
 def _changes_lane(facts: Facts, frame: int) -> bool:
-    """Whether the ego changed its lane within the last two seconds."""
+    """Return whether the ego changed its lane within the 2 s before a frame."""
     network = facts.network
     ids = [facts.lane(0, k) for k in range(max(0, frame - round(2 / STEP_S)), frame + 1)]
     lanes = [network.lanes[name] for name in dict.fromkeys(ids) if name in network.lanes]

@@ -1,4 +1,4 @@
-"""What the opponent of a run did: where it came from, which rule it broke, when it became visible, its moments."""
+"""The opponent's part of a story: where it came from, the rule that it broke, when it became visible, its moments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happened in a run, as immutable records: moments with times, one sentence, and what makes two stories equal."""
+"""The story of a run as immutable records: moments with times, one sentence, and the words that equal stories share."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Story:
-    """What happened in a run.
+    """The story of a run.
 
     Attributes:
         moments: the moments in the order of time. sentence: the whole story in one sentence.

@@ -1,1 +1,1 @@
-"""Where each actor is at the first frame."""
+"""The placement of actors at the first frame."""

@@ -1,1 +1,1 @@
-"""What build servers read: JUnit, SARIF, GitHub's annotations, and the runs of the pytest plugin."""
+"""Reports for build servers: JUnit, SARIF, GitHub's annotations, and the runs of the pytest plugin."""

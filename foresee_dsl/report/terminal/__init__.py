@@ -1,1 +1,1 @@
-"""What a terminal shows: while a command works, and at its end."""
+"""Reports on the terminal: the progress of a command, and its result."""
