@@ -14,6 +14,7 @@ from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.errors import CompileError
+from foresee_dsl.helps import Help
 from foresee_dsl.language.model import EdgeRoute, Leg, Route
 from tests.support.built_networks import four_arms
 from tests.support.small_worlds import PLAIN, net_of
@@ -86,7 +87,7 @@ def test_a_route_without_turns_is_its_edge(road):
 def test_impossible_routes_say_what_is_possible(road, route, message, help):
     with pytest.raises(RouteError, match=message) as found:
         road.route_edges(route)
-    assert help in found.value.help
+    assert help in Help.of(found.value.help).text
 
 
 def test_gaps_are_filled_with_the_shortest_way(road):

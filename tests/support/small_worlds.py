@@ -8,6 +8,8 @@ from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
+from foresee_dsl.errors import Message
+from foresee_dsl.helps import Help
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.document import PlacementError, TestCase
 from foresee_dsl.language.project.loading import bundled_models
@@ -47,5 +49,5 @@ def problems_of(text, network=PLAIN):
     try:
         scene_of(text, network)
     except PlacementError as err:
-        return [(p.actor, p.item, p.message, p.help) for p in err.problems]
+        return [(p.actor, p.item, Message.of(p.message).text, Help.of(p.help).text) for p in err.problems]
     return []
