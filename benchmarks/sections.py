@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-PAGE = Path(__file__).parent.parent / "docs" / "background" / "performance.md"
+PAGE = Path(__file__).parent.parent / "docs" / "background" / "measurements.md"
 _BEGIN, _END = "<!-- {}: written by `{}` -->", "<!-- end of {} -->"
 
 

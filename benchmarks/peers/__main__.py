@@ -1,7 +1,7 @@
 """`python -m benchmarks.peers [--write]`: simulated seconds per second of CPU, compared with alternative tools.
 
 Each tool is installed into an environment under `build/peers`; a tool that cannot be installed is left out, with the
-reason. `--write` puts the table into `docs/background/performance.md`.
+reason. `--write` puts the table into `docs/background/measurements.md`.
 """
 
 from __future__ import annotations

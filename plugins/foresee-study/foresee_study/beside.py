@@ -53,18 +53,22 @@ def _short(value: float) -> str:
     return Column("", digits=digits).text(value)
 
 
-def in_words(results: Results, question: str) -> tuple[str, ...]:
-    """Return a sentence for each figure of a question that the paper also has."""
-    return tuple(
-        sentence
-        for figure in FIGURES
-        if figure.question == question
-        for driver in (
-            *results.drivers,
-            *((TOGETHER,) if len(results.drivers) > 1 and TOGETHER in figure.values else ()),
-        )
-        for sentence in _sentences(results, figure, driver)
-    )
+def in_words(results: Results, question: str, *, headlines: bool = False) -> tuple[str, ...]:
+    """Return a sentence for each figure of a question that the paper also has, and for each driver.
+
+    Args:
+        results: the study's.
+        question: its name.
+        headlines: only the main figures; of all drivers together, where the paper has that figure.
+    """
+    sentences: list[str] = []
+    for figure in FIGURES:
+        if figure.question != question or (headlines and not figure.headline):
+            continue
+        together = (TOGETHER,) if len(results.drivers) > 1 and TOGETHER in figure.values else ()
+        drivers = together if headlines and together else (*results.drivers, *together)
+        sentences += [sentence for driver in drivers for sentence in _sentences(results, figure, driver)]
+    return tuple(sentences)
 
 
 def _sentences(results: Results, figure: PaperFigure, driver: str) -> Iterator[str]:

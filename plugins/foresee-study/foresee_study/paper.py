@@ -59,6 +59,7 @@ class PaperFigure:
     Attributes:
         question: its name. what: in words. section: where the paper has it.
         values: the paper's, by the driver that stands for its own. ours: computes it for a driver, or for all.
+        headline: whether the page of results states it; tables have every figure.
     """
 
     question: str
@@ -67,6 +68,7 @@ class PaperFigure:
     section: str
     values: Mapping[str, float]
     ours: Callable[[Results, str], Ours | None] = field(compare=False)
+    headline: bool = True
 
     def of(self, driver: str) -> tuple[str, float]:
         """Return whose figure of the paper a driver's is compared with, and that figure."""
@@ -232,17 +234,17 @@ def _both(interfuser: float, transfuser: float, together: float | None = None) -
 _RQ1, _RQ2, _RQ3 = "4.5, RQ1", "4.5, RQ2", "4.5, RQ3"
 FIGURES = (
     PaperFigure("rq1", "collisions a risky point, foresee, clips of 6 s, n_rp 4", Unit.RATE, f"{_RQ1}, table 2",
-                _both(0.2651, 0.046), a_risky_point("foresee", 6, 4)),
+                _both(0.2651, 0.046), a_risky_point("foresee", 6, 4), headline=False),
     PaperFigure("rq1", "collisions a risky point, foresee, clips of 10 s, n_rp 1", Unit.RATE, f"{_RQ1}, table 2",
-                _both(0.2727, 0.160), a_risky_point("foresee", 10, 1)),
+                _both(0.2727, 0.160), a_risky_point("foresee", 10, 1), headline=False),
     PaperFigure("rq1", "collisions a risky point, foresee, clips of 10 s, n_rp 2", Unit.RATE, f"{_RQ1}, table 2",
-                _both(0.3276, 0.167), a_risky_point("foresee", 10, 2)),
+                _both(0.3276, 0.167), a_risky_point("foresee", 10, 2), headline=False),
     PaperFigure("rq1", "collisions a risky point, foresee, clips of 10 s, n_rp 4", Unit.RATE, f"{_RQ1}, table 2",
                 _both(0.3419, 0.156), a_risky_point("foresee", 10, 4)),
     PaperFigure("rq1", "collisions a risky point, proximity, clips of 10 s, n_rp 4", Unit.RATE, f"{_RQ2}, table 4",
-                _both(0.09, 0.09), a_risky_point("proximity", 10, 4)),
+                _both(0.09, 0.09), a_risky_point("proximity", 10, 4), headline=False),
     PaperFigure("rq1", "foresee's share of the exhaustive search, clips of 6 s, n_rp 4", Unit.SHARE, _RQ1,
-                {"fusion_safe": 26.94}, of_exhaustive(6)),
+                {"fusion_safe": 26.94}, of_exhaustive(6), headline=False),
     PaperFigure("rq1", "foresee's share of the exhaustive search, clips of 10 s, n_rp 4", Unit.SHARE, _RQ1,
                 {"fusion_safe": 40.14}, of_exhaustive(10)),
     PaperFigure("rq2", "more collisions than random", Unit.MORE, _RQ2, _both(186.69, 37.06, 128.70),
@@ -250,7 +252,7 @@ FIGURES = (
     PaperFigure("rq2", "more collisions than selforacle", Unit.MORE, _RQ2, _both(44.09, 21.38, 38.09),
                 more_than("selforacle")),
     PaperFigure("rq3", "more collisions an hour than exhaustive, clips of 6 s", Unit.MORE, _RQ3,
-                {"fusion_safe": 269.76}, more_an_hour(6)),
+                {"fusion_safe": 269.76}, more_an_hour(6), headline=False),
     PaperFigure("rq3", "more collisions an hour than exhaustive, clips of 10 s", Unit.MORE, _RQ3,
                 {"fusion_safe": 318.29}, more_an_hour(10)),
     PaperFigure("rq3", "area under the curve, over random", Unit.TIMES, _RQ3, _both(2.62, 1.74, 2.49),

@@ -101,7 +101,7 @@ def write_page(
     parts = [
         Part(
             QUESTIONS[name],
-            in_words(results, name),
+            in_words(results, name, headlines=True),
             tuple(table for table in found if not table.name.endswith(WALL)),
             tuple(figures_of(name, figures)),
         )
