@@ -1,4 +1,4 @@
-"""What the steps of a campaign give, as immutable records, and how they are stored: as compressed JSON."""
+"""The results of a campaign's steps, as immutable records, and their storage as compressed JSON."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ from foresee_dsl.story import Story
 
 
 class Judged:
-    """What records of failures have in common: the judges' answers, and what follows from them."""
+    """Common part of the records of failures: the judges' answers and what follows from them."""
 
     judgements: tuple[AnyJudgement, ...]
     references: tuple[ReferenceRun, ...]
 
     @property
     def preventability(self) -> Preventability | None:
-        """The answer of R157's driver; None where it was no failure."""
+        """Answer of the careful driver of UN Regulation 157; None if the run did not fail."""
         return next((found for found in self.judgements if isinstance(found, Preventability)), None)
 
     @property
     def anticipation(self) -> Anticipation | None:
-        """That of the anticipating driver, likewise."""
+        """Answer of the anticipating driver; None if the run did not fail."""
         return next((found for found in self.judgements if isinstance(found, Anticipation)), None)
 
     @property
     def preventable(self) -> Preventable | None:
-        """Whether a careful driver would have avoided it; None where it was no failure, or was not looked at."""
+        """Whether a careful driver would have avoided the failure; None without a failure or an answer."""
         return self.preventability.verdict if self.preventability else None
 
     @property
     def avoided(self) -> tuple[ReferenceRun, ...]:
-        """Those of its runs with other drivers that pass, where these drivers pass the unmutated clip as well."""
+        """Runs of reference drivers that avoid the failure and also pass the unmutated clip."""
         return tuple(run for run in self.references if run.avoids)
 
     @property
     def avoidable(self) -> bool:
-        """Whether any judge or another driver avoids it, or would have."""
+        """Whether any judge or reference driver states that the failure could have been avoided."""
         return any(found.avoids for found in (*self.judgements, *self.references))
 
 
 @dataclass(frozen=True)
 class SeedOutcome(Judged):
-    """One test case as it was run, unmutated. `judgements` and `story`: of a failure. `notes`: if
-    there are any."""
+    """The run of one test case without mutation. `judgements` and `story` exist for failures, `notes` if there are
+    any."""
 
     id: str
     family: str
@@ -67,7 +67,7 @@ class SeedOutcome(Judged):
     wall_s: float
     trace: str = ""
     meaning: str = ""
-    """Its test case's, here and of a child: how another campaign finds the same one."""
+    """Hash of the test case's meaning (as for a mutant), by which another campaign finds the same test case."""
     risky_points: int = 0
     impact: Impact | None = None
     near: NearMisses | None = None
@@ -75,9 +75,9 @@ class SeedOutcome(Judged):
     story: Story | None = None
     notes: DriverNotes | None = None
     references: tuple[ReferenceRun, ...] = ()
-    """Of a failure: its runs with other drivers."""
+    """For a failure: its runs with reference drivers."""
     broken_expectations: tuple[str, ...] = ()
-    """The expectations that do not hold, a sentence each."""
+    """Broken expectations, one sentence each."""
 
     shown = (
         "test_case=id family meaning verdict broken_expectations reason duration_s:2 risky_points impact "
@@ -86,17 +86,18 @@ class SeedOutcome(Judged):
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed."""
+        """Whether the run passed with all expectations."""
         return passes(self.verdict, self.broken_expectations)
 
 
 @dataclass(frozen=True)
 class Draft:
-    """A clip before it was run.
+    """A clip before its run.
+
 
     Attributes:
-        rank: its risky point's. text: its file. name, parent, case: as in its first line.
-        pin: what a child of it pins. risk: a hash of its `risk` line, by which it is mutated.
+        rank: rank of its risky point. text: its file. name, parent, case: as in its first line.
+        pin: the pin for its mutants. risk: hash of its `risk` line, which determines its mutations.
     """
 
     rank: int
@@ -110,7 +111,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class Forecast:
-    """The risky points of a run: how many there are, and the clips around the first of them."""
+    """The risky points of a run: their number, and the clips around the first of them."""
 
     points: int
     drafts: tuple[Draft, ...]
@@ -118,7 +119,7 @@ class Forecast:
 
 @dataclass(frozen=True)
 class MutantDraft:
-    """A mutant before it was run. `number`: the last part of its name. `meaning`: its test case's."""
+    """A mutant before its run. `number`: last part of its name. `meaning`: hash of its test case's meaning."""
 
     number: int
     text: str
@@ -130,8 +131,8 @@ class Mutants:
     """The mutants of one clip.
 
     Attributes:
-        plans: by which its children are drawn (`derive.mutate.Mutator.plans`).
-        searched: how many children the preset's search has, where rounds may ask for them.
+        plans: plans by which mutants are drawn (`derive.mutate.Mutator.plans`).
+        searched: number of mutants of the preset's search, if rounds may request them.
     """
 
     drafts: tuple[MutantDraft, ...]
@@ -141,7 +142,7 @@ class Mutants:
 
 @dataclass(frozen=True)
 class ChildOutcome(Judged):
-    """One mutant as it was run; `text` already holds what was found. `judgements` and `story`: of a failure."""
+    """The run of one mutant; `text` already contains the result. `judgements` and `story` exist for failures."""
 
     name: str
     file: str
@@ -159,15 +160,15 @@ class ChildOutcome(Judged):
     near: NearMisses | None = None
     story: Story | None = None
     notes: DriverNotes | None = None
-    """Of a run that did not pass, if there are any."""
+    """For a run that did not pass, if there are any."""
     references: tuple[ReferenceRun, ...] = ()
-    """Of a failure: its runs with other drivers."""
+    """For a failure: its runs with reference drivers."""
     round: int | None = None
-    """The round that asked for it, where children are allocated in rounds."""
+    """Round that requested it, if mutants are allocated in rounds."""
     drawn_near: str = ""
-    """The child of the same clip near which it was drawn, if it was."""
+    """Name of the earlier mutant whose changes this one varies; empty if it was drawn independently."""
     broken_expectations: tuple[str, ...] = ()
-    """As of a `SeedOutcome`."""
+    """As in a `SeedOutcome`."""
 
     shown = (
         "mutant=name round drawn_near? meaning operators changes verdict broken_expectations with=with_ reason "
@@ -176,28 +177,28 @@ class ChildOutcome(Judged):
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed."""
+        """Whether the run passed with all expectations."""
         return passes(self.verdict, self.broken_expectations)
 
     @property
     def changes(self) -> list[str]:
-        """What the mutant changes, as its file says it (parsing 1,200 mutants for the same words takes seconds)."""
+        """The mutant's changes as text of its file (parsing 1,200 mutants for the same text takes seconds)."""
         lines = (line.strip() for line in self.text.splitlines() if "change " in line)
         return [line.removeprefix("change ") for line in lines if line.startswith("change ")]
 
     @property
     def failed_file(self) -> str:
-        """Its file, which only a failure has."""
+        """Its file, which only a failure has; otherwise empty."""
         return self.file if self.verdict.is_failure else ""
 
 
 @dataclass(frozen=True)
 class ClipOutcome:
-    """One clip as it was run unmutated, and its children.
+    """The run of one clip without mutation, and its mutants.
 
-    `largest_m`: the largest deviation of any actor from the parent's window. `median_m`: the median over the other
-    actors. `within`: the share of the other actors that stay within 0.1 m. `others_m`: the largest deviation of each of
-    them. `ego_m`: the ego's.
+    `largest_m`: largest deviation of any actor from the parent's run. `median_m`: median over the other actors.
+    `within`: share of the other actors within 0.1 m. `others_m`: largest deviation of each of them. `ego_m`: of the
+    ego.
     """
 
     seed: str
@@ -217,7 +218,7 @@ class ClipOutcome:
     others_m: tuple[float, ...] = ()
     ego_m: float = 0.0
     notes: DriverNotes | None = None
-    """As of a `ChildOutcome`."""
+    """As in a `ChildOutcome`."""
 
     shown = (
         "clip=name test_case=seed verdict deviation_m/max=largest_m?:4 deviation_m/median_others=median_m?:4 "
@@ -226,12 +227,12 @@ class ClipOutcome:
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:
-        """The children that failed."""
+        """The mutants that failed."""
         return tuple(c for c in self.children if c.verdict.is_failure)
 
 
 class Reduced(NamedTuple):
-    """How many there were before, and are now."""
+    """A number before and after minimisation."""
 
     before: int = 0
     now: int = 0
@@ -242,14 +243,15 @@ _NONE = Reduced()
 
 @dataclass(frozen=True)
 class Minimised:
-    """The representative of a finding, made as small as its failure allows.
+    """The minimised representative of a finding.
+
 
     Attributes:
-        child: its run. clip: the name of its clip. clip_text: that clip's file.
-        dropped: what was left out. boundaries: where its numbers begin to fail.
-        changes, actors, clip_lines: how many there were before and are now; lines of a clip's file.
-        runs: how many that took. complete: whether the budget was enough for all reductions.
-        note: why it is as it was, or less small than it might be; "" where there is nothing to say.
+        child: its run. clip: the name of its clip. clip_text: the file of that clip.
+        dropped: changes and actors that were left out. boundaries: values at which its numbers begin to fail.
+        changes, actors, clip_lines: numbers before and after; lines of the clip's file.
+        runs: number of runs needed. complete: the budget sufficed for all reductions.
+        note: why it is unchanged or not as small as possible; "" without a note.
     """
 
     child: ChildOutcome
@@ -273,26 +275,26 @@ class Minimised:
 
     @property
     def folder(self) -> str:
-        """Where its files are, relative to the campaign's folder."""
+        """Folder of its files, relative to the campaign's folder."""
         return f"findings/{self.child.name}"
 
     @property
     def file(self) -> str:
-        """Its mutant's file, likewise."""
+        """The mutant's file, relative to the campaign's folder."""
         return f"{self.folder}/{self.child.name}.foresee"
 
     @property
     def clip_file(self) -> str:
-        """Its clip's, likewise."""
+        """The clip's file, relative to the campaign's folder."""
         return f"{self.folder}/{self.clip}.foresee"
 
 
 Record = SeedOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | ReferenceRun | Minimised
-"""A step's result. A new one is added here; `campaign.assembly` then fails the type check until it knows it."""
+"""A step's result. A new class is added here; `campaign.assembly` then fails the type check until it handles it."""
 
 
 def encode(record: Record) -> bytes:
-    """Return a record as it is stored; floats keep every bit."""
+    """Return a record in its stored form; floats keep every bit."""
     plain = _adapter(type(record).__name__).dump_python(record, mode="json")
     # Level 1: a clip's 8 kB of text become 2 kB in 0.1 ms; level 6 saves another tenth and takes three times as long.
     return zlib.compress(json.dumps(plain, separators=(",", ":")).encode(), 1)

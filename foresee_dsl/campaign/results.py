@@ -1,4 +1,4 @@
-"""What a campaign found, and its figures."""
+"""The result of a campaign and its figures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 @dataclass(frozen=True)
 class FamilyRow:
-    """The figures of one scenario family (or of all of them)."""
+    """Figures of one scenario family, or of all."""
 
     family: str
     cases: int
@@ -35,30 +35,30 @@ class FamilyRow:
 
     @property
     def cases_passed(self) -> int:
-        """The test cases that passed."""
+        """Number of test cases that passed."""
         return self.cases - self.cases_failed
 
     @property
     def failed(self) -> int:
-        """All failures."""
+        """Number of failures."""
         return sum(self.failures.values())
 
     @property
     def per_risky_point(self) -> float:
-        """Failures for each clip that was studied."""
+        """Failures per studied clip."""
         return self.failed / self.clips if self.clips else 0.0
 
     @property
     def per_simulated_hour(self) -> float:
-        """Failures for each simulated hour, seeds and clips included."""
+        """Failures per simulated hour, including seeds and clips."""
         return self.failed / (self.simulated_s / 3600) if self.simulated_s else 0.0
 
 
 @dataclass(frozen=True)
 class FidelityFigures:
-    """How far the runs of unmutated clips are from their parents': largest deviations, m.
+    """Deviations of unmutated clips from their parents' runs: largest deviation per actor, m.
 
-    `others`: how many other actors there were in all clips; `others_within`: the share within 0.1 m.
+    `others`: number of other actors in all clips; `others_within`: share of them within 0.1 m.
     """
 
     clips: int
@@ -72,7 +72,7 @@ class FidelityFigures:
 
 @dataclass(frozen=True)
 class CampaignResult:
-    """Everything that a campaign found; seeds and clips sorted by their names, whatever order they finished in."""
+    """The complete result of a campaign; seeds and clips are sorted by name, independent of the order of execution."""
 
     settings: CampaignSettings
     seeds: tuple[SeedOutcome, ...]
@@ -80,9 +80,9 @@ class CampaignResult:
     wall_s: float
     interrupted: bool = False
     broken: tuple[str, ...] = field(default=())
-    """What could not be run at all, one line each."""
+    """Steps that could not be run, one line each."""
     minimised: tuple[Minimised, ...] = ()
-    """The findings' representatives made smaller, sorted by name."""
+    """Minimised representatives of the findings, sorted by name."""
 
     def row(self, family: str | None = None) -> FamilyRow:
         """Return the figures of one family, or of all."""
@@ -107,7 +107,7 @@ class CampaignResult:
 
     @property
     def failed(self) -> bool:
-        """Whether anything failed: a test case, a child, or a run that broke."""
+        """Whether a test case or mutant failed, or a run broke."""
         return (
             any(not seed.passed for seed in self.seeds)
             or any(is_problem(clip.verdict, clip.notes) for clip in self.clips)
@@ -117,14 +117,14 @@ class CampaignResult:
 
     @property
     def breaking(self) -> tuple[SeedOutcome | ChildOutcome, ...]:
-        """The test cases and children that only break an expectation."""
+        """Test cases and mutants that passed but broke an expectation."""
         runs: list[SeedOutcome | ChildOutcome] = [*self.seeds]
         runs += [child for clip in self.clips for child in clip.children]
         return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
 
     @property
     def fidelity(self) -> FidelityFigures:
-        """Return how true the unmutated clips were to their parents' runs, the ego apart."""
+        """Deviations of the unmutated clips from their parents' runs, the ego separately."""
         others = [far for clip in self.clips for far in clip.others_m]
         egos = [clip.ego_m for clip in self.clips]
         return FidelityFigures(
@@ -143,22 +143,21 @@ class CampaignResult:
         return tuple(sorted({s.family for s in self.seeds}, key=lambda f: (not f.isdigit(), int(f or 0), f)))
 
     def avoidable(self, kind: Verdict | None = None) -> dict[Preventable, int]:
-        """Return how many of the failures (of one kind, or of all) a careful driver would have avoided, and not."""
+        """Return the number of failures (of one kind or all) by whether a careful driver would have avoided them."""
         counts = Counter(c.preventable for clip in self.clips for c in clip.failing if kind in (None, c.verdict))
         return {answer: counts[answer] for answer in Preventable}
 
     def anticipated(self) -> dict[Answer, int]:
-        """Return by what a driver who anticipates would have prevented how many of the failures."""
+        """Return the number of failures by the answer of the anticipating driver."""
         found = [c.anticipation for clip in self.clips for c in clip.failing]
         counts = Counter(one.answer for one in found if one is not None)
         return {answer: counts[answer] for answer in Answer}
 
     def to_open_first(self, count: int = 5) -> tuple[ChildOutcome, ...]:
-        """Return the failing children that most deserve a look.
+        """Return the failing mutants to inspect first.
 
-        Those that one of the careful drivers would have avoided come first, unavoidable ones last. Among
-        equals, anything but a neighbour steered into the ego, then late in the clip; at most one of each clip until
-        every clip had its turn.
+        Avoidable failures come first, unavoidable ones last. Among equals, neighbours steered into the ego come last,
+        and late failures before early ones; at most one mutant per clip until every clip has had its turn.
         """
         turns = ((k, child) for clip in self.clips for k, child in enumerate(sorted(clip.failing, key=_interest)))
         ordered = sorted(turns, key=lambda turn: (_avoidable(turn[1]), turn[0], _interest(turn[1])))
@@ -177,35 +176,35 @@ class CampaignResult:
         "simulated_s=total.simulated_s:2 wall_s:2 interrupted broken test_cases=seeds clip_runs=clips findings "
         "open_first"
     )
-    """`campaign.json`; everything but `wall_s` is the same for the same inputs."""
+    """Description of `campaign.json`; all values except `wall_s` are the same for the same inputs."""
 
     @cached_property
     def total(self) -> FamilyRow:
-        """The figures of all families."""
+        """Figures of all families."""
         return self.row()
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """Failures that tell the same story as one, with what minimising gave."""
+        """Findings (failures with the same story), completed by their minimised representatives."""
         small = {one.child.name: one for one in self.minimised}
         return tuple(replace(found, minimised=small.get(found.name)) for found in findings_of(self))
 
     @property
     def open_first(self) -> tuple[str, ...]:
-        """The files of the first to open."""
+        """Files of the failing mutants to inspect first."""
         return tuple(child.file for child in self.to_open_first())
 
 
 def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
-    """Whether the run of a clip or a child is one that people have to look at: the driver failed, broke or hangs.
+    """Return whether a clip's or mutant's run needs attention: the driver failed, crashed or hung.
 
-    A child that begins in a contact is none, nor one that does not arrive in a clip's few seconds.
+    A mutant that begins in a contact does not, nor does one that does not arrive in a clip's few seconds.
     """
     return verdict.is_failure or verdict is Verdict.CRASH or (notes is not None and notes.hang is not None)
 
 
 def _avoidable(child: ChildOutcome) -> int:
-    """The order of triage: another driver avoids it or one of the models would have, undecided, unavoidable."""
+    """Return the rank in triage: 0 avoidable, 1 undecided, 2 unavoidable."""
     if child.avoidable:
         return 0
     return 2 if child.preventable is Preventable.NO else 1
@@ -218,5 +217,5 @@ def _interest(child: ChildOutcome) -> tuple[int, bool, bool, float, str]:
 def sorted_outcomes(
     seeds: Iterable[SeedOutcome], clips: Iterable[ClipOutcome]
 ) -> tuple[tuple[SeedOutcome, ...], tuple[ClipOutcome, ...]]:
-    """Return both in an order that does not depend on which finished first."""
+    """Return both, sorted independently of the order of execution."""
     return tuple(sorted(seeds, key=lambda s: s.id)), tuple(sorted(clips, key=lambda c: (c.seed, c.rank)))

@@ -1,4 +1,4 @@
-"""What a campaign does, shown in its report; and how it is done, which changes no result."""
+"""Settings of a campaign, which its report shows; parts of a campaign; limits of its runs."""
 
 from __future__ import annotations
 
@@ -9,32 +9,33 @@ from foresee_dsl.drivers.deadlines import Deadlines
 
 Allocation = Literal["even", "adaptive"]
 ALLOCATION: Allocation = "even"
-"""How a campaign allocates its children to clips where it is not told."""
+"""Default allocation of mutants to clips."""
 FIRST = 1
-"""Children that each clip gets in the first round, with each seed."""
+"""Number of mutants per clip and seed in the first round."""
 
 
 @dataclass(frozen=True)
 class CampaignSettings:
     """Settings of a campaign.
 
-    The defaults are the paper's best configuration (section 4.5, RQ1): clips of 10 s, four risky points a seed, four
-    children a risky point; the preset `focused` is ours. Several drivers or rankers are several settings: with one
-    store they share the runs that they have in common.
+    The defaults are the paper's best configuration (section 4.5, RQ1): clips of 10 s, four risky points per seed, four
+    mutants per risky point; the preset `focused` is ours. Several drivers or rankers need several settings, which share
+    their common runs in one store.
+
 
     Attributes:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
-        risky_points: n_rp, how many risky points of a run are studied at most; points with the same clip are one.
-        children: c, mutated children a clip.
+        risky_points: n_rp, maximum number of risky points per run; points with the same clip count once.
+        children: c, number of mutants per clip.
         seed: of all random choices.
         fidelity_limit_m: a clip whose unmutated run deviates further from its parent is not mutated (ours: half a
             lane's free width beside a car, 0.75 m; beyond it the clip is another situation).
-        handover_s: for so long at a clip's beginning the ego follows its recorded states while the driver watches. The
-            command line takes what the driver asks for (`drivers.registry.handover_of`) where it is given none.
-        repeat: clips are mutated so often, with `seed` and the seeds that follow it.
-        against: the reference drivers, which drive every failing child as well.
-        allocation: `even`: each clip gets `children`. `adaptive`: they get as many together, in rounds, each round
-            where those before it found most.
+        handover_s: duration at a clip's beginning in which the ego follows its recorded states while the driver
+            watches. The command line's default is the driver's request (`drivers.registry.handover_of`).
+        repeat: number of times clips are mutated, with `seed` and the seeds after it.
+        against: the reference drivers, which also drive every failing mutant.
+        allocation: `even`: each clip gets `children`. `adaptive`: the same total in rounds; clips whose mutants were
+            worth more get more.
     """
 
     driver: str = "pdm"
@@ -53,15 +54,15 @@ class CampaignSettings:
 
     @property
     def first_children(self) -> int:
-        """How many children a clip gets with each seed before anything is known of it: with `even`, all."""
+        """Number of mutants of a clip with each seed before any result is known; with `even`, all."""
         return self.children if self.allocation == "even" else min(self.children, FIRST)
 
 
 @dataclass(frozen=True)
 class Shard:
-    """Part `number` (from 1) of `of` parts of a campaign, by a hash of each test case's key; 0: all of these parts.
+    """Part `number` (from 1) of `of` parts of a campaign, by a hash of each test case's key; 0: all parts.
 
-    Where children are allocated in rounds, each part has rounds of its own, also where all parts are run together.
+    With allocation in rounds, each part has its own rounds, even if all parts are run together.
     """
 
     number: int = 0
@@ -77,14 +78,14 @@ class Shard:
         first, slash, second = text.partition("/")
         number = "0" if first == "all" else first
         if not (slash and number.isascii() and number.isdigit() and second.isascii() and second.isdigit()):
-            raise ValueError(f"{text!r} is no part of a campaign: write K/N, such as 2/8, or all/8")
+            raise ValueError(f"{text!r} is not a part of a campaign: write K/N, such as 2/8, or all/8")
         shard = cls(int(number), int(second))
         if not (1 <= shard.number <= shard.of or (first == "all" and shard.of)):
-            raise ValueError(f"{text!r} is no part of a campaign: the parts of {shard.of} are 1 to {shard.of}")
+            raise ValueError(f"{text!r} is not a part of a campaign: the parts of {shard.of} are 1 to {shard.of}")
         return shard
 
     def part(self, key: str) -> int:
-        """Return the number of the part that a test case with this key belongs to."""
+        """Return the number of the part that contains a test case with this key."""
         return int(key[:12], 16) % self.of + 1
 
     def holds(self, key: str) -> bool:
@@ -94,13 +95,14 @@ class Shard:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a run may take; a run that takes more is a result of its own (`timeout`, `crash`) and stops nothing else.
+    """Limits of a run; exceeding one is a result (`timeout`, `crash`) and does not affect other runs.
+
 
     Attributes:
-        deadline_s: wall time of a run; None: `drivers.deadlines.STEADY_S` and `SLOWEST` times what is simulated.
+        deadline_s: wall time of a run; None: `drivers.deadlines.STEADY_S` plus `SLOWEST` times the simulated time.
         step_s: wall time of a driver's step; None: `drivers.deadlines.STEP_S`.
         memory_mb: memory of a worker.
-        budget_s: wall time of the campaign, after which nothing more is begun; None: as long as it takes.
+        budget_s: wall time of the campaign after which no step begins; None: no limit.
     """
 
     deadline_s: float | None = None
@@ -110,9 +112,9 @@ class Limits:
 
     @property
     def deadlines(self) -> Deadlines:
-        """Those of a driver."""
+        """The deadlines of a driver."""
         return Deadlines(self.step_s, self.deadline_s)
 
     def for_run(self, simulated_s: float) -> float:
-        """Return the wall time that a run of so many simulated seconds may take."""
+        """Return the wall time limit of a run of this simulated time, s."""
         return self.deadlines.for_run_s(simulated_s)

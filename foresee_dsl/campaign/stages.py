@@ -1,4 +1,4 @@
-"""What follows from what in a campaign: test cases, forecasts, clips, mutants, children, findings made smaller."""
+"""The order of a campaign's steps: test cases, forecasts, clips, mutations, mutants, minimised findings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 
 def _steps() -> tuple[type[AnyStep], ...]:
-    """Find the classes in the modules of `campaign.steps`, each after the one that it follows from."""
+    """Return the step classes in the modules of `campaign.steps`, each after the one that it follows from."""
     modules = [import_module(f"{steps.__name__}.{found.name}") for found in pkgutil.iter_modules(steps.__path__)]
     classes = [
         value
@@ -52,15 +52,16 @@ def _steps() -> tuple[type[AnyStep], ...]:
 
 
 STEPS = _steps()
-"""The classes of steps, each after the one that it follows from."""
+"""All step classes, each after the one that it follows from."""
 _NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in (step.kind for step in STEPS)}
-"""The classes that follow from each kind of step."""
+"""Step classes that follow from each kind of step."""
 FAILED = frozenset(verdict.value for verdict in FAILURES)
-"""The verdicts of failures, as rows have them."""
+"""Verdicts of failures, as in rows."""
 
 
 def _next(node: Node, row: Row) -> Iterator[type[AnyStep]]:
-    """Yield the classes that may follow from a step with this result; it is not read, which takes longer."""
+    """Yield the classes that may follow from a step with this result; its record is not read, which would take
+    longer."""
     return (step for step in _NEXT[node.step.kind] if row.verdict in FAILED or not step.of_failures)
 
 
@@ -76,7 +77,7 @@ class Stages:
         out: Path,
         shard: Shard = Shard(),  # noqa: B008 - immutable
     ) -> None:
-        """Compute the keys of the test cases; `store` is None where there are no results yet.
+        """Compute the keys of the test cases; `store` is None if there are no results yet.
 
         Raises:
             DriverError: there is no such driver.
@@ -92,14 +93,14 @@ class Stages:
             key,
         )
         self._after: dict[Node, tuple[Node, ...]] = {}
-        """What follows from the steps looked at so far: a step is looked at before and after the run."""
+        """Steps that follow from the visited steps; a step is visited before and after its run."""
         self._passed: set[Node] = set()
-        """The children that were looked at and did not fail."""
+        """Visited mutants that did not fail."""
         self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.step.key))
         self.last: tuple[Node, ...] = ()
-        """The steps that `choose` gave."""
+        """Steps returned by `choose`."""
         self.rounds = self._rounds(shard) if settings.allocation == "adaptive" and settings.children else ()
-        """The rounds of each part in which children are allocated."""
+        """Rounds of each part, if mutants are allocated in rounds."""
 
     @Part.ENGINE.measured
     def row(self, node: Node) -> Row | None:
@@ -108,19 +109,19 @@ class Stages:
 
     @Part.ENGINE.measured
     def has_more_time(self, node: Node, row: Row, limits: Limits) -> bool:
-        """Return whether a run was ended because it took too long, and would now be given more time."""
+        """Return whether a run was ended for lack of time, and would now get more time."""
         if not (row.broken and row.verdict == Verdict.TIMEOUT):
             return False
         notes = getattr(decode(row.record, node.step.record), "notes", None)
         hang = notes.hang if isinstance(notes, DriverNotes) else None
-        if hang is None:  # its process was ended
+        if hang is None:  # the process was ended from outside
             return row.wall_s < self._deadline_s(node, limits)
         now = {"reset": limits.deadlines.for_reset_s, "step": limits.deadlines.for_step_s}
         return hang.limit_s < now.get(hang.call, self._deadline_s(node, limits))
 
     @Part.ENGINE.measured
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
-        """Return the steps that follow from one with this result."""
+        """Return the steps that follow from a step with this result."""
         if node not in self._after:
             found = [step for step in _next(node, row) if not step.after_all]
             result = decode(row.record, node.step.record) if found else None
@@ -136,9 +137,9 @@ class Stages:
 
     @Part.ENGINE.measured
     def choose(self, names: Container[str]) -> tuple[Node, ...]:
-        """Return the steps that follow from the chosen ones of all that were looked at; `walk` then ends with them.
+        """Return the steps that follow from the chosen ones among all visited steps; `walk` then ends with them.
 
-        These steps are known only once all of those are: `names` are of the findings' representatives.
+        Such steps are known only after all others: `names` are those of the findings' representatives.
         """
         found = []
         known = (node for nodes in (self.seeds, *self._after.values()) for node in nodes if node.step.name in names)
@@ -153,7 +154,7 @@ class Stages:
         return self.last
 
     def may_be_chosen(self, node: Node, row: Row) -> bool:
-        """Return whether steps follow from one with this result if `choose` names it."""
+        """Return whether steps follow from a step with this result if `choose` names it."""
         return bool(self._chosen_after(node, row))
 
     def _chosen_after(self, node: Node, row: Row) -> tuple[type[AnyStep], ...]:
@@ -162,15 +163,15 @@ class Stages:
         return tuple(step for step in after_all if step.wanted(result, self.settings))
 
     def further(self, clip: Node, step: MutantsStep, asked: Asked) -> Node:
-        """Return the step in which a clip that was mutated is mutated once more."""
+        """Return the step that mutates an already mutated clip once more."""
         if not isinstance(clip.step, ClipStep):
-            raise TypeError(f"{clip.step.name} is no clip")
+            raise TypeError(f"{clip.step.name} is not a clip")
         return Node(step.again(asked, clip.step, self._campaign), clip.case, clip)
 
     def walk(self, roots: Sequence[Node] | None = None, *, failures: bool = False) -> Iterator[tuple[Node, Row | None]]:
-        """Yield every step that is known of, what it follows from before it, with its result if there is one.
+        """Yield every known step after the one that it follows from, with its result if there is one.
 
-        `roots`: only what follows from these. `failures`: without the children that are known not to have failed.
+        `roots`: only these and the steps that follow. `failures`: skip mutants that are known not to have failed.
         """
         later = (node for rounds in self.rounds for node in rounds.nodes)
         ahead = list(reversed((*self.seeds, *later, *self.last) if roots is None else roots))
@@ -184,13 +185,13 @@ class Stages:
                 ahead.extend(reversed(self.after(node, row)))
 
     def task_steps(self, node: Node) -> tuple[AnyStep, ...]:
-        """Return the steps that the task of a step runs: itself, and what follows from it in the same process."""
+        """Return the steps that a step's task runs: itself, and its followers in the same process."""
         same = (step for step in _NEXT[node.step.kind] if step.same_task)
         return node.step, *(new for step in same for new in step.following(node.step, None, self._campaign))
 
     @Part.ENGINE.measured
     def task(self, node: Node, files: CaseFiles, limits: Limits) -> Task:
-        """Return what a worker has to do for a step whose result is missing."""
+        """Return the task for a step whose result is missing."""
         trace = self._trace(node.over(node.step.reads)) if node.step.reads else None
         case = files.ref(node.case)
         work = Work(self.task_steps(node), case, self.settings, self.out / node.folder, trace, limits.deadlines)
@@ -207,9 +208,9 @@ class Stages:
         return tuple(Rounds(self, tuple(parts[number])) for number in sorted(parts))
 
     def _seeds(self, cases: Sequence[TestCase]) -> Iterator[Node]:
-        """Yield a step for each test case, with a name of its own for its files.
+        """Yield a step for each test case, with a unique name for its files.
 
-        The name is the scenario's and the case's (`red_light_runner_r02`); when two files hold scenarios of one name,
+        The name is the scenario's and the case's (`red_light_runner_r02`); if several files have scenarios of one name,
         a number follows.
         """
         owners: dict[str, str] = {}
@@ -230,9 +231,9 @@ class Stages:
 
 
 class CaseFiles:
-    """Puts test cases where workers find them. What is run is what was loaded, also when its file is edited meanwhile.
+    """Stores test cases for workers, as they were loaded, even if their files are edited meanwhile.
 
-    The files are pickles: they are for processes of this campaign alone, and are deleted with its working folder.
+    The files are pickles, for processes of this campaign only, and are deleted with its working folder.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -241,14 +242,14 @@ class CaseFiles:
         self._shared: dict[int, tuple[object, Ref]] = {}
 
     def ref(self, case: TestCase) -> CaseRef:
-        """Return the reference of a test case, writing it if it is new."""
+        """Return the reference of a test case, writing its file if it is new."""
         if case.id not in self._refs:
             own = replace(case, document=None, network=Path(), models={})
             self._refs[case.id] = CaseRef(self._put(own), self._shared_ref(case))
         return self._refs[case.id]
 
     def _shared_ref(self, case: TestCase) -> Ref:
-        # By identity first: the cases of a project share the network's object, and pickling it takes a while.
+        # Look up by identity first: the cases of a project share the network object, and pickling it is slow.
         known = self._shared.get(id(case.network))
         if known is None or known[0] is not case.network or isinstance(case.network, Path):
             self._shared[id(case.network)] = known = (case.network, self._put((case.network, dict(case.models))))

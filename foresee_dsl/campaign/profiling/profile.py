@@ -13,12 +13,13 @@ _NS = 1e-9
 
 @dataclass(frozen=True)
 class PartTime:
-    """What one part of the tool took, without what other parts took for it.
+    """Time of one part of the tool, without the time of nested parts.
+
 
     Attributes:
-        title: what the part does. cpu_s: of this program, its workers and drivers' programs. wall_s: added up over
-            processes. ms_per_simulated_s: wall time for each simulated second. share_of_runs: of the wall time from the
-            first frames of all runs to their last; None of what is done before and after. share: of all wall time.
+        title: task of the part. cpu_s: of this program, its workers and drivers' programs. wall_s: sum over processes.
+            ms_per_simulated_s: wall time per simulated second. share_of_runs: share of the wall time between the first
+            and last frames of all runs; None for parts outside of it. share: of all wall time.
     """
 
     part: Part
@@ -34,15 +35,17 @@ class PartTime:
 
 @dataclass(frozen=True)
 class Profile:
-    """Where the time of a command went.
+    """The distribution of a command's time.
+
 
     Attributes:
-        drivers: those under test. parts: those that took time, in the order of `Part`.
-        runs, simulated_s, decisions: what was measured; a run's first decision is not counted.
-        driver_share: the driver's decisions in the time from the first frames of all runs to their last; None without a
-            decision. decision_ms: what one takes. begin_s: what a driver's reset and first decision take.
-        workers: processes that ran test cases. waited_s: for how long they had nothing to do, added up.
-        wall_s: the whole command's. not_measured: results that were in the store already.
+        drivers: those under test. parts: parts with any time, in the order of `Part`.
+        runs, simulated_s, decisions: amount of measured work, without each run's first decision.
+        driver_share: share of the driver's decisions in the time between the first and last frames of all runs; None
+            without a decision. decision_ms: mean time of a decision. begin_s: mean time of a driver's reset and first
+            decision.
+        workers: number of processes that ran test cases. waited_s: sum of their idle times.
+        wall_s: wall time of the whole command. not_measured: number of results that were already in the store.
     """
 
     drivers: tuple[str, ...]
@@ -74,9 +77,9 @@ class Profile:
         worked_s: float = 0.0,
         not_measured: int = 0,
     ) -> Self:
-        """Make it of what the command's own process measured, and what its tasks took.
+        """Return the profile of a command from the measurements of its own process and of its tasks.
 
-        `worked_s`: for how long there were workers.
+        `worked_s`: time during which there were workers.
         """
         both = own + tasks
         spent = {part: _worked(part, took) for part, took in both.spent.items() if part is not Part.IDLE}
@@ -104,7 +107,7 @@ class Profile:
 
 
 def _worked(part: Part, took: Spent) -> Spent:
-    """Return what a part took. Of handing out tasks and receiving results only the CPU time counts: the rest is
+    """Return the time of a part. For distributing tasks and receiving results only the CPU time counts, as the rest is
     waiting."""
     return Spent(took.cpu_ns, took.cpu_ns) if part is Part.HANDING else took
 

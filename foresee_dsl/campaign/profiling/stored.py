@@ -1,4 +1,4 @@
-"""Which results of a campaign were not measured, as they were in the store."""
+"""Count of a campaign's results that were not measured because they were already in the store."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ class Stored(Listener):
     """Counts the results that a campaign found in its store."""
 
     def __init__(self) -> None:
-        self._found: set[str] = set()
+        self._reused: set[str] = set()
         self._new: set[str] = set()
 
     def done(self, row: Row, *, new: bool = True) -> None:
-        """Note one; two steps of this campaign may have one result."""
-        (self._new if new else self._found).add(row.key)
+        """Record a result; two steps of this campaign may share one."""
+        (self._new if new else self._reused).add(row.key)
 
     @property
     def count(self) -> int:
-        """How many were there before."""
-        return len(self._found - self._new)
+        """Number of results that were in the store before."""
+        return len(self._reused - self._new)

@@ -1,4 +1,4 @@
-"""Tasks that are measured where they run, and what all of them took together."""
+"""Measurement of tasks in their own processes, and the sum over all tasks."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ T = TypeVar("T")
 
 
 class Profiler:
-    """Measures a command: this process, and the tasks that it hands to others."""
+    """Measures a command: this process, and its tasks in other processes."""
 
     def __init__(self) -> None:
-        """Begin; the time until now was start-up."""
+        """Begin; the time so far counts as start-up."""
         self._own = self._tasks = Measurement()
         self._worked_s = 0.0
         self._clock = Clock(Part.REST)
@@ -33,7 +33,7 @@ class Profiler:
 
     @contextmanager
     def command(self) -> Iterator[None]:
-        """Measure within it what this process does; until `ready` that is start-up."""
+        """Measure this process inside this context; until `ready` it counts as start-up."""
         self._clock.enter(Part.START)
         measuring.start(self._clock)
         try:
@@ -42,26 +42,26 @@ class Profiler:
             measuring.start(None)
 
     def ready(self) -> None:
-        """Note that start-up is over."""
+        """Mark the end of start-up."""
         self._clock.enter(Part.REST)
 
     def task(self, task: Task) -> Task:
-        """Return a task that is measured where it runs."""
+        """Return a task that measures itself."""
         return replace(task, function=_Measured(task.function))
 
     def taken(self, outcome: object) -> Any:  # noqa: ANN401 - what the task gave
-        """Return the result of a measured task, and add what it took."""
+        """Return the result of a measured task, and add its measurement."""
         if isinstance(outcome, _WithMeasurement):
             self.add(outcome.measurement)
             return outcome.value
         return outcome
 
     def add(self, found: Measurement) -> None:
-        """Add what a task took."""
+        """Add the measurement of a task."""
         self._tasks += found
 
     def received(self, updates: Iterable[T]) -> Iterator[T]:
-        """Yield what workers give; meanwhile this process hands out tasks, and waits."""
+        """Yield the workers' updates; in between, this process counts as distributing tasks."""
         began_s, ahead = time.monotonic(), iter(updates)
         try:
             while True:
@@ -77,11 +77,11 @@ class Profiler:
             self._worked_s += time.monotonic() - began_s
 
     def executor(self, make: Callable[[RunOptions], Executor]) -> Callable[[RunOptions], Executor]:
-        """Return what makes an executor whose tasks are measured."""
+        """Return a factory of executors whose tasks are measured."""
         return lambda options: _MeasuringExecutor(self, make(options))
 
     def profile(self, drivers: Iterable[str], *, workers: int = 1, not_measured: int = 0) -> Profile:
-        """Return where the time went until now; arguments as of `Profile`."""
+        """Return where the time went so far; arguments as in `Profile`."""
         self._own += self._clock.take()
         return Profile.of(
             tuple(dict.fromkeys(drivers)),
@@ -94,7 +94,7 @@ class Profiler:
 
 
 class _MeasuringExecutor(Executor):
-    """An executor whose tasks are measured; what they give is that of the executor inside."""
+    """An executor that measures its tasks and delegates to another executor."""
 
     def __init__(self, profiler: Profiler, inner: Executor) -> None:
         super().__init__()
@@ -116,7 +116,7 @@ class _MeasuringExecutor(Executor):
 
 @dataclass(frozen=True)
 class _WithMeasurement:
-    """What a task gave, and what it took."""
+    """The outcome of a task, with its measurement."""
 
     value: Any
     measurement: Measurement
@@ -124,8 +124,8 @@ class _WithMeasurement:
 
 @dataclass(frozen=True)
 class _Measured:
-    """A task's function, measured. One that yields parts yields a `Measurement` last; what any other returns is put
-    into a `_WithMeasurement`."""
+    """A task's function that measures itself. A function that yields parts yields a `Measurement` last; the result of
+    any other is wrapped in a `_WithMeasurement`."""
 
     function: Callable[[Any], Any]
 
@@ -148,7 +148,7 @@ def _parts(parts: Iterator[Any], clock: Clock) -> Iterator[Any]:
             break
         finally:
             clock.enter(before)
-        # Until the next is asked for, this one is packed and sent.
+        # Until the next part is requested, this one is packed and sent.
         before = clock.enter(Part.STORE)
         yield found
         clock.enter(before)
@@ -156,11 +156,11 @@ def _parts(parts: Iterator[Any], clock: Clock) -> Iterator[Any]:
 
 
 _CLOCKS: dict[int, Clock] = {}
-"""The clock of this process, by the process's number: a forked process has a clock of its own."""
+"""Clock of this process by its id, as a forked process needs a clock of its own."""
 
 
 def _clock_here() -> Clock:
-    """Return this process's clock; at the first call, the time until now was start-up."""
+    """Return this process's clock; at the first call, the time so far counts as start-up."""
     clock = _CLOCKS.get(os.getpid())
     if clock is None:
         cpu_ns = time.process_time_ns()
@@ -173,7 +173,7 @@ def _clock_here() -> Clock:
 
 
 def _age_ns() -> int:
-    """Return how long ago this process was started, to 10 ms; its CPU time where the system does not tell."""
+    """Return the age of this process, ns, to 10 ms; its CPU time if the system does not report the age."""
     try:
         fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         began_s = int(fields[19]) / os.sysconf("SC_CLK_TCK")

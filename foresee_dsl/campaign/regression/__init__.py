@@ -1,1 +1,1 @@
-"""A regression suite: test cases with expected results, kept in a folder of their own, run again and compared."""
+"""Regression suites: test cases with expected results in a folder, which are run again and compared."""

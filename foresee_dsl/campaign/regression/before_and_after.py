@@ -1,4 +1,4 @@
-"""What an edit of a parent does to its children's runs: each is driven under the old parent and under the new one."""
+"""Effect of a parent's edit on its children: each is run under the old parent and under the new one."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from foresee_dsl.language.repinning.repin import Child
 
 
 def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, tuple[str, str]]:
-    """Drive each child under its old parent and under the edited one, in new processes.
+    """Run each child under its old parent and under the edited one, in new processes.
 
-    The driver and the seed are those that the child records (`pdm` and 0 otherwise).
+    Driver and seed are those that the child records (otherwise `pdm` and 0).
 
     Raises:
-        DriverError: files record programs as drivers, which are not started for a look; nothing was run.
+        DriverError: files record programs as drivers, which this command does not start; no run was started.
 
     Returns:
-        For each file how the run under the old parent ended ("" where that parent is unknown), and the new run.
+        For each file how the run under the old parent ended ("" if that parent is unknown), and how the new one did.
     """
     runs = {f"{child.file} {when}": run for child in children for when, run in _runs_of(child)}
     refuse_programs(
@@ -37,13 +37,13 @@ def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, 
 
 
 def drive(case: TestCase, driver: str, seed: int) -> str:
-    """Run one test case; return how it ended, in a sentence."""
+    """Run one test case; return how it ended, in one sentence."""
     result = run_test_case(case, driver, seed)
     return result.reason or result.verdict.value
 
 
 def _runs_of(child: Child) -> list[tuple[str, tuple[TestCase, str, int]]]:
-    """Return the child's two runs, each with driver and seed; without one whose foreign network is only in git."""
+    """Return the child's runs with driver and seed; without a run whose foreign network exists only in git."""
     return [
         (when, (case, *_driver_and_seed(case)))
         for when, case in (("old", child.old), ("new", child.new))
@@ -52,5 +52,5 @@ def _runs_of(child: Child) -> list[tuple[str, tuple[TestCase, str, int]]]:
 
 
 def _driver_and_seed(case: TestCase | None) -> tuple[str, int]:
-    """Return what a mutant's file records of its run; by default `pdm` and 0."""
+    """Return the driver and seed that a mutant's file records; by default `pdm` and 0."""
     return recorded_run(case.mutant.origin if case is not None and case.mutant else None)

@@ -1,4 +1,4 @@
-"""Where the two sides of a comparison come from: a finished campaign's folder, or runs of a suite."""
+"""The two sides of a comparison: the folder of a finished campaign, or runs of a suite."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 
 LONGEST_S = 300.0
-"""As of `campaign.regression.verify`: no test case of the library is simulated for longer."""
+"""Longest simulated time of a run, s (as in `campaign.regression.verify`)."""
 
 
 def side_of_campaign(folder: Path) -> Side:
-    """Return the runs that a campaign's `campaign.json` tells of: its test cases and their mutants.
+    """Return the runs in a campaign's `campaign.json`: its test cases and their mutants.
 
     Raises:
-        ForeseeError: there is no campaign, or one that an older version wrote.
+        ForeseeError: there is no campaign, or an older version wrote it.
     """
     file = folder / "campaign.json" if folder.is_dir() else folder
     try:
@@ -62,9 +62,9 @@ def _runs_in(data: Mapping[str, Any]) -> Iterator[Ran]:
 
 
 def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
-    """Return what two drivers are compared on: the tests of suites, and the test cases of scenarios.
+    """Return the tests for a comparison of two drivers: those of suites, and the test cases of scenarios.
 
-    A folder gives its tests (mutants, and what something is expected of), or else the test cases of its scenarios.
+    A folder gives its tests (mutants and files with expectations), or if it has none, the test cases of its scenarios.
     """
     found: dict[str, SuiteTest] = {}
     for path in paths:
@@ -84,15 +84,15 @@ def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
 def _named_test(path: str) -> tuple[SuiteTest, ...]:
     try:
         return suite_of([path])
-    except ForeseeError:  # a scenario of which nothing is expected, or no file: loading it says so
+    except ForeseeError:  # a scenario without expectations, or a missing file, which loading reports
         return ()
 
 
 def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadlines: Deadlines = DEADLINES) -> Side:
-    """Run tests with a driver, in new processes.
+    """Run tests with a driver, in new processes, and return the side of the comparison.
 
     Raises:
-        DriverError: there is no such driver; nothing was run.
+        DriverError: there is no such driver; no run was started.
     """
     find_driver(driver)
     numbers = {str(k): test for k, test in enumerate(tests)}

@@ -1,4 +1,4 @@
-"""Two versions of a driver on the same test cases: what is new, fixed, still failing, and what came nearer."""
+"""Comparison of two versions of a driver on the same test cases: new failures, fixed, still failing, nearer misses."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from typing import Any
 from foresee_dsl.simulate.results.verdict import Verdict, passes
 
 SIGNIFICANT = 0.05
-"""A smaller p is called more than chance: the usual level."""
+"""A smaller p counts as more than chance: the usual level."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure of a near miss: when it counts as near, and by how much it must change to be told.
+    """A measure of near misses: the value that counts as near, and the change that is reported.
+
 
     Attributes:
-        title: in words. unit: of its values. near: the value from which on it counts. step: the change.
-        sign: -1 where smaller is nearer.
+        title: in words. unit: of its values. near: limit from which a value is near. step: smallest reported change.
+        sign: -1 if smaller values are nearer.
     """
 
     title: str
@@ -38,16 +39,17 @@ MEASURES: Mapping[str, Measure] = {
     "drac_mps2": Measure("braking needed", "m/s^2", 3.0, 0.5, 1),
 }
 """Ours. Near: conflict studies call times under 1.5 s to 3 s serious, and 3 m/s^2 is harsh braking. The steps are
-several times what a decision that is 0.1 s later changes."""
+several times the effect of a decision that is 0.1 s later."""
 
 
 @dataclass(frozen=True)
 class Ran:
-    """One test case as a driver drove it.
+    """The run of one test case by one driver.
+
 
     Attributes:
-        key: equal for the same test case on both sides. name: for people. near: the near misses, as in `campaign.json`.
-        broken_expectations: those that do not hold, a sentence each.
+        key: equal for the same test case on both sides. name: for people. near: near misses as in `campaign.json`.
+        broken_expectations: broken expectations, one sentence each.
     """
 
     key: str
@@ -62,13 +64,13 @@ class Ran:
 
     @property
     def failed(self) -> bool:
-        """Whether it did not pass: failures, broken expectations, and also crashes and timeouts."""
+        """Whether it did not pass: a failure, a broken expectation, a crash or a timeout."""
         return not passes(self.verdict, self.broken_expectations)
 
 
 @dataclass(frozen=True)
 class Side:
-    """All runs of one version. `label`: what it is called. `broken`: what could not be run, and why."""
+    """All runs of one version. `label`: its name. `broken`: tests that could not be run, with reasons."""
 
     label: str
     runs: tuple[Ran, ...]
@@ -76,7 +78,7 @@ class Side:
 
 
 class Change(StrEnum):
-    """What became of a test case."""
+    """How a test case changed between the sides."""
 
     NEW_FAILURE = "new failure"
     FIXED = "fixed"
@@ -95,14 +97,14 @@ class Pair:
 
     @property
     def change(self) -> Change:
-        """What became of it."""
+        """How the test case changed."""
         if self.base.failed:
             return Change.STILL_FAILING if self.new.failed else Change.FIXED
         return Change.NEW_FAILURE if self.new.failed else Change.STILL_PASSING
 
     @cached_property
     def nearer(self) -> Nearer | None:
-        """The measure that came nearest to a failure, of a pair that passes on both sides; None where none did."""
+        """The measure that moved most towards a failure, for a pair that passes on both sides; None without one."""
         if self.change is not Change.STILL_PASSING:
             return None
         found = [one for name in MEASURES if (one := _nearer(name, self.base.near, self.new.near)) is not None]
@@ -111,9 +113,9 @@ class Pair:
 
 @dataclass(frozen=True)
 class Nearer:
-    """A near miss that came nearer: in which measure, from what to what (None: it had no value), and with which actor.
+    """A near miss that became nearer: the measure, the value before (None: no value) and after, and the other actor.
 
-    `share`: the change as a share of what counts as near.
+    `share`: the change as a share of the limit of near values.
     """
 
     measure: str
@@ -125,12 +127,13 @@ class Nearer:
 
 @dataclass(frozen=True)
 class Row:
-    """The figures of one family or one kind of failure: how many fail on each side, and the exact test.
+    """Figures of one family or one kind of failure: failures on each side, and the exact test.
+
 
     Attributes:
-        label: `all`, a family, or a kind. kind: whether it is a kind of failure. pairs: test cases on both sides.
-        new_failures, fixed: pairs that fail only on the new side, or only on the base's.
-        p: how probable so uneven a split of these is by chance, two-sided.
+        label: `all`, a family, or a kind. kind: it is a kind of failure. pairs: test cases on both sides.
+        new_failures, fixed: pairs that fail only on the new side, or only on the base side.
+        p: probability that chance splits these at least as unevenly, two-sided.
     """
 
     label: str
@@ -145,7 +148,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two sides, paired. `edited`: test cases of one name that mean something else now."""
+    """Two sides, paired. `edited`: test cases of the same name whose meaning differs."""
 
     base: Side
     new: Side
@@ -166,27 +169,27 @@ class Comparison:
 
     @property
     def paired(self) -> int:
-        """How many test cases both sides have."""
+        """Number of test cases on both sides."""
         return len(self.pairs)
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """What could not be run on either side."""
+        """Tests that could not be run on either side."""
         return self.base.broken + self.new.broken
 
     @property
     def new_failures(self) -> tuple[Pair, ...]:
-        """Those that only the base passed."""
+        """Pairs that only the base passed."""
         return self.of(Change.NEW_FAILURE)
 
     @property
     def fixed(self) -> tuple[Pair, ...]:
-        """Those that only the new side passes."""
+        """Pairs that only the new side passes."""
         return self.of(Change.FIXED)
 
     @property
     def still_failing(self) -> tuple[Pair, ...]:
-        """Those that no side passes."""
+        """Pairs that neither side passes."""
         return self.of(Change.STILL_FAILING)
 
     def of(self, change: Change) -> tuple[Pair, ...]:
@@ -196,7 +199,7 @@ class Comparison:
 
     @property
     def nearer(self) -> tuple[Pair, ...]:
-        """The near misses that came nearer, those that changed most first."""
+        """Pairs whose near miss became nearer, the largest change first."""
         found = [pair for pair in self.pairs if pair.nearer is not None]
         return tuple(sorted(found, key=lambda pair: (-pair.nearer.share if pair.nearer else 0.0, pair.new.name)))
 
@@ -224,7 +227,8 @@ class Comparison:
 
 
 def compare(base: Side, new: Side) -> Comparison:
-    """Pair two sides by what the test cases mean; what is invalid on a side (a collision at once) is left out."""
+    """Return two sides paired by the meaning of test cases; those invalid on a side (collision at start) are left
+    out."""
     a, b = (_by_key(side) for side in (base, new))
     pairs = tuple(Pair(a[key], b[key]) for key in a if key in b)
     left, right = ({ran.name for key, ran in one.items() if key not in other} for one, other in ((a, b), (b, a)))
@@ -235,7 +239,7 @@ def compare(base: Side, new: Side) -> Comparison:
 
 
 def exact_p(one: int, other: int) -> float:
-    """Return the exact two-sided p of a split into two counts, were both equally probable (McNemar's exact test)."""
+    """Return the exact two-sided p of a split into two counts under equal probability (McNemar's exact test)."""
     total = one + other
     tail = sum(math.comb(total, k) for k in range(min(one, other) + 1))
     return min(1.0, 2 * tail / float(2**total))
@@ -250,7 +254,7 @@ def _by_key(side: Side) -> dict[str, Ran]:
 
 
 def _row(label: str, pairs: Iterable[Pair], kind: Verdict | None = None) -> Row:
-    """Return the figures of some pairs; of a kind of failure those that ended so."""
+    """Return the figures of some pairs, of all failures or of one kind."""
     counts = [[ran.failed if kind is None else ran.verdict is kind for ran in (pair.base, pair.new)] for pair in pairs]
     new = sum(now and not was for was, now in counts)
     fixed = sum(was and not now for was, now in counts)
@@ -259,7 +263,7 @@ def _row(label: str, pairs: Iterable[Pair], kind: Verdict | None = None) -> Row:
 
 
 def _nearer(name: str, base: Mapping[str, Any] | None, new: Mapping[str, Any] | None) -> Nearer | None:
-    """Return how a measure came nearer, if it did; a value that is not there is far."""
+    """Return how a measure became nearer, or None; a missing value counts as far."""
     measure, found = MEASURES[name], (new or {}).get(name)
     before = (base or {}).get(name)
     if base is None or found is None:
@@ -268,13 +272,13 @@ def _nearer(name: str, base: Mapping[str, Any] | None, new: Mapping[str, Any] | 
     was = _value(before) if before is not None else None
     far = measure.near - measure.sign * measure.step if was is None else was
     change = (now - far) * measure.sign
-    if (now - measure.near) * measure.sign < 0 or not change >= measure.step:  # `not`: also of inf - inf
+    if (now - measure.near) * measure.sign < 0 or not change >= measure.step:  # `not`: also true for inf - inf
         return None
     shown = min(now, 99.0) if math.isinf(now) else now
     return Nearer(name, was, shown, str(found.get("with") or ""), round(min(change / measure.near, 99.0), 3))
 
 
 def _value(found: Mapping[str, Any]) -> float:
-    """The value of a near miss in JSON, where null stands for infinity."""
+    """Return the value of a near miss in JSON, where null stands for infinity."""
     value = found.get("value")
     return math.inf if value is None else float(value)

@@ -1,4 +1,4 @@
-"""Edits of a file's text that leave every other byte as it is: an expected result, and the paths of other files."""
+"""Edits of a file's text that change nothing else: an expected result, a sentence, paths of other files, a name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from foresee_dsl.language.traversal import walk
 
 _INDENT = "  "
 _LONGEST = 500
-"""Characters of a sentence for people. Ours: a quarter of what a text in a file may have."""
+"""Maximum length of a sentence for people, in characters. Ours: a quarter of the limit of a text in a file."""
 _PATHS: tuple[tuple[type[m.Item], str], ...] = (
     (m.Clip, "parent"),
     (m.Mutant, "parent"),
@@ -22,13 +22,13 @@ _PATHS: tuple[tuple[type[m.Item], str], ...] = (
     (m.UseNetwork, "path"),
     (m.UseModels, "path"),
 )
-"""The fields that name another file which a test case needs."""
+"""Fields that name another file which a test case needs."""
 
 
 def with_expected(text: str, new: m.Expected) -> str:
-    """Return a file's text with an expected result: in place of the line for the same driver and case, or as one more.
+    """Return a file's text with an expected result, which replaces the line for the same driver and case, if any.
 
-    A new line stands behind the other ones, or else behind the last `change` of a mutant, or before the first statement
+    A new line is placed after the others, otherwise after the last `change` of a mutant, or before the first statement
     of another file.
     """
     document = parse(text, "a file to edit")
@@ -43,7 +43,7 @@ def with_expected(text: str, new: m.Expected) -> str:
     after = next(iter((stated or changes or heads)[-1:]), None)
     lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
     end = lines[1] if len(lines) > 1 else "\n"
-    # One line down from a statement that has a line for itself; another layout is printed anew.
+    # After a statement on its own line, insert a line; a text in another layout is printed anew.
     at = _span(document, after).end_line if after is not None else _span(document, document.model).line
     reference = lines[2 * (at - 1)]
     if after is None:
@@ -52,7 +52,7 @@ def with_expected(text: str, new: m.Expected) -> str:
             return "".join(lines)
     elif reference.lstrip().startswith(print_item(after).split("\n")[0].split(" ")[0]):
         indent = reference[: len(reference) - len(reference.lstrip())]
-        apart = len(lines) > 2 * at and not lines[2 * at].strip()  # groups are set apart in this file
+        apart = len(lines) > 2 * at and not lines[2 * at].strip()  # this file separates groups by blank lines
         lines.insert(2 * at, f"{end if apart and not stated else ''}{indent}{line}{end}")
         return "".join(lines)
     return _printed(document, new, after)
@@ -65,7 +65,7 @@ def _printed(document: Document, new: m.Expected, after: m.Item | None) -> str:
 
 
 def with_doc(text: str, sentence: str) -> str:
-    """Return a file's text with a sentence for people, where it has none yet (`sentence_in`)."""
+    """Return a file's text with a sentence for people, unless it has one already (`sentence_in`)."""
     document = parse(text, "a file to edit")
     if sentence_in(document):
         return text
@@ -78,12 +78,12 @@ def with_doc(text: str, sentence: str) -> str:
 
 
 def as_text(sentence: str) -> str:
-    """Return a sentence as a text of the language can hold it: on one line, without double quotes, not too long."""
+    """Return a sentence in the form of a text of the language: one line, without double quotes, not too long."""
     return " ".join(sentence.replace('"', "'").split())[:_LONGEST]
 
 
 def sentence_in(document: Document) -> str:
-    """Return what a file says for people: its `doc`, or the comment before its definition, or a mutant's first one."""
+    """Return a file's description: its `doc`, or the comment before its definition or before a mutant's first item."""
     body: tuple[m.Item, ...] = getattr(document.model, "body", ())
     docs = [item.text for item in body if isinstance(item, m.Doc)]
     keys: tuple[tuple[str | int, ...], ...] = ((), ("body", 0)) if isinstance(document.model, m.Mutant) else ((),)
@@ -92,12 +92,12 @@ def sentence_in(document: Document) -> str:
 
 
 def paths_in(document: Document) -> tuple[str, ...]:
-    """Return the paths of the files that a file needs, as it writes them."""
+    """Return the paths of the files that a file needs, as written."""
     return tuple(dict.fromkeys(path for _, _, path in _uses(document)))
 
 
 def with_paths(text: str, paths: Mapping[str, str]) -> str:
-    """Return a file's text with other paths for the files that it needs."""
+    """Return a file's text with replaced paths of the files that it needs."""
     document = parse(text, "a file to edit")
     places = []
     for item, field, path in _uses(document):
@@ -134,7 +134,7 @@ def _span(document: Document, item: m.Item) -> Span:
 
 
 def _put(text: str, places: list[tuple[Span, str]]) -> str:
-    """Replace what stands at some places, each within one line; line ends stay as they are."""
+    """Return a text with replacements at some places, each within one line; line ends are unchanged."""
     mark = "\ufeff" if text.startswith("\ufeff") else ""
     lines = re.split(r"(\r\n|\r|\n)", text.removeprefix(mark))
     for span, new in sorted(places, key=lambda place: (place[0].line, place[0].column), reverse=True):

@@ -1,4 +1,4 @@
-"""What a file expects of a driver, and how a run compares with that."""
+"""Expected results of a file, and the comparison of a run with them."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from foresee_dsl.language.model.expected import FailureName
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 
 DRIVER = "pdm"
-"""What drives a test case that names no driver."""
+"""Driver of a test case that names none."""
 _ACTOR = re.compile(r" with (\w+)")
-"""Who a recorded failure was with: `F2 collision with walker (pedestrian) at 4.75 s, 6.4 m/s`."""
+"""The other actor of a recorded failure: `F2 collision with walker (pedestrian) at 4.75 s, 6.4 m/s`."""
 
 
 class Status(StrEnum):
-    """How a run compares with what is expected; in the order in which they are told.
+    """How a run compares with the expected result, in the order of the report.
+
 
     Attributes:
-        label: in words. style: how a terminal shows it. meaning: in a sentence.
+        label: in words. style: of a terminal. meaning: in one sentence.
     """
 
     _value_: str
@@ -31,12 +32,12 @@ class Status(StrEnum):
     meaning: str
 
     def __new__(cls, value: str, style: str, meaning: str) -> Status:
-        """Make a member."""
+        """Create a member."""
         made = str.__new__(cls, value)
         made._value_, made.style, made.meaning = value, style, meaning
         return made
 
-    CRASHED = "crashed", "bold red", "the driver or the simulator broke, so nothing is known of the test case"
+    CRASHED = "crashed", "bold red", "the driver or the simulator broke, so there is no result for the test case"
     TIMED_OUT = "timed_out", "bold yellow", "it did not arrive in time, or the driver took too long"
     CAME_BACK = "came_back", "bold red", "it is expected to pass, and fails"
     CHANGED = "changed", "yellow", "it fails in another way, or with another actor"
@@ -47,19 +48,19 @@ class Status(StrEnum):
 
     @property
     def label(self) -> str:
-        """In words: `came back`."""
+        """The name in words: `came back`."""
         return self.value.replace("_", " ")
 
     @property
     def can_be_recorded(self) -> bool:
-        """Whether `--update` writes the run as what is expected from now on."""
+        """Whether `--update` records this result as the expected one."""
         return self in (Status.CAME_BACK, Status.CHANGED, Status.NEW, Status.FIXED)
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: the verdict, the other party's id or "", whether the driver took too much wall time, and whether
-    it passed otherwise but broke an `expect` line."""
+    """How a run ended: verdict, the other actor's id or "", whether the driver exceeded its wall time, and whether a
+    passed run broke an `expect` line."""
 
     verdict: Verdict
     actor: str = ""
@@ -68,22 +69,24 @@ class Ending:
 
     @classmethod
     def of(cls, result: RunResult) -> Ending:
-        """Return how a run ended."""
+        """Return the ending of a run."""
         breaks = result.verdict is Verdict.PASS and not result.passed
         return cls(result.verdict, result.with_, hangs=result.notes.hang is not None, breaks=breaks)
 
     @property
     def passes(self) -> bool:
-        """Whether nothing failed."""
+        """Whether the run passed with all expectations."""
         return self.verdict is Verdict.PASS and not self.breaks
 
     def expected_of(self, driver: str, case: str | None = None) -> m.Expected | None:
-        """Return the statement that expects just this; None of what cannot be expected (crash, invalid)."""
-        if self.verdict is Verdict.PASS:  # a broken expectation has no kind: its own `expect` line says what is asked
+        """Return the statement that expects this ending; None for one that cannot be expected (crash, invalid)."""
+        if self.verdict is Verdict.PASS:  # a broken expectation has no kind: its `expect` line has the details
             return m.Expected(driver=driver, case=case, outcome="fails" if self.breaks else "passes")
         if self.verdict.value not in get_args(FailureName):
             return None
-        known = re.fullmatch(m.NAME_PATTERN, self.actor)  # background traffic of a foreign network may have other ids
+        known = re.fullmatch(
+            m.NAME_PATTERN, self.actor
+        )  # ids of background traffic on a foreign network may not be names
         return m.Expected.model_validate(
             {
                 "driver": driver,
@@ -96,7 +99,7 @@ class Ending:
 
 
 def in_words(expected: m.Expected | None) -> str:
-    """Return `fails F2 with walker`, `passes`; "nothing" for None."""
+    """Return an expected result in words: `fails F2 with walker`, `passes`; "nothing" for None."""
     if expected is None:
         return "nothing"
     with_ = f" with {expected.actor}" if expected.actor else ""
@@ -104,11 +107,11 @@ def in_words(expected: m.Expected | None) -> str:
 
 
 def judge(expected: m.Expected | None, ending: Ending) -> Status:
-    """Return how a run compares with what is expected of it."""
+    """Return how a run compares with the expected result."""
     verdict = ending.verdict
     if verdict is Verdict.CRASH:
         return Status.CRASHED
-    if expected is not None and not ending.hangs and _is_met(expected, ending):  # in time on another machine, perhaps
+    if expected is not None and not ending.hangs and _is_met(expected, ending):  # a hang may be due to this machine
         return Status.AS_EXPECTED
     if verdict is Verdict.TIMEOUT:
         return Status.TIMED_OUT
@@ -128,16 +131,16 @@ def _is_met(expected: m.Expected, ending: Ending) -> bool:
 
 
 def names_of(address: str, version: str) -> tuple[str, ...]:
-    """Return what a driver may be called in `expected`, the most exact first: `pdm 2`, `pdm`."""
+    """Return the possible names of a driver in `expected` lines, the most specific first: `pdm 2`, `pdm`."""
     recorded = recorded_driver(address, version)
     own = recorded.partition(" via ")[0]
     return tuple(dict.fromkeys((recorded, own, address, own.rpartition(" ")[0] or own)))
 
 
 def name_to_record(address: str, version: str) -> str:
-    """Return what a driver is called in a new `expected` line: by its own name, without its version.
+    """Return the name of a driver in a new `expected` line: its own name without a version.
 
-    Every version is meant then, so that the next one is compared with this one.
+    So the line applies to every version, and the next version is compared with this one.
     """
     own = recorded_driver(address, version).partition(" via ")[0]
     name = own.rpartition(" ")[0] or own
@@ -145,16 +148,16 @@ def name_to_record(address: str, version: str) -> str:
 
 
 def recorded_text(address: str) -> str:
-    """Return an address as a text of the language can hold it, without double quotes."""
+    """Return an address in the form of a text of the language, without double quotes."""
     return recorded_driver(address, "").partition(" via ")[2] or address
 
 
 def expected_in(
     items: Sequence[m.Item], case: str | None, names: Sequence[str], origin: m.Origin | None = None
 ) -> m.Expected | None:
-    """Return the statement that is about a driver and a case: the most exact name first, then the case.
+    """Return the statement for a driver and a case: the most specific name first, then the case.
 
-    Without a statement, a mutant's `origin` says it of the driver that found the failure.
+    Without a statement, a mutant's `origin` gives it for the driver that found the failure.
     """
     stated = [item for item in items if isinstance(item, m.Expected) and item.case in (None, case)]
     for name in names:
@@ -166,7 +169,7 @@ def expected_in(
 
 
 def recorded_in(origin: m.Origin | None) -> m.Expected | None:
-    """Return what a mutant's `driver` and `found` amount to; None where they are not there, or are no failure."""
+    """Return the result that a mutant's `driver` and `found` record; None if they are missing or not a failure."""
     if origin is None or not origin.found:
         return None
     ending = ending_of(origin.found)
@@ -177,11 +180,11 @@ def recorded_in(origin: m.Origin | None) -> m.Expected | None:
 
 
 def ending_of(reason: str) -> Ending | None:
-    """Return how a run ended by its recorded sentence; None of what is no failure."""
+    """Return the ending that a recorded sentence describes; None if it is not a failure."""
     word = re.split(r"\W", reason, maxsplit=1)[0]
     if word not in get_args(FailureName):
         return None
     verdict = next(one for one in Verdict if one.value == word)
-    # Only a contact is with somebody: a stuck ego stood "with nothing to wait for".
+    # Only a contact has another actor: a stuck ego stood "with nothing to wait for".
     actor = _ACTOR.search(reason.partition(" at ")[0]) if verdict.is_collision else None
     return Ending(verdict, actor[1] if actor else "")

@@ -1,4 +1,4 @@
-"""The index of a kept suite for people: a part of its `README.md`, between two marks."""
+"""Index of a regression suite: the part of its `README.md` between two marks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _TITLE = "# Regression suite\n\n"
 _SPECIAL = re.compile(r"([\\|`*\[\]])")
-"""Signs that mean something to Markdown inside a table's cell."""
+"""Characters with a meaning in a Markdown table cell."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class Row:
 
 
 def write_index(folder: Path, tests: Iterable[Path]) -> bool:
-    """Write the index of a suite's tests into its `README.md`; what stands outside of the marks stays.
+    """Write the index of a suite's tests into its `README.md`; text outside of the marks is unchanged.
 
     Returns:
-        Whether the file is another one now.
+        True if the file has changed.
     """
     file = folder / INDEX
     rows = [_row(folder, test) for test in tests]
@@ -78,7 +78,7 @@ def _of_case(item: m.Expected) -> str:
 
 
 def _sentence(document: Document) -> str:
-    """Return what happens in a test: what its file says for people, or what was found, or a clip's risk."""
+    """Return the description of a test: that of its file, otherwise the recorded failure, otherwise a clip's risk."""
     model = document.model
     origin = model.origin if isinstance(model, m.Mutant) else None
     risk = model.risk if isinstance(model, m.Clip) else None
@@ -87,11 +87,11 @@ def _sentence(document: Document) -> str:
 
 
 def _cell(text: str) -> Markup:
-    """Return a text for a table's cell: in one line, and nothing in it means anything to Markdown or HTML."""
+    """Return a text for a table cell: on one line, with all characters special to Markdown or HTML escaped."""
     from markupsafe import Markup
 
     shown = _SPECIAL.sub(r"\\\1", " ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
-    return Markup(shown)  # noqa: S704 - every sign that means something is escaped
+    return Markup(shown)  # noqa: S704 - all special characters are escaped
 
 
 def _code(text: str) -> Markup:
@@ -99,4 +99,4 @@ def _code(text: str) -> Markup:
     from markupsafe import Markup
 
     shown = " ".join(text.split()).replace("`", "'").replace("|", "\\|")
-    return Markup(f"`{shown}`")  # noqa: S704 - inside of code nothing means anything
+    return Markup(f"`{shown}`")  # noqa: S704 - code has no special characters

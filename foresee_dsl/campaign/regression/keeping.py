@@ -1,4 +1,4 @@
-"""`foresee keep`: test cases copied, with what they need, into a folder that stands on its own; and its pruning."""
+"""The command `foresee keep`: copying test cases with their files into a self-contained folder, and pruning it."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Kept:
     """One test case of a suite.
 
     Attributes:
-        file: in the suite. new: it was not there before. minimised: it is a finding's minimised form.
-        sentence: what happens in it, where a campaign tells.
+        file: in the suite. new: it was not there before. minimised: it is the minimised form of a finding.
+        sentence: what happens in it; empty without a campaign.
     """
 
     file: Path
@@ -37,9 +37,9 @@ class Kept:
 
 @dataclass(frozen=True)
 class Report:
-    """What was kept: the tests, the files that were written for them, and what else there is to say.
+    """Result of `keep`: the tests, the files copied for them, and notes.
 
-    `removed`: the files of `--prune`.
+    `removed`: files removed by `--prune`.
     """
 
     tests: tuple[Kept, ...] = ()
@@ -51,15 +51,15 @@ class Report:
 
 
 def keep(sources: Sequence[Source], folder: Path, *, name: str = "") -> Report:
-    """Copy test cases into a suite, with what they need; nothing is written where one of them cannot be kept.
+    """Copy test cases with their files into a suite; no file is written if one of them cannot be kept.
 
-    A test that is there with the same meaning stays as it is, with its expected results.
+    A test that exists with the same meaning is not changed, nor are its expected results.
 
     Args:
-        name: what the one source is called in the suite; by default as it is called now.
+        name: name of the single source in the suite; by default its present name.
 
     Raises:
-        ForeseeError: another test case of that name is there. InputError: a test case is impossible on its network.
+        ForeseeError: there is another test case of that name. InputError: a test case is impossible on its network.
     """
     if mistakes := placement_mistakes([source.case for source in sources]):
         raise InputError(mistakes)
@@ -71,13 +71,13 @@ def keep(sources: Sequence[Source], folder: Path, *, name: str = "") -> Report:
 
 
 def prune(folder: Path) -> tuple[Path, ...]:
-    """Remove what no test of a suite needs any more, and write its index anew.
+    """Remove files that no test of a suite needs, and update the index.
 
     Returns:
         The files that were removed.
 
     Raises:
-        InputError: there is no such folder, or a file has mistakes, so that what it needs is unknown.
+        InputError: there is no such folder, or a file with errors, whose needs are unknown.
     """
     tests = tests_in(folder)
     needed: set[Path] = set()
@@ -102,7 +102,7 @@ def prune(folder: Path) -> tuple[Path, ...]:
 
 
 class _Writer:
-    """The files of a suite to be, until all of them are known."""
+    """The files of a suite, collected before any is written."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -112,10 +112,10 @@ class _Writer:
         self.notes: list[str] = []
 
     def test(self, source: Source, name: str) -> Kept:
-        """Plan the file of a test.
+        """Plan the file of a test and return its entry.
 
         Raises:
-            ForeseeError: another test case of that name is there.
+            ForeseeError: there is another test case of that name.
         """
         file = self._folder / f"{name}{a.SUFFIX}"
         kept = Kept(file, not (file.exists() or file in self._new), source.minimised, source.sentence)
@@ -139,7 +139,7 @@ class _Writer:
         return kept
 
     def write(self, sources: Sequence[Source], tests: Sequence[Kept]) -> None:
-        """Write all files, those that others need first; take them back where a test is not what it was."""
+        """Write all files, required ones first; remove them again if a test's meaning has changed."""
         written: list[Path] = []
         try:
             for file, content in self._new.items():
@@ -156,13 +156,13 @@ class _Writer:
             raise
 
     def _here(self, source: Path, text: str, prefix: str) -> str:
-        """Return a file's text with the paths of what it needs as they are in the suite."""
+        """Return a file's text with the suite's paths of the files that it needs."""
         document = parse(text, str(source))
         paths = {path: prefix + self._place(a.absolute(source.parent / path)) for path in paths_in(document)}
         return with_paths(text, paths)
 
     def _place(self, source: Path) -> str:
-        """Return the name in `parents/` of a file that is needed; plan it where it is not there."""
+        """Return the name in `parents/` of a required file; plan a copy if it is not there."""
         if source not in self._names:
             inside = a.absolute(self._folder / PARENTS)
             if source.is_relative_to(inside):
@@ -175,7 +175,7 @@ class _Writer:
         return self._names[source]
 
     def _free(self, name: str, content: bytes) -> str:
-        """Return the first name that is free, or whose file has this content already: `town`, `town_2`."""
+        """Return the first name that is free or whose file has this content: `town`, `town_2`."""
         stem, dot, suffix = name.partition(".")
         number = 1
         while True:
@@ -194,7 +194,7 @@ class _Writer:
 
 
 def _same(one: bytes, other: bytes) -> bool:
-    """Return whether two files mean the same and name the same other files."""
+    """Return whether two files have the same meaning and name the same other files."""
     try:
         a_text, b_text = (plain_text(parse(text.decode("utf-8"), "a file").model) for text in (one, other))
     except (InputError, UnicodeDecodeError):

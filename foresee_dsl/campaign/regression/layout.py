@@ -1,4 +1,4 @@
-"""How a kept suite lies on the disk: its tests, `parents/` with what they are made from, and an index for people."""
+"""Layout of a suite on disk: its tests, `parents/` with the files that they need, and an index for people."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from foresee_dsl.language.project import addresses as a
 
 INDEX = "README.md"
 BEGIN, END = "<!-- foresee keep: begin -->", "<!-- foresee keep: end -->"
-"""Between these marks the index is written anew; a folder whose `README.md` has them is a suite."""
+"""The index is rewritten between these marks; a folder whose `README.md` has them is a suite."""
 PARENTS = "parents"
-"""The folder inside a suite of what its tests need: clips, scenarios, networks, models."""
+"""Folder inside a suite with the files that its tests need: clips, scenarios, networks, models."""
 
 
 def is_suite(folder: Path) -> bool:
@@ -21,7 +21,7 @@ def is_suite(folder: Path) -> bool:
 
 
 def suite_folder(file: Path) -> Path | None:
-    """Return the suite that a file is in: the nearest folder above with an index."""
+    """Return the suite that contains a file: the nearest folder above with an index."""
     return next((folder for folder in a.absolute(file).parents if is_suite(folder)), None)
 
 
@@ -32,7 +32,7 @@ def tests_in(folder: Path) -> tuple[Path, ...]:
 
 
 def role_of(file: Path) -> str:
-    """Return what a file is in a suite: `test`, `parent`, or "" where it is in none."""
+    """Return the role of a file in a suite: `test`, `parent`, or "" outside of suites."""
     folder = suite_folder(file)
     if folder is None:
         return ""

@@ -1,4 +1,4 @@
-"""What `foresee keep` is asked for: a finding of a campaign by its name, or a file; and what is known of it."""
+"""The inputs of `foresee keep`: a finding of a campaign by name, or a file, with what the campaign recorded."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Source:
     """A test case to keep.
 
     Attributes:
-        name: of its file, without suffix. file: whose folder its paths count from. text: the file to be.
-        case: as it is loaded now. minimised: it is the finding's minimised form.
-        sentence: what happens, "" where no campaign tells. expected: what is recorded of it.
+        name: name of its file without suffix. file: the present file, whose folder its paths refer to. text: its new
+            file. case: the loaded test case. minimised: it is the minimised form of a finding.
+        sentence: what happens; "" without a campaign. expected: the recorded result.
     """
 
     name: str
@@ -39,14 +39,14 @@ class Source:
 
 
 def source_of(wanted: str, campaign: Path, *, full: bool = False) -> Source:
-    """Find what is to be kept.
+    """Return the test case to keep.
 
     Args:
         wanted: a finding's or child's name in the campaign, or the address of a mutant, clip or test case.
-        campaign: the campaign's folder. full: the child as it failed first, not its minimised form.
+        campaign: the campaign's folder. full: the mutant in its original form, not the minimised one.
 
     Raises:
-        ForeseeError: there is none of this name. InputError: its files have mistakes, or it is stale.
+        ForeseeError: there is no finding of this name. InputError: its files have errors, or it is stale.
     """
     path, case = a.parse_address(wanted)
     kind = a.kind_of(path) if a.is_file(path) and case is None else None
@@ -69,7 +69,7 @@ def _child(found: Asked, *, full: bool) -> Source:
 
 
 def _test_case(address: str, found: Asked | None = None) -> Source:
-    """A test case that fails unmutated: as one concrete scenario, without the parameters and the other cases."""
+    """Return a test case that fails without mutation, as one concrete scenario without parameters and other cases."""
     case = load_test_case(address)
     model = expanded_model(case)
     doc = load(case.source).model

@@ -1,4 +1,4 @@
-"""The test cases of a suite: mutants, what says what is expected, and all that `foresee keep` has kept."""
+"""The test cases of a suite: mutants, files with expectations, and all tests that `foresee keep` has copied."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SuiteTest:
     Attributes:
         file: as the user named it. case: of a scenario with cases.
         stated: the `expected` lines of its file. origin: a mutant's.
-        verified: whether `foresee verify` runs it; otherwise it only has to pass.
+        verified: `foresee verify` runs it; otherwise it only has to pass.
     """
 
     file: Path
@@ -40,12 +40,12 @@ class SuiteTest:
 
     @property
     def address(self) -> str:
-        """How it is addressed: `FILE` or `FILE::CASE`."""
+        """Its address: `FILE` or `FILE::CASE`."""
         return f"{self.file}::{self.case}" if self.case else str(self.file)
 
     @property
     def driver(self) -> str:
-        """The driver that its file records, or is expected something of; else `pdm`."""
+        """The driver that its file records or has expectations for; otherwise `pdm`."""
         if self.origin is not None and self.origin.driver:
             return recorded_address(self.origin.driver)
         known = (recorded_address(item.driver) for item in self.stated)
@@ -53,15 +53,15 @@ class SuiteTest:
 
     @property
     def seed(self) -> int:
-        """The seed that its file records; else 0."""
+        """The seed that its file records; otherwise 0."""
         return int(self.origin.seed.value) if self.origin and self.origin.seed else 0
 
 
 def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
-    """Return the tests that are named or lie under a named folder, in the order of their paths.
+    """Return the named tests and those in named folders, in the order of their paths.
 
     Raises:
-        InputError: a path does not exist, or a file that is named itself holds no test.
+        InputError: a path does not exist, or a named file contains no test.
     """
     named = tuple(Path(path) for path in paths)
     found: list[SuiteTest] = []
@@ -69,7 +69,7 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
         tests = tuple(_tests_of(file))
         if not tests and file in named:
             kind = a.kind_of(file)
-            message = f"this holds {f'a {kind}' if kind else 'no definition'}, of which nothing is expected"
+            message = f"this file has {f'a {kind}' if kind else 'no definition'} and no expectations"
             help = "name a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
             raise a.mistake(c.WRONG_KIND, message, help, a.shown(file))
         found += tests
@@ -83,7 +83,7 @@ def _tests_of(file: Path) -> Iterator[SuiteTest]:
         return
     try:
         document = load(file, shown_as=a.shown(file))
-    except InputError:  # running it reports the mistakes
+    except InputError:  # running it reports the errors
         yield SuiteTest(file)
         return
     stated = stated_in(document)
@@ -101,7 +101,7 @@ def stated_in(document: Document) -> tuple[m.Expected, ...]:
 
 
 def _cases(file: Path, stated: Sequence[m.Expected]) -> tuple[str | None, ...]:
-    """Return the cases of a scenario that something is expected of: all, where a line names none."""
+    """Return the cases of a scenario that have expectations: all, if a line names no case."""
     named = tuple(dict.fromkeys(item.case for item in stated))
     if named and None not in named:
         return named

@@ -1,4 +1,4 @@
-"""Test cases with expected results, run again: as expected, fixed, came back, changed, new or stale."""
+"""Repetition of test cases with expected results: as expected, fixed, came back, changed, new or stale."""
 
 from __future__ import annotations
 
@@ -38,19 +38,20 @@ from foresee_dsl.language.repinning.repin import Child, State, plan
 from foresee_dsl.simulate.results.verdict import Verdict
 
 LONGEST_S = 300.0
-"""Simulated time of a run, from which the wall time follows after which its process is ended. Ours: no test case of the
-library is longer; the run ends itself before, by its own length."""
+"""Longest simulated time of a run, s, from which the deadline of its process follows. Ours: no test case of the library
+is longer; each run also ends by its own length."""
 
 
 @dataclass(frozen=True)
 class Recheck:
-    """One test case, run again.
+    """The repeated run of one test case.
+
 
     Attributes:
         file: its address. case: of a scenario with cases.
-        was: what is expected, in words: `fails F2 with walker`. now: how it ended, in a sentence; or why it is stale.
-        driver: with its version. name: what the driver is called in an `expected` line.
-        line: where its file says what is expected. note: what else is to say.
+        was: the expected result in words: `fails F2 with walker`. now: how it ended, or why it is stale.
+        driver: with its version. name: the driver's name in an `expected` line.
+        line: line of the expectation in its file. note: further remarks.
     """
 
     file: str
@@ -80,20 +81,21 @@ def verify_files(
     jobs: int = 1,
     deadlines: Deadlines = DEADLINES,
 ) -> tuple[Recheck, ...]:
-    """Run the tests of a suite (`suite_of(paths)`) again, in new processes, and compare with what is expected.
+    """Run the tests of a suite (`suite_of(paths)`) again, in new processes, and compare with the expected results.
 
-    A child whose parent was edited is run all the same where the edit does not reach it, which the parent's old version
-    in git tells.
+    A child whose parent was edited is still run if the edit does not reach it, which is determined from the parent's
+    old version in git.
+
 
     Args:
-        driver: by default the one that each file records.
+        driver: replaces the one that each file records.
         run_programs: start the programs that files record as their drivers (`external:python3 my_driver.py`). Checking
             a file that came from elsewhere must not run a command.
         deadlines: wall times of the driver.
 
     Raises:
-        InputError: a path does not exist, or a named file holds no test.
-        DriverError: there is no such driver, or files record programs, which was not allowed; nothing was run.
+        InputError: a path does not exist, or a named file contains no test.
+        DriverError: there is no such driver, or files record programs, which is not allowed; no run was started.
     """
     tests = suite_of(paths)
     if driver:
@@ -120,14 +122,14 @@ def verify_files(
 
 @dataclass(frozen=True)
 class _Pool:
-    """How tests are run: with which driver ("": each with its own), in how many processes, for how long at most."""
+    """Options of the runs: the driver ("": each test's own), number of processes, deadlines."""
 
     driver: str
     jobs: int
     deadlines: Deadlines
 
     def run(self, tests: Sequence[SuiteTest], *, check_pin: bool = True) -> tuple[Recheck, ...]:
-        """Run tests; return what became of each, in their order."""
+        """Run tests; return their results in the same order."""
         numbers = {str(k): test for k, test in enumerate(tests)}
         found: dict[str, Recheck] = {}
         longest_s = self.deadlines.for_run_s(LONGEST_S)
@@ -145,7 +147,7 @@ class _Pool:
 
 
 def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
-    """Return what is told of a run that gave nothing."""
+    """Return the result of a test whose run broke."""
     verdict, reason = broken_verdict(broken)
     ending = Ending(verdict, hangs=verdict is Verdict.TIMEOUT)
     expected = expected_in(test.stated, test.case, names_of(driver or test.driver, ""), test.origin)
@@ -161,14 +163,14 @@ def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
 
 
 _TOGETHER = 64
-"""Tests of a folder for which a process keeps what it has read: their own files, too, 0.3 MB each. Ours: a clip has
-four mutants in a suite, so more would hardly share more."""
+"""Number of tests of a folder for which a process keeps the files that it has read, 0.3 MB each. Ours: a clip has four
+mutants in a suite, so more tests would hardly share more files."""
 
 
 @lru_cache(maxsize=2)
 def _project_of(folder: Path, part: int, *, check_pin: bool) -> Project:  # noqa: ARG001  they key the cache
-    """What a worker has read for tests of a folder, which share parents and networks; a worker lives for one call of
-    `verify_files`, so that files do not change under it."""
+    """Return a worker's project for tests of a folder, which share parents and networks; a worker lives for one call of
+    `verify_files`, so the files do not change meanwhile."""
     return Project(check_pin=check_pin)
 
 
@@ -180,7 +182,7 @@ def _recheck_in_worker(test: SuiteTest, driver: str, *, part: int, check_pin: bo
 def recheck(
     test: SuiteTest, driver: str, *, project: Project | None = None, deadlines: Deadlines = DEADLINES
 ) -> Recheck:
-    """Run one test again and compare; `project`: has read the files of tests before it."""
+    """Run one test again and compare; `project` has read the files of earlier tests."""
     try:
         case = (project or Project()).test_case(test.address)
         result = run_test_case(case, driver, test.seed, deadlines=deadlines)
@@ -205,7 +207,7 @@ def recheck(
 
 
 def other_version(test: SuiteTest, driver: str, version: str) -> str:
-    """Return in words that the run was recorded with another version of its driver or of this tool, or ""."""
+    """Return a note that the recorded run had another version of the driver or of this tool, or ""."""
     origin = test.origin
     if origin is None:
         return ""
@@ -219,9 +221,9 @@ def other_version(test: SuiteTest, driver: str, version: str) -> str:
 
 
 def reached(files: Sequence[Path]) -> dict[Path, str]:
-    """Return for each stale child why it cannot be run; "" for one that the edit of its parent does not reach.
+    """Return for each stale child why it cannot be run; "" if the edit of its parent does not reach it.
 
-    A child that no longer fits its parent is left out: its own message says why.
+    A child that no longer fits its parent is left out, because its own message says why.
     """
     if not files:
         return {}
@@ -230,13 +232,13 @@ def reached(files: Sequence[Path]) -> dict[Path, str]:
         family |= dict.fromkeys(_ancestors(file))
     try:
         children = {absolute(child.file): child for child in plan(family)}
-    except InputError:  # one with mistakes of its own says nothing of the others
+    except InputError:  # one file with errors must not affect the others
         return {} if len(files) == 1 else {file: why for each in files for file, why in reached([each]).items()}
     return {file: why for file in files if (why := _why_stale(children.get(absolute(file)))) is not None}
 
 
 def _why_stale(child: Child | None) -> str | None:
-    """Return what speaks against running a child under its edited parent; "" for nothing, None where it cannot be."""
+    """Return why a child cannot be run under its edited parent; "" if it can, None if that is unknown."""
     if child is None:
         return None
     if child.state in (State.CONFLICT, State.BLOCKED):
@@ -248,7 +250,7 @@ def _why_stale(child: Child | None) -> str | None:
 
 
 def _ancestors(file: Path) -> Iterable[Path]:
-    """Yield the clips and mutants that a child comes from."""
+    """Yield the clips and mutants that a child descends from."""
     try:
         model = load(file).model
         while isinstance(model, Mutant | Clip):
@@ -262,11 +264,10 @@ def _ancestors(file: Path) -> Iterable[Path]:
 
 
 def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
-    """Write what was found as what is expected from now on, where it differs; nothing else of a file changes.
+    """Record the results as the expected ones where they differ; files are otherwise unchanged.
 
-    The index of a kept suite is written anew.
+    The index of a suite is updated. Crashes, timeouts and stale children are not recorded.
 
-    Crashes, timeouts and stale children are left as they are.
 
     Returns:
         The files that were written.

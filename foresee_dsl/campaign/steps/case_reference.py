@@ -1,4 +1,4 @@
-"""A failing test case is driven by another driver: who avoids the failure, and how."""
+"""Step: a reference driver drives a failing test case, which shows whether it avoids the failure."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class CaseReferenceStep(Reference, Step[SeedStep, SeedOutcome]):
 
     @classmethod
     def following(cls, above: SeedStep, result: SeedOutcome | None, campaign: Campaign) -> Iterator[Self]:
-        """Yield one for each reference driver."""
+        """Yield one step per reference driver."""
         for driver, identity in campaign.references if result is not None else ():
             key = campaign.key(cls, seed=above.key, driver=identity)
             yield cls(key, f"{above.name}_{driver}", above.seed, driver)

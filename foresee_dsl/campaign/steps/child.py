@@ -1,4 +1,4 @@
-"""The last step: a mutant is run."""
+"""Step: a mutant is run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ChildStep(ClipPart["MutantsStep", Mutants]):
-    """Run a mutant of a clip; of a failure, ask whether a careful driver would have avoided it."""
+    """Run a mutant; for a failure, ask whether a careful driver would have avoided it."""
 
     kind = "child"
     title = "children"
@@ -42,7 +42,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
 
     @classmethod
     def following(cls, above: MutantsStep, result: Mutants | None, campaign: Campaign) -> Iterator[Self]:
-        """Yield a child for each mutant."""
+        """Yield one step per mutant."""
         again = f"_s{above.seed}" if above.seed != campaign.settings.seed else ""
         for mutant in result.drafts if result is not None else ():
             key = campaign.key(cls, clip=above.draft.pin, meaning=mutant.meaning, driver=campaign.driver,
@@ -51,12 +51,12 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:
-        """The children of a clip."""
+        """Return the number of mutants of a clip."""
         return settings.children
 
     @Part.MUTATE.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ChildOutcome, Trace | None]:  # noqa: ARG002
-        """Run the mutant; the traces of failures are stored."""
+        """Run the mutant; traces of failures are stored."""
         parent = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")
         file = work.folder / f"{self.name}.foresee"
         mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name})
@@ -67,7 +67,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         return outcome, result.trace if result.verdict.is_failure else None
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ChildOutcome:  # noqa: ARG002
-        """Return the child with how its run broke."""
+        """Return the mutant's record for a broken run."""
         return ChildOutcome(self.name, file, self.mutant.text, (), verdict, "", reason, 0.0, 0.0, "",
                             self.mutant.meaning)  # fmt: skip
 
@@ -82,9 +82,9 @@ def run_child(
     deadlines: Deadlines = DEADLINES,
     meaning: str = "",
 ) -> tuple[ChildOutcome, RunResult]:
-    """Run a mutant; write into it what was found and, of a failure, whether a careful driver would have avoided it.
+    """Run a mutant; write the result into it and, for a failure, whether a careful driver would have avoided it.
 
-    `meaning`: that of its test case, where it is known already.
+    `meaning`: hash of its test case's meaning, if already known.
     """
     case = expand_mutant(mutant, clip_case, source=file, meaning=meaning)
     result = run_test_case(case, driver, seed, deadlines=deadlines)
@@ -113,7 +113,7 @@ def run_child(
 
 
 def with_sentence(mutant: Mutant, sentence: str) -> str:
-    """Return a mutant's text with a comment above its changes that says what happens."""
+    """Return a mutant's text with a comment above its changes that describes what happens."""
     comments: dict[Key, Comments] = {}
     for k, item in enumerate(mutant.body):
         apart = k > 0 and type(item) is not type(mutant.body[k - 1])
@@ -126,7 +126,7 @@ def with_sentence(mutant: Mutant, sentence: str) -> str:
 
 
 def with_found(mutant: Mutant, found: str, known: Explained = NOTHING) -> Mutant:
-    """Return the mutant with what its run found in its origin block, and whether that was preventable."""
+    """Return the mutant with its run's result in the origin block, and whether a failure was preventable."""
     lines: dict[str, str | None] = {"found": found, "preventable": None, "anticipating": None}
     lines |= dict(judgement.origin for judgement in known.judgements if judgement.origin is not None)
     body = tuple(item.model_copy(update=lines) if isinstance(item, Origin) else item for item in mutant.body)

@@ -1,4 +1,4 @@
-"""The step after a forecast: a clip is run unmutated, and compared with the run that it was cut from."""
+"""Step after a forecast: a clip is run without mutation and compared with the run that it was cut from."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ClipStep(ClipPart["ForecastStep", Forecast]):
-    """Run a clip unmutated and measure how far it strays from its parent's run."""
+    """Run a clip without mutation and measure how far it deviates from its parent's run."""
 
     kind = "clip"
     title = "clips"
@@ -41,14 +41,14 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
 
     @classmethod
     def following(cls, above: ForecastStep, result: Forecast | None, campaign: Campaign) -> Iterator[Self]:
-        """Yield a clip for each risky point that is studied."""
+        """Yield one step per studied risky point."""
         for draft in result.drafts if result is not None else ():
             key = campaign.key(cls, seed=above.run_key, pin=draft.pin)
             yield cls(key, f"{above.name}_p{draft.rank}", above.seed, draft)
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:
-        """The risky points that are studied."""
+        """Return the number of studied risky points."""
         return settings.risky_points
 
     @Part.CLIP.measured
@@ -84,7 +84,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
         return outcome, result.trace
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ClipOutcome:
-        """Return the clip with how its run broke."""
+        """Return the clip's record for a broken run."""
         return ClipOutcome(
             seed=case.id, family=case.family, name=self.name, file=file, text=self.draft.text, rank=self.draft.rank,
             verdict=verdict, reason=reason, duration_s=0.0, wall_s=0.0, largest_m=0.0, median_m=0.0, within=1.0,
@@ -101,7 +101,7 @@ def measure_clip(
     seed: int,
     deadlines: Deadlines = DEADLINES,
 ) -> tuple[Clip, TestCase, RunResult, Deviation]:
-    """Run a clip unmutated and write into it how far it strays from its parent.
+    """Run a clip without mutation and write its deviation from its parent into it.
 
     Returns:
         The clip with its `fidelity` line, its test case, the run, and the deviation.

@@ -1,4 +1,4 @@
-"""The texts of clips and mutants in a worker, and the test case that a clip makes."""
+"""Texts of clips and mutants in a worker, and the test case of a clip."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _T = TypeVar("_T", Clip, Mutant)
 
 @lru_cache(maxsize=16)
 def clip_case(text: str, parent: CaseRef, file: Path) -> TestCase:
-    """Return the test case of a clip's text; a process keeps the last few, as many children share them."""
+    """Return the test case of a clip's text; a process caches the last ones, as many mutants share them."""
     return expand_clip(clip_of(text), load_case(parent), source=file)
 
 
 def risk_hash(clip: Clip) -> str:
-    """Return a hash of a clip's `risk` line, by which it is mutated and minimised."""
+    """Return a hash of a clip's `risk` line, which determines its mutation and minimisation."""
     risk = clip.risk.model_dump_json() if clip.risk is not None else ""
     return hashlib.sha256(risk.encode()).hexdigest()[:12]
 
 
 @lru_cache(maxsize=16)
 def clip_of(text: str) -> Clip:
-    """Return the model of a clip's text; a process keeps the last few (30 ms each: a fifth of a child's run)."""
+    """Return the model of a clip's text; a process caches the last ones (30 ms each: a fifth of a mutant's run)."""
     return _printed(text, Clip)
 
 

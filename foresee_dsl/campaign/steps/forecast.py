@@ -1,4 +1,4 @@
-"""The step after a run that passed: its risky points are ranked, and clips are cut around the first of them."""
+"""Step after a passed run: its risky points are ranked, and clips are cut around the first of them."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
 
     @staticmethod
     def wanted(result: SeedOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
-        """Only a run that passed is studied."""
+        """Return True for a run that passed, as only these are studied."""
         return result.verdict is Verdict.PASS
 
     @Part.FORECAST.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Forecast, None]:
-        """Rank, and cut the clips."""
+        """Rank the risky points and cut the clips."""
         if trace is None:
             raise ValueError(f"the forecast of {self.name} has no trace")
         s = work.settings
@@ -77,13 +77,13 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         points = ranker.rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
         search = preset(s.preset).search
         promise = Promise(Recorded.of(trace), search, self.seed) if search is not None else None
-        # Points of one moment (about two actors, say) have clips of one meaning: only the first of them is made.
+        # Points at one moment (for example of two actors) have clips of the same meaning: keep only the first.
         drafts: dict[str, Draft] = {}
         for point in points:
             if len(drafts) == s.risky_points:
                 break
             if promise is not None and not promise.of(point.frame, before_s=s.before_s, after_s=s.after_s):
-                continue  # the preset would find nothing to do there
+                continue  # the preset's search would have no mutation there
             file = work.folder / f"{self.name}_p{point.rank}.foresee"
             window = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
             draft = _draft(clip_around(case, trace, point, file, **window), point.rank)
@@ -102,7 +102,7 @@ def clip_around(
     after_s: float,
     handover_s: float = 0.0,
 ) -> Clip:
-    """Cut the seconds around a risky point out of a run; `file` is where the clip will be written.
+    """Return the clip of the seconds around a risky point of a run; `file` is its future file.
 
     Raises:
         ValueError: the hand-over is too long (see `derive.clipping.clip`).

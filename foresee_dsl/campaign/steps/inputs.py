@@ -1,4 +1,4 @@
-"""What a step needs beside its few words: test cases and traces, as files for processes here or as bytes for others."""
+"""Inputs of steps: test cases and traces, as files for processes here or as bytes for other machines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from foresee_dsl.simulate.trace import Trace
 
 @dataclass(frozen=True)
 class Ref:
-    """Some bytes: where they are, or themselves for a process that may be on another machine. `name` is their hash."""
+    """Some bytes: their file, or the bytes themselves for a process on another machine. `name` is their hash."""
 
     name: str
     path: Path
@@ -28,7 +28,7 @@ class Ref:
         """Return the bytes.
 
         Raises:
-            OSError: the file is gone.
+            OSError: the file does not exist any more.
             ValueError: it was changed.
         """
         data = self._bytes()
@@ -37,7 +37,7 @@ class Ref:
         return data
 
     def inline(self) -> Ref:
-        """Return it with its bytes; whoever reads it finds out whether they were changed."""
+        """Return a reference that contains its bytes; its reader checks whether they were changed."""
         return replace(self, data=self._bytes())
 
     def _bytes(self) -> bytes:
@@ -46,19 +46,19 @@ class Ref:
 
 @dataclass(frozen=True)
 class CaseRef:
-    """A test case: what is its own, and the network and models that it shares with many."""
+    """A test case: its own part, and the network and models that it shares with others."""
 
     own: Ref
     shared: Ref
 
     def inline(self) -> CaseRef:
-        """Return it with its bytes."""
+        """Return a reference that contains its bytes."""
         return CaseRef(self.own.inline(), self.shared.inline())
 
 
 @Part.STORE.measured
 def load_case(ref: CaseRef) -> TestCase:
-    """Return a test case; a process keeps those that it had lately."""
+    """Return a test case; a process caches the last ones."""
     network, models = _loaded_shared(ref.shared)
     return replace(_loaded(ref.own), network=network, models=models)
 
@@ -69,7 +69,7 @@ def load_trace(ref: Ref) -> Trace:
 
     Raises:
         OSError: its file is gone.
-        ValueError: its file was changed, or is no trace.
+        ValueError: its file was changed, or is not a trace.
     """
     return Trace.load(io.BytesIO(ref.read()))
 

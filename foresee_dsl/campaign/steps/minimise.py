@@ -1,4 +1,4 @@
-"""The step after all children: the representative of a finding is made as small as its failure allows."""
+"""Step after all mutants: the representative of a finding is minimised."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
-    """Make a failing child smaller; `run_seed` is that of the run which its clip was cut from."""
+    """Minimise a failing mutant; `run_seed` is the seed of the run that its clip was cut from."""
 
     kind = "minimise"
     title = "findings minimised"
@@ -50,7 +50,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
 
     @classmethod
     def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: Campaign) -> Iterator[Self]:
-        """Yield the one of a child."""
+        """Yield the single step of a mutant."""
         if result is not None:
             s = campaign.settings
             key = minimising_key(cls, campaign.key, child=above.key, risk=above.draft.risk, run_seed=s.seed,
@@ -58,12 +58,12 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
             yield cls(key, above.name, above.seed, above.draft, above.mutant, result.text)
 
     def folder(self, case: TestCase) -> str:  # noqa: ARG002
-        """Return a folder of its own."""
+        """Return a separate folder per finding."""
         return f"findings/{self.name}"
 
     @Part.MINIMISE.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Minimised, Trace | None]:
-        """Minimise the mutant, and run what is left of it once more."""
+        """Minimise the mutant, and run the minimised form once more."""
         clip = clip_of(self.draft.text)
         clip = clip.model_copy(update={"parent": relative_path(case.source, work.folder)})
         mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name, "parent": f"{clip.name}.foresee"})
@@ -73,7 +73,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
         )
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Minimised:  # noqa: ARG002
-        """Return the unreduced mutant, with how its minimising broke."""
+        """Return the original mutant with the reason why minimising broke."""
         child = ChildOutcome(self.name, file, self.found, (), verdict, "", reason, 0.0, 0.0, "")
         return _as_found(child, clip_of(self.draft.text), f"not minimised: {reason}")
 
@@ -88,14 +88,14 @@ def minimising_key(
     limit_m: float,
     budget: int = RUNS,
 ) -> str:
-    """Return the key of a child's minimising, which the command and the campaign share."""
+    """Return the key of minimising a mutant, which the command and the campaign share."""
     return key(step, child=child, risk=risk, run_seed=run_seed, limit_m=limit_m, budget=budget)
 
 
 def minimised(
     subject: Subject, *, driver: str, seed: int, limit_m: float, budget: int
 ) -> tuple[Minimised, Trace | None]:
-    """Minimise a mutant and run what is left of it; one that does not fail any more is returned as it is."""
+    """Minimise a mutant and run the result; one that no longer fails is returned unchanged."""
     before = subject.clip
     try:
         found = minimise(subject, judge_of(driver, seed), limit_m=limit_m, budget=budget)
@@ -124,7 +124,7 @@ def minimised(
 
 
 def _as_found(child: ChildOutcome, clip: Clip, note: str) -> Minimised:
-    """Return what says why a mutant is as it was."""
+    """Return the record of a mutant that is unchanged, with the reason."""
     text, changes, actors = print_model(clip), len(child.changes), _actors(clip)
     lines = text.count("\n")
     return Minimised(child, clip.name, text, changes=Reduced(changes, changes), actors=Reduced(actors, actors),
@@ -136,7 +136,7 @@ def _actors(clip: Clip) -> int:
 
 
 def judge_of(driver: str, seed: int) -> Judge:
-    """Return how mutants are run with a driver, and what makes two of their failures the same one."""
+    """Return how mutants are run with a driver, and when two of their failures count as the same."""
 
     def sign(case: TestCase, result: RunResult) -> tuple[str, ...]:
         return result.verdict.value, result.with_, tell(result.trace, case).contact.value

@@ -1,4 +1,4 @@
-"""A finding made smaller is driven by another driver, as its representative was."""
+"""Step: a reference driver drives a minimised finding, as it did its representative."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
-    """Run a minimised child, and its clip, as `ReferenceStep` does."""
+    """Run a minimised mutant and its clip, as `ReferenceStep` does."""
 
     kind = "minimised_reference"
     title = "minimised findings with reference drivers"
@@ -41,7 +41,7 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
 
     @classmethod
     def following(cls, above: MinimiseStep, result: Minimised | None, campaign: Campaign) -> Iterator[Self]:
-        """Yield one for each reference driver."""
+        """Yield one step per reference driver."""
         if result is None:
             return
         for driver, identity in campaign.references:
@@ -50,7 +50,7 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
             yield cls(key, f"{above.name}_{driver}", above.seed, above.draft, *texts, driver)
 
     def folder(self, case: TestCase) -> str:  # noqa: ARG002
-        """Return that of the minimised child."""
+        """Return the folder of the minimised mutant."""
         return f"findings/{self.name.removesuffix(f'_{self.driver}')}"
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:

@@ -1,4 +1,4 @@
-"""The step after a clip's run: the clip is mutated, once for each seed."""
+"""Step after a clip's run: the clip is mutated, once per seed."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ if TYPE_CHECKING:
 
 
 SEARCHED_FOR = 3
-"""So many times a clip's share of children the preset's search is asked for, where they are allocated in rounds."""
+"""Number of mutants requested from the preset's search, as a multiple of a clip's share, with allocation in rounds."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """A child that a round asks for.
+    """A mutant that a round requests.
+
 
     Attributes:
-        number: the last part of its name. draw: which draw of its clip it is.
-        near: the text of the child near which it is drawn; "" of one that is drawn anew. near_number: its number.
+        number: last part of its name. draw: index of the draw from its clip.
+        near: text of the mutant near which it is drawn; "" for an independent draw. near_number: number of that mutant.
     """
 
     number: int
@@ -46,11 +47,12 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a round asks of a clip.
+    """The request of a round for one clip.
+
 
     Attributes:
-        round: its number; the first asks nothing, and each clip gets its first children. 0: there are no rounds.
-        children: what it wants. plans: of the clip's children. made: the texts of those that there are.
+        round: number of the round; the first has no explicit request: each clip gets its first mutants. 0: no rounds.
+        children: the requested mutants. plans: of the clip's mutants. made: texts of the existing mutants.
     """
 
     round: int = 0
@@ -61,7 +63,7 @@ class Asked:
 
 @dataclass(frozen=True, eq=False)
 class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
-    """Mutate a clip with one seed; `asked`: where children are allocated in rounds, what one of them asks for."""
+    """Mutate a clip with one seed; `asked`: the request of a round, if mutants are allocated in rounds."""
 
     kind = "mutants"
     title = "mutations"
@@ -77,7 +79,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
 
     @classmethod
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
-        """Yield a mutation for each seed."""
+        """Yield one step per seed."""
         s, draft = campaign.settings, above.draft
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
             key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.first_children, seed=seed,
@@ -85,19 +87,19 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
             yield cls(key, above.name, seed, draft, Asked(int(s.allocation == "adaptive")))
 
     def again(self, asked: Asked, clip: ClipStep, campaign: Campaign) -> Self:
-        """Return the step in which the same clip is mutated with the same seed in a later round."""
+        """Return the step that mutates the same clip with the same seed in a later round."""
         key = campaign.key(type(self), clip=clip.key, risk=self.draft.risk, preset=campaign.settings.preset,
                            seed=self.seed, operators=campaign.operators, asked=json.dumps(asdict(asked)))  # fmt: skip
         return replace(self, key=key, asked=asked)
 
     @staticmethod
     def wanted(result: ClipOutcome, settings: CampaignSettings) -> bool:
-        """Only a clip that passed unmutated and is true to its parent's run is mutated."""
+        """Return True for a clip that passed without mutation and is close enough to its parent's run."""
         return result.largest_m <= settings.fidelity_limit_m and result.verdict is Verdict.PASS
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:
-        """One for each seed."""
+        """Return the number of seeds."""
         return settings.repeat if settings.children else 0
 
     @Part.MUTATE.measured
@@ -132,5 +134,5 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
 
 
 def driver_of(clip_trace: Trace, driver: str) -> str:
-    """Return the driver as a mutant's file records it, with the version that drove the clip's own unmutated run."""
+    """Return the driver as a mutant's file records it, with the version of the clip's own unmutated run."""
     return recorded_driver(driver, str(clip_trace.meta.get("driver_version", "")))

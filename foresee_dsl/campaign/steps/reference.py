@@ -1,4 +1,4 @@
-"""The step after a failing child: a reference driver drives it too, which shows who avoids the failure, and how."""
+"""Step after a failing mutant: a reference driver drives it, which shows whether it avoids the failure, and how."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
-    """Run a failing child with a reference driver; where that one passes, the clip before the mutation too."""
+    """Run a failing mutant with a reference driver; if that one passes, also the clip without mutation."""
 
     kind = "reference"
     title = "failures with reference drivers"
@@ -39,13 +39,13 @@ class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
 
     @classmethod
     def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: Campaign) -> Iterator[Self]:
-        """Yield one for each reference driver."""
+        """Yield one step per reference driver."""
         for driver, identity in campaign.references if result is not None else ():
             key = campaign.key(cls, child=above.key, clip=above.draft.pin, driver=identity)
             yield cls(key, f"{above.name}_{driver}", above.seed, above.draft, above.mutant, driver)
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:  # noqa: ARG002
-        """Run the child, then the clip; compare the child's two runs."""
+        """Run the mutant, then the clip; compare the mutant's two runs."""
         file = work.folder / f"{self.draft.name}.foresee"
         clip = clip_case(self.draft.text, work.case, file)
         child = expand_mutant(mutant_of(self.mutant.text), clip, source=work.folder / f"{self.name}.foresee")

@@ -1,4 +1,4 @@
-"""What all steps share that drive a failure with a reference driver."""
+"""Common part of the steps in which a reference driver drives a failure."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Reference:
-    """The driver, how many such steps follow from one failure, and what is recorded where the run breaks."""
+    """The driver, the number of such steps per failure, and the record of a broken run."""
 
     record: ClassVar[type[Record]] = ReferenceRun
     of_failures: ClassVar[bool] = True
@@ -31,11 +31,11 @@ class Reference:
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:
-        """The reference drivers."""
+        """Return the number of reference drivers."""
         return len(settings.against)
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ReferenceRun:  # noqa: ARG002
-        """Return how its run broke."""
+        """Return the record of a broken run."""
         return ReferenceRun(self.driver, verdict, reason, 0.0)
 
 
@@ -49,7 +49,7 @@ def driven(
     seed: int,
     deadlines: Deadlines,
 ) -> ReferenceRun:
-    """Ask a reference driver about a test case that fails."""
+    """Return a reference driver's run of a failing test case."""
 
     def drive() -> RunResult:
         with reference_driver():
@@ -59,17 +59,17 @@ def driven(
 
 
 _MOST_KNOWN = 64
-"""Verdicts of clips that are kept. Ours: a few drivers for each of the clips that a process keeps."""
+"""Maximum number of cached verdicts. Ours: a few drivers for each of the clips that a process caches."""
 _KNOWN: dict[tuple[str, CaseRef, str, int], Verdict] = {}
-"""Verdicts of clips with reference drivers: failing children of one clip ask for the same."""
+"""Cached verdicts of clips with reference drivers, as failing mutants of one clip share them."""
 
 
 def verdict_of_clip(text: str, parent: CaseRef, file: Path, *, driver: str, seed: int, deadlines: Deadlines) -> Verdict:
-    """Run a clip before its mutation, or return what that gave before in this process."""
+    """Return the verdict of a clip without mutation, cached per process."""
     known = _KNOWN.get((text, parent, driver, seed))
     if known is None:
         known = run_test_case(clip_case(text, parent, file), driver, seed, deadlines=deadlines).verdict
-        if known is Verdict.PASS or known.is_failure:  # what broke or took too long is tried again
+        if known is Verdict.PASS or known.is_failure:  # broken runs and timeouts are repeated
             while len(_KNOWN) >= _MOST_KNOWN:
                 del _KNOWN[next(iter(_KNOWN))]
             _KNOWN[text, parent, driver, seed] = known

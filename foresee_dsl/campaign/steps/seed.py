@@ -1,4 +1,4 @@
-"""The first step: a test case is run, unmutated."""
+"""First step: a test case is run without mutation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SeedStep(Step[None, None]):
-    """Run a test case; of a failure, ask whether a careful driver would have avoided it."""
+    """Run a test case; for a failure, ask whether a careful driver would have avoided it."""
 
     kind = "seed"
     title = "test cases"
@@ -33,8 +33,8 @@ class SeedStep(Step[None, None]):
 
     @classmethod
     def of_case(cls, case: TestCase, name: str, campaign: Campaign) -> Self:
-        """Return the step of a test case, whose files get this name."""
-        # A clip's window is in no scenario, and decides which noise its sensors have.
+        """Return the step of a test case; `name` begins the names of its files."""
+        # A clip's window is not part of the scenario, but determines the noise of its sensors.
         window = clip_pin(case.clip, case.clip.pin) if case.clip is not None else ""
         seed = campaign.settings.seed
         return cls(
@@ -43,12 +43,12 @@ class SeedStep(Step[None, None]):
 
     @classmethod
     def following(cls, above: None, result: None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
-        """Nothing: test cases are given."""
+        """Yield nothing, because test cases are inputs."""
         yield from ()
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:  # noqa: ARG004
-        """It follows from no step."""
+        """Return 0, as it follows from no step."""
         return 0
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[SeedOutcome, Trace]:  # noqa: ARG002
@@ -74,5 +74,5 @@ class SeedStep(Step[None, None]):
         return outcome, result.trace
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> SeedOutcome:  # noqa: ARG002
-        """Return the test case with how its run broke."""
+        """Return the test case's record for a broken run."""
         return SeedOutcome(case.id, case.family, case.scenario.name, verdict, reason, 0.0, 0.0)

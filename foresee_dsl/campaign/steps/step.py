@@ -1,4 +1,4 @@
-"""What all steps of a campaign have in common, and what a worker does with them."""
+"""Common base of all steps of a campaign, and their execution in a worker."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
 
 Above = TypeVar("Above")
-"""The class of the step that a step follows from; None of the first."""
+"""Class of the step that a step follows from; None for the first."""
 Result = TypeVar("Result")
-"""The record of that step."""
+"""Record of that step."""
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """What keys are made of beside a step's own parts.
+    """Inputs of keys beside a step's own parts.
+
 
     Attributes:
-        driver, ranker, operators: what stands for each of them in a key (see `campaign.keys`).
-        references: each reference driver's address, and what stands for it in a key.
+        driver, ranker, operators: their identities in keys (see `campaign.keys`).
+        references: each reference driver's address, and its identity in keys.
         key: returns the key of a step's class and the parts that its result depends on.
     """
 
@@ -46,12 +47,13 @@ class Campaign:
 
 @dataclass(frozen=True)
 class Work:
-    """What a worker gets.
+    """The input of a worker.
+
 
     Attributes:
-        steps: the first is run; the others all follow from its result and are run in the same process.
-        case: the test case that all began with. folder: where the clips' and children's files will be, absolute.
-        trace: of the run that the first step begins with (`Step.reads`), if any. deadlines: of each run.
+        steps: the first one is run; the others follow from its result and are run in the same process.
+        case: the test case that they descend from. folder: absolute folder of the clips' and mutants' files.
+        trace: of the run that the first step reads (`Step.reads`), if any. deadlines: of each run.
     """
 
     steps: tuple[Step[Any, Any], ...]
@@ -64,7 +66,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Made:
-    """What a worker hands over: one record, and the trace (a packed `.npz`) that belongs to it."""
+    """The output of a worker: one record, and its trace (a packed `.npz`), if any."""
 
     key: str
     kind: str
@@ -80,20 +82,19 @@ class Step(ABC, Generic[Above, Result]):
     """One step of a campaign.
 
     Attributes:
-        key: of its result. name: of its file, without folder and suffix. seed: of all its random choices.
+        key: of its result. name: name of its file, without folder and suffix. seed: of all its random choices.
 
     Attributes of a class:
-        kind: its name in the store. title: of many such steps, for people. follows: the kind that it follows from.
-        record: the class of its result. drives: whether it is a run, with a verdict.
-        reads: the kind of the run above whose trace it needs, or "".
-        same_task: whether it is known without the result of the step above; it then runs in the same process, right
-            after it.
-        after_all: whether the steps that it follows from are chosen when all of them are known (`Stages.chosen`).
-        of_failures: whether it follows from failures alone.
-        runs: how many runs it makes at most, for its deadline.
-        share: how many of those that may follow do so, for the time that is left (ours: the bundled scenarios).
+        kind: its name in the store. title: plural for people. follows: the kind that it follows from.
+        record: the class of its result. drives: it is a run, with a verdict.
+        reads: the kind of the earlier step whose trace it needs, or "".
+        same_task: it is known without the result of the step before, so it runs in the same process right after it.
+        after_all: the steps that it follows from are chosen when all of them are known (`Stages.choose`).
+        of_failures: it follows from failures only.
+        runs: maximum number of its runs, for its deadline.
+        share: share of the possible steps that occur, for the remaining time (ours: the bundled scenarios).
         turn: lower ones are run first.
-        usual_s: wall time where the store has none of its kind (ours: the bundled scenarios with `pdm`).
+        usual_s: wall time if the store has none of its kind (ours: the bundled scenarios with `pdm`).
     """
 
     kind: ClassVar[str]
@@ -117,70 +118,71 @@ class Step(ABC, Generic[Above, Result]):
     @classmethod
     @abstractmethod
     def following(cls, above: Above, result: Result | None, campaign: Campaign) -> Iterator[Self]:
-        """Yield the steps of this class that follow from a step, its result being as `wanted`.
+        """Yield the steps of this class that follow from a step whose result is `wanted`.
 
-        `result` is None where it is not known yet, which only `same_task` classes are asked.
+        `result` is None if it is not known yet, which happens only for `same_task` classes.
         """
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:  # noqa: ARG004 - of the classes that ask
-        """Return how many of this class follow from one step above at most."""
+        """Return the maximum number of steps of this class that follow from one step."""
         return 1
 
     @abstractmethod
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Record, Trace | None]:
-        """Do the step, in a worker; return its result, and its trace where that is stored.
+        """Carry out the step in a worker; return its result, and its trace if that is stored.
 
         `trace` is that of the run which `reads` names.
         """
 
     @staticmethod
     def wanted(result: Result, settings: CampaignSettings) -> bool:  # noqa: ARG004 - of the classes that ask
-        """Whether this step follows from a result of the step above at all."""
+        """Return whether this step follows from a result of the step before."""
         return True
 
     @staticmethod
     def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004 - see `ClipPart`
-        """Return for how long the step simulates at most, or may take as if it did."""
+        """Return the longest simulated time of the step, s, or its equivalent."""
         return longest_s(case)
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Record | None:  # noqa: ARG002
-        """Return the result of a run that gave none (its process died or hung); None of what is no run.
+        """Return the record of a broken run (its process died or hung); None if the step is not a run.
+
 
         Args:
-            case: the test case that all began with. file: the step's own. verdict, reason: how it ended.
+            case: the test case that it descends from. file: the step's own. verdict, reason: how it ended.
         """
         return None
 
     def folder(self, case: TestCase) -> str:
-        """Return where its file and that of its clip are, relative to the campaign's folder."""
+        """Return the folder of its file and of its clip's, relative to the campaign's folder."""
         return f"children/{case.source.stem}"
 
     @property
     def rank(self) -> int:
-        """The rank of its risky point; 0 where there is none yet."""
+        """Rank of its risky point; 0 without one."""
         return 0
 
 
 @dataclass(frozen=True, eq=False)
 class ClipPart(Step[Above, Result]):
-    """A step that has to do with a clip."""
+    """A step that concerns a clip."""
 
     draft: Draft
 
     @staticmethod
     def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004 - as above
-        """The length of a clip."""
+        """Return the length of a clip, s."""
         return settings.before_s + settings.after_s
 
     @property
     def rank(self) -> int:
-        """The rank of its risky point."""
+        """Rank of its risky point."""
         return self.draft.rank
 
 
 def run_steps(work: Work) -> Iterator[Made]:
-    """Run steps, in a worker; yield each result as soon as there is one: it is stored even if the next breaks."""
+    """Run steps in a worker; yield each result at once, so that it is stored even if the next step breaks."""
     case, settings = load_case(work.case), work.settings
     first, *then = work.steps
     given = load_trace(work.trace) if work.trace is not None else None

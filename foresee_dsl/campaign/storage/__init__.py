@@ -1,1 +1,1 @@
-"""Where a campaign's results are stored: rows by key, traces as files."""
+"""Storage of a campaign's results: rows by key, traces as files."""

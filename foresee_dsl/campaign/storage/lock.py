@@ -1,4 +1,4 @@
-"""One writer at a time: a lock on a folder, which the system releases when its holder ends, in whatever way."""
+"""Single writer: a lock on a folder, which the system releases however its holder ends."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import NamedTuple
 from foresee_dsl.errors import ForeseeError
 
 _LONGEST = 300
-"""Bytes that are read of a lock's file. Ours: a process's number, a user, a host and a time take 60."""
+"""Number of bytes read from a lock's file. Ours: process id, user, host and time take 60."""
 _NAME = ".lock"
 
 
@@ -24,8 +24,8 @@ class LockedError(ForeseeError):
     """A folder cannot be locked.
 
     Attributes:
-        holder: the process that has the lock, in words; "" where the file system has no locks.
-        cause: what the system says.
+        holder: the process that has the lock, in words; "" if the file system has no locks.
+        cause: the system's message.
     """
 
     def __init__(self, file: Path, holder: str, cause: str) -> None:
@@ -36,9 +36,9 @@ class LockedError(ForeseeError):
 class Lock:
     """A lock on a file, held by this process.
 
-    `flock` is used, not the file's existence: a holder that was killed leaves a file, but no lock. On NFS, Linux makes
-    a byte-range lock of it, which the server keeps for all hosts. The file is never deleted: a process that waits for a
-    deleted file would lock another one than the next.
+    `flock` is used, not the file's existence, because a killed holder leaves a file but no lock. On NFS, Linux turns it
+    into a byte-range lock, which the server keeps for all hosts. The file is never deleted: a process that waits for a
+    deleted file would lock another file than the next one.
     """
 
     def __init__(self, file: Path) -> None:
@@ -46,7 +46,7 @@ class Lock:
 
         Raises:
             LockedError: another process has it, or the file system has no locks.
-            OSError: the file cannot be made.
+            OSError: the file cannot be created.
         """
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
@@ -59,12 +59,12 @@ class Lock:
             os.close(descriptor)
             raise LockedError(file, "", err.strerror or str(err)) from err
         self._descriptor: int | None = descriptor
-        with contextlib.suppress(OSError):  # a full disk: the lock holds all the same
+        with contextlib.suppress(OSError):  # on a full disk the lock is still valid
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, f"{_this_process()}\n".encode(), 0)
 
     def release(self) -> None:
-        """Let go of the lock; may be called again."""
+        """Release the lock; may be called again."""
         if self._descriptor is None:
             return
         with contextlib.suppress(OSError):
@@ -75,7 +75,7 @@ class Lock:
 
 
 class _Held(NamedTuple):
-    """The folders that this process writes to, with how many times each was asked for."""
+    """Folders locked by this process, with the number of nested requests."""
 
     locks: dict[Path, Lock]
     times: Counter[Path]
@@ -86,14 +86,14 @@ _HELD = _Held({}, Counter())
 
 @contextlib.contextmanager
 def only_writer(folder: Path, option: str) -> Iterator[None]:
-    """Let no other process write results into a folder meanwhile; within this process it may be asked for again.
+    """Let no other process write results into a folder inside this context; nested use in this process is allowed.
 
     Args:
-        folder: is made where it is missing. option: names another folder.
+        folder: created if missing. option: the option that names another folder, for messages.
 
     Raises:
         ForeseeError: another process writes to it (the message says which, and since when), or it cannot be locked.
-        OSError: the folder cannot be made or written to.
+        OSError: the folder cannot be created or written to.
     """
     folder.mkdir(parents=True, exist_ok=True)
     whole = folder.resolve()
@@ -120,7 +120,7 @@ def only_writer(folder: Path, option: str) -> Iterator[None]:
 
 
 def _this_process() -> str:
-    """Return who holds the lock: `process 4711 of anna on build-3, since 2026-03-01 14:05:09`."""
+    """Return a description of this process: `process 4711 of anna on build-3, since 2026-03-01 14:05:09`."""
     try:
         user = f" of {getpass.getuser()}"
     except (OSError, KeyError, ImportError):  # a container's user without a name

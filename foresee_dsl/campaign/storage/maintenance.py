@@ -1,4 +1,4 @@
-"""Stores: what is in one, deleting what no result needs, joining several, and tables for other tools."""
+"""Maintenance of stores: statistics, deletion of unneeded data, merging, and tables for other tools."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from foresee_dsl.campaign.storage.store import Store, StoreError
 TABLE = (
     "key", "kind", "name", "driver", "tool", "verdict", "reason", "broken", "simulated_s", "wall_s", "trace", "made_s"
 )  # fmt: skip
-"""The columns of an exported table: a row's, without its record."""
+"""Columns of an exported table: those of a row, without its record."""
 _STALE_S = 3600.0
-"""A half-written blob older than this belongs to no running process. Ours: writing one takes milliseconds."""
+"""A half-written blob older than this, s, belongs to no running process. Ours: writing one takes milliseconds."""
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is in a store.
+    """Contents of a store, in numbers.
+
 
     Attributes:
-        kinds: number of results by kind of step and verdict ("" where it is no run). tools: by version of this tool.
-        broken: runs that crashed, hung, or took too much. simulated_s, wall_s: all runs together.
+        kinds: number of results by kind of step and verdict ("" if the step is not a run). tools: by tool version.
+        broken: runs that crashed, hung, or exceeded a limit. simulated_s, wall_s: sums over all runs.
     """
 
     kinds: dict[str, dict[str, int]]
@@ -42,7 +43,7 @@ class Statistics:
 
 
 def statistics(store: Store) -> Statistics:
-    """Count what is in a store."""
+    """Return counts of a store's contents."""
     kinds: dict[str, dict[str, int]] = {}
     found = store.execute("SELECT kind, verdict, count(*) FROM runs GROUP BY kind, verdict ORDER BY verdict")
     order = [step.kind for step in STEPS]
@@ -66,7 +67,7 @@ def statistics(store: Store) -> Statistics:
 
 @dataclass(frozen=True)
 class Swept:
-    """What was deleted: rows, files, and their bytes."""
+    """Deleted data: number of rows and files, and the files' bytes."""
 
     rows: int
     files: int
@@ -74,10 +75,10 @@ class Swept:
 
 
 def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
-    """Delete what nothing refers to: traces without a row, rows without their trace, half-written files.
+    """Delete data without references: traces without a row, rows without their trace, half-written files.
 
-    `older`: also the rows of other versions of this tool, which no campaign of this version uses. `damaged`: also read
-    every trace, and delete those whose content has changed.
+    `older`: also rows of other tool versions, which no campaign of this version uses. `damaged`: also read every trace,
+    and delete those whose content has changed.
     """
     rows = _deleted(store, "DELETE FROM runs WHERE tool != ?", (__version__,)) if older else 0
     needed = {name for (name,) in store.execute("SELECT DISTINCT trace FROM runs WHERE trace != ''")}
@@ -97,12 +98,13 @@ def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
 
 @dataclass(frozen=True)
 class Merged:
-    """What `merge` did, in numbers of results.
+    """Result of `merge`, in numbers of results.
+
 
     Attributes:
-        new, known: that were not yet in the joined store, and that were.
-        damaged: left out, as they or their traces were changed on the disk.
-        without_trace: left out, as their traces are not in their store any more.
+        new, known: results that the joined store did not have, and those that it had.
+        damaged: left out, because they or their traces were changed on the disk.
+        without_trace: left out, because their traces no longer exist.
     """
 
     new: int
@@ -112,10 +114,10 @@ class Merged:
 
 
 def merge(sources: Sequence[Path], into: Path) -> Merged:
-    """Put the results of several stores into one, or into a new one; the sources stay as they are.
+    """Copy the results of several stores into an existing or new one; the sources are not changed.
 
     Raises:
-        StoreError: one of them is no store that this version reads, or cannot be written.
+        StoreError: one of them is not a store that this version reads, or cannot be written.
     """
     new = known = damaged = without_trace = 0
     with Store(into) as target:
@@ -125,7 +127,7 @@ def merge(sources: Sequence[Path], into: Path) -> Merged:
             with Store(folder, write=False) as source:
                 for row in source.rows():
                     trace = source.blobs.get(row.trace) if row.trace else None
-                    if row.trace and trace is None:  # a result without its trace is none
+                    if row.trace and trace is None:  # a result without its trace is unusable
                         if source.blobs.has(row.trace):
                             damaged += 1
                         else:

@@ -1,4 +1,4 @@
-"""Finds what was changed in a store's database on the disk, and rescues what can still be read of it."""
+"""Detection of changes to a store's database on disk, and rescue of its readable rows."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from foresee_dsl.files import unpacked_within
 from foresee_dsl.limits import most
 
 UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)
-"""What reading a damaged database raises; the second where the name of a table is damaged, which the message holds."""
+"""Errors of reading a damaged database; the second occurs if the message contains a damaged table name."""
 _SIDES = ("", "-wal", "-shm")
 """The files of a database in SQLite's write-ahead mode."""
 _MOST_PACKED = 1032
-"""One byte unpacks to no more bytes than this (zlib's Technical Details: "Maximum Compression Factor")."""
+"""Maximum number of bytes that one byte expands to (zlib's Technical Details: "Maximum Compression Factor")."""
 _DAMAGE = ("malformed", "not a database", "unsupported file format")
-"""Parts of SQLite's messages about a file that was changed."""
+"""Parts of SQLite's messages about a changed file."""
 _MODES = slice(18, 20)
-"""The bytes of a database that say how it is written and read (SQLite's file format, 1.3)."""
+"""Bytes of a database that state how it is written and read (SQLite's file format, 1.3)."""
 _WRITE_AHEAD = b"\x02\x02"
-"""These bytes in write-ahead mode."""
+"""Value of these bytes in write-ahead mode."""
 
 
 def sum_of(values: Sequence[bytes | str | float]) -> str:
-    """Return the checksum of a row's values, as they are stored."""
+    """Return the checksum of a row's values in their stored form."""
     parts: list[bytes] = []
     for value in values:
         # `True`, `1` and `1.0` are one value in a database
@@ -41,10 +41,10 @@ def sum_of(values: Sequence[bytes | str | float]) -> str:
 
 
 def is_sound(values: Sequence[Any], total: str) -> bool:
-    """Return whether a row is as it was written, and its record no larger than the limit `record` allows; of one
-    without a checksum only its record (the last value) is checked.
+    """Return whether a row is unchanged, and its record within the limit `record`; for a row without a checksum only
+    the record (the last value) is checked.
 
-    The record has a checksum of its own, since it is compressed.
+    A record has its own checksum, because it is compressed.
     """
     if total and total != sum_of(values):
         return False
@@ -64,8 +64,8 @@ def has_sums(database: sqlite3.Connection) -> bool:
 
 
 def is_whole(file: Path) -> bool:
-    """Return whether SQLite can read and write all of a database, as far as that can be told: one that cannot be opened
-    at all (a lock, a right that is missing) counts as whole."""
+    """Return whether SQLite can read and write all of a database, as far as this can be determined; one that cannot be
+    opened at all (a lock, missing permissions) counts as whole."""
     try:
         with closing(_opened(file)) as database:
             whole = database.execute("PRAGMA integrity_check(1)").fetchone() == ("ok",)
@@ -82,12 +82,13 @@ def is_whole(file: Path) -> bool:
 
 
 def sound_rows(file: Path, columns: Sequence[str], setup: Sequence[str]) -> dict[Any, Sequence[Any]]:
-    """Return the rows of a damaged database that can still be read and are as they were written, by their first value.
+    """Return the unchanged rows of a damaged database that can still be read, by their first value.
 
-    It is read as it is, and with the first page of a new one: where that was changed, no row is found.
+    The database is read as it is, and also with the first page of a new one, because without a valid first page no row
+    is readable.
 
     Args:
-        columns: of a row, in the order of its checksum. setup: makes the tables of a new one.
+        columns: of a row, in the order of its checksum. setup: statements that create the tables.
     """
     rows: dict[Any, Sequence[Any]] = {}
     with tempfile.TemporaryDirectory(prefix="foresee-store-") as folder:
@@ -99,13 +100,13 @@ def sound_rows(file: Path, columns: Sequence[str], setup: Sequence[str]) -> dict
 
 
 def rescue(file: Path, rows: dict[Any, Sequence[Any]], insert: str, setup: Sequence[str]) -> int:
-    """Replace a damaged database by one with the rows that can still be read; the old one stays beside it.
+    """Replace a damaged database by a new one with the readable rows; the old one stays beside it.
 
     Args:
-        rows: see `sound_rows`. insert: a row with its checksum. setup: makes the tables.
+        rows: see `sound_rows`. insert: statement for a row with its checksum. setup: statements that create the tables.
 
     Returns:
-        How many rows are missing, as far as that can be told.
+        The number of missing rows, as far as it can be determined.
     """
     old = file.with_name(f"runs.damaged-{time.time_ns()}.sqlite")
     for side in _SIDES:
@@ -120,8 +121,8 @@ def rescue(file: Path, rows: dict[Any, Sequence[Any]], insert: str, setup: Seque
 
 
 def _with_new_start(file: Path, copy: Path, setup: Sequence[str]) -> Path:
-    """Copy a database and give it the first page of a new one, which says where its tables are, with its own number of
-    pages."""
+    """Copy a database and replace its first page, which locates its tables, by that of a new one with the right number
+    of pages; return the copy."""
     for side in _SIDES:
         if (beside := file.with_name(file.name + side)).exists():
             shutil.copyfile(beside, copy.with_name(copy.name + side))
@@ -134,7 +135,7 @@ def _with_new_start(file: Path, copy: Path, setup: Sequence[str]) -> Path:
     data = copy.read_bytes()
     page[_MODES] = _WRITE_AHEAD
     page[28:32] = (len(data) // size).to_bytes(4, "big")
-    page[92:96] = page[24:28]  # the number of pages counts where these two agree
+    page[92:96] = page[24:28]  # SQLite uses the number of pages only if these two agree
     copy.write_bytes(page + data[size:])
     return copy
 

@@ -1,9 +1,9 @@
-"""The store: results of runs, by key. Each result is a row in SQLite; its trace is a file (a blob), written before the
+"""The store: results of runs by key. Each result is a row in SQLite; its trace is a file (a blob), written before the
 row.
 
-One process writes at a time (a lock holds its number); any number may read. What is committed survives the end of every
-process. A row whose trace is lost counts as missing, and so does what was changed on the disk: every row has a
-checksum, and a trace's file is named by its checksum.
+One process writes at a time (a lock contains its description); any number may read. Committed results survive the end
+of every process. A row whose trace is lost counts as missing, and so does a row or trace that was changed on the disk:
+every row has a checksum, and a trace's file is named by its checksum.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ from foresee_dsl.limits import most
 from foresee_dsl.measuring import Part
 
 SCHEMA = 1
-"""`user_version` of the database: raised when a table changes."""
+"""`user_version` of the database; increased when a table changes."""
 _MARK = 0x46530000 + SCHEMA
-"""`application_id` of the database ("FS" and the schema): tells a changed `user_version` from another schema's."""
+"""`application_id` of the database ("FS" and the schema): distinguishes a damaged `user_version` from another
+schema."""
 _MARKED = slice(68, 72)
-"""The bytes of a database that hold its `application_id` (SQLite's file format, 1.3)."""
+"""Bytes of a database that contain its `application_id` (SQLite's file format, 1.3)."""
 _TABLES = """
 CREATE TABLE runs (
   key TEXT PRIMARY KEY, kind TEXT NOT NULL, name TEXT NOT NULL, driver TEXT NOT NULL, tool TEXT NOT NULL,
@@ -39,15 +40,16 @@ CREATE TABLE runs (
 )
 """
 _WITH_SUM = "ALTER TABLE runs ADD COLUMN sum TEXT NOT NULL DEFAULT ''"
-"""Stores of the first versions have none; their rows' sums are empty, and only their records are checked."""
+"""Stores of the first versions lack this column; the sums of their rows are empty, and only their records are
+checked."""
 _SETUP = (_TABLES, f"PRAGMA user_version = {SCHEMA}", f"PRAGMA application_id = {_MARK}")
 _BUSY_MS = 10_000
-"""How long a statement waits while another process reads the database. Ours: `foresee store stat` reads a large store
-in a second."""
+"""Time that a statement waits while another process reads the database, ms. Ours: `foresee store stat` reads a large
+store in a second."""
 
 
 class StoreError(ForeseeError):
-    """The store cannot be read or written, or another process has it; the message says what to do."""
+    """The store cannot be read or written, or another process uses it; the message says what to do."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,11 @@ class Row:
     """One result.
 
     Attributes:
-        key: see `keys`. kind: of step. name: for people. driver: its address ("" where none drove).
-        verdict: of a run, else "". broken: no run gave it; its process died, hung or raised.
-        simulated_s, wall_s: what it took; of a run that was ended as it took too long, the time that it was given.
+        key: see `keys`. kind: of step. name: for people. driver: its address ("" if the step is not a run).
+        verdict: of a run, otherwise "". broken: the run gave no result: its process died, hung or raised.
+        simulated_s, wall_s: times of the run; for a run ended by its deadline, that deadline.
         trace: the blob's name, or "".
-        record: the result, as `records.encode` wrote it.
+        record: the result, in the form of `records.encode`.
     """
 
     key: str
@@ -88,25 +90,25 @@ class Store:
 
     @Part.STORE.measured
     def __init__(self, folder: Path, *, write: bool = True) -> None:
-        """Open a store; to write, it is made where there is none.
+        """Open a store; for writing, create it if there is none.
 
         Raises:
-            StoreError: it is another version's, damaged, or another process writes to it; or there is none to read.
-            OSError: the folder cannot be made or written to.
+            StoreError: it is another version's, damaged, missing, or another process writes to it.
+            OSError: the folder cannot be created or written to.
         """
         self.folder = folder
-        self.blobs = Blobs(folder.absolute() / "blobs")  # workers read there, whatever folder a driver goes to
+        self.blobs = Blobs(folder.absolute() / "blobs")  # absolute, because a driver may change the working folder
         self.damaged: dict[str, str] = {}
-        """Results that were changed on the disk and count as missing: their names by key."""
+        """Names, by key, of results that were changed on the disk and count as missing."""
         self.rescued: int | None = None
-        """The number of results that could be read from a damaged database, where there was one: it was replaced by
-        one of these, and stays beside it."""
+        """Number of results rescued from a damaged database, which was replaced and stays beside the new one; None if
+        it was not damaged."""
         self.lost = 0
-        """The number of results known to be lost with a damaged database."""
+        """Number of results known to be lost with a damaged database."""
         self._sound: set[str] = set()
-        """Traces that were read and are whole."""
+        """Traces that were read and are sound."""
         self._checked: set[str] = set()
-        """Keys of the rows that were read and are as they were written."""
+        """Keys of the rows that were read and are sound."""
         self._sum = "sum"
         self._lock: Lock | None = None
         self._database: sqlite3.Connection | None = None
@@ -130,7 +132,7 @@ class Store:
 
     @Part.STORE.measured
     def get(self, key: str) -> Row | None:
-        """Return the row of a key, or None; None too where its trace is gone, or something of it was changed."""
+        """Return the row of a key, or None; also None if its trace is missing, or row or trace were changed."""
         found = self._found(key)
         if found is None:
             return None
@@ -138,12 +140,12 @@ class Store:
         return row if row is not None and self._has_trace(row) else None
 
     def _found(self, key: str) -> tuple[Any, ...] | None:
-        """Return the columns of a key's row and its checksum, or None where there is none."""
+        """Return the columns of a key's row and its checksum, or None if there is none."""
         database = self._db
         asked = f"{_SELECT}, {self._sum} FROM runs WHERE key = ?"
         found: tuple[Any, ...] | None
         try:
-            # SQLite's module makes texts in half the time of a function of ours, but raises where one was changed.
+            # SQLite's module decodes texts in half the time of our function, but raises for a damaged one.
             database.text_factory = str
             try:
                 found = database.execute(asked, (key,)).fetchone()
@@ -152,12 +154,12 @@ class Store:
                 found = database.execute(asked, (key,)).fetchone()
             finally:
                 database.text_factory = _text
-        except (*UNREADABLE, OSError) as err:  # at each of a campaign's results: `_errors` costs as much as the query
+        except (*UNREADABLE, OSError) as err:  # not `_errors`, which costs as much as the query itself
             raise StoreError(_explained(self.folder, err, reads=self._lock is None)) from err
         return found
 
     def _row(self, found: Sequence[Any], total: str, *, checked: bool = False) -> Row | None:
-        """Return a row of the values of its columns; None where they were changed on the disk."""
+        """Return a row from the values of its columns; None if they were changed on the disk."""
         if not checked:
             if not is_sound(found, total):
                 self.damaged[str(found[0])] = str(found[2])
@@ -166,7 +168,7 @@ class Store:
         return Row(*(*found[:_BROKEN], bool(found[_BROKEN]), *found[_BROKEN + 1 :]))
 
     def _has_trace(self, row: Row) -> bool:
-        """Return whether a row has its trace, or needs none; each trace is read once."""
+        """Return whether a row has a sound trace, or needs none; each trace is read once."""
         if not row.trace or row.trace in self._sound:
             return True
         if self.blobs.get(row.trace) is not None:
@@ -177,7 +179,7 @@ class Store:
         return False
 
     def read_again(self) -> None:
-        """Let each row and trace be checked once more: it may have been changed meanwhile."""
+        """Check each row and trace again on its next use, in case it was changed meanwhile."""
         self._sound.clear()
         self._checked.clear()
 
@@ -190,12 +192,12 @@ class Store:
 
     @Part.STORE.measured
     def add(self, row: Row, trace: bytes | None = None) -> Row:
-        """Store a result; when this returns, it outlives this process. Return the row with its trace's name.
+        """Store a result durably; return the row with its trace's name.
 
-        A row of the same key stays, unless its trace was lost.
+        An existing row of the same key is kept, unless its trace was lost.
 
         Raises:
-            StoreError: it cannot be written (a full disk); what was there before is there still.
+            StoreError: it cannot be written (a full disk); earlier results are not affected.
         """
         with self._errors():
             name = self.blobs.put(trace) if trace is not None else ""
@@ -209,16 +211,16 @@ class Store:
 
     @Part.STORE.measured
     def drop(self, key: str) -> None:
-        """Forget the result of a key, so that it can be another one; its trace stays until `store gc`."""
+        """Delete the result of a key, so that it can be replaced; its trace remains until `store gc`."""
         self.execute("DELETE FROM runs WHERE key = ?", (key,))
 
     def of_other_versions(self) -> int:
-        """Return how many results other versions of this tool made, which no campaign of this version uses."""
+        """Return the number of results of other tool versions, which no campaign of this version uses."""
         return int(self.execute("SELECT count(*) FROM runs WHERE tool != ?", (__version__,))[0][0])
 
     def rows(self, where: str = "", values: tuple[object, ...] = (), *, records: bool = True) -> Iterator[Row]:
-        """Yield rows in the order of their keys, without damaged ones. `records=False` leaves out the records, which
-        make rows large; then damage cannot be found.
+        """Yield sound rows in the order of their keys. `records=False` omits the records, which make rows large; then
+        damage cannot be detected.
         """
         columns = ", ".join(column if records or column != "record" else "x''" for column in COLUMNS)
         with self._errors():
@@ -231,25 +233,25 @@ class Store:
                     yield row
 
     def mean_wall_s(self, driver: str) -> dict[str, float]:
-        """Return the mean wall time of each kind of step, of runs with this driver and of steps without one."""
+        """Return the mean wall time of each kind of step, over runs with this driver and steps without a driver, s."""
         asked = "SELECT kind, avg(wall_s) FROM runs WHERE NOT broken AND driver IN (?, '') GROUP BY kind"
         with self._errors():
             return dict(self._db.execute(asked, (driver,)).fetchall())
 
     def execute(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
-        """Run one statement (of this package) as a transaction of its own and return all that it gives."""
+        """Run one statement (of this package) as a separate transaction and return its rows."""
         with self._errors(), self._db:
             return self._db.execute(statement, values).fetchall()
 
     def vacuum(self) -> None:
-        """Give the room of deleted rows back to the disk."""
+        """Return the space of deleted rows to the disk."""
         with self._errors():
             self._db.execute("VACUUM")
             self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     @Part.STORE.measured
     def close(self) -> None:
-        """Close it and let go of the lock."""
+        """Close the database and release the lock."""
         if self._database is not None:
             with contextlib.suppress(sqlite3.Error):
                 self._database.close()
@@ -266,7 +268,7 @@ class Store:
 
     def _open(self, write: bool) -> sqlite3.Connection:
         file = self.folder / "runs.sqlite"
-        # Readers of a write-ahead log write beside it, too; where they may not, no other process does either.
+        # Readers of a write-ahead log write beside it; a read-only folder has no writer: open as immutable.
         how = "?mode=ro" if os.access(self.folder, os.W_OK) else "?mode=ro&immutable=1"
         address = file.resolve().as_uri() + ("" if write else how)
         if write and file.exists() and not is_whole(file):
@@ -282,8 +284,8 @@ class Store:
             if (tables or not write) and mark != _MARK:
                 _check_schema(schema, self.folder)
             if write:
-                # NORMAL: a commit is safe from the end of any process; a power cut may undo the last ones, not break
-                # the file. FULL would cost a wait for the disk at each run.
+                # NORMAL: a commit survives the end of any process; a power cut may undo the last ones but not damage
+                # the file. FULL would wait for the disk at each run.
                 database.execute("PRAGMA journal_mode = WAL")
                 database.execute("PRAGMA synchronous = NORMAL")
                 with database:
@@ -301,7 +303,7 @@ class Store:
         return database
 
     def _rescue(self, file: Path) -> None:
-        """Replace a database that SQLite cannot read by what can be read of it; leave alone what was never ours."""
+        """Replace a database that SQLite cannot read by its readable rows; leave databases of other tools alone."""
         rows = sound_rows(file, COLUMNS, _SETUP)
         if rows or _is_ours(file) or any(name for name, _ in self.blobs.files()):
             self.lost, self.rescued = rescue(file, rows, _INSERT, _SETUP), len(rows)
@@ -315,7 +317,7 @@ class Store:
 
 
 def _is_ours(file: Path) -> bool:
-    """Return whether a damaged database can at least be told to be a store's: by its mark, or by its table."""
+    """Return whether a damaged database can be recognised as a store's, by its mark or by its table."""
     with file.open("rb") as stream:
         if stream.read(_MARKED.stop)[_MARKED] == _MARK.to_bytes(4, "big"):
             return True
@@ -327,7 +329,7 @@ def _is_ours(file: Path) -> bool:
 
 
 def _check_has_only_data(database: sqlite3.Connection, folder: Path) -> None:
-    """Refuse a database that computes its rows: a view may give rows without end."""
+    """Raise for a database that computes its rows, as a view may give endless rows."""
     kinds = [kind for (kind,) in database.execute("SELECT type FROM sqlite_master")]
     if not set(kinds) <= {"table", "index"}:
         odd = next(kind for kind in kinds if kind not in ("table", "index"))
@@ -335,7 +337,7 @@ def _check_has_only_data(database: sqlite3.Connection, folder: Path) -> None:
 
 
 def _text(data: bytes) -> str:
-    return data.decode("utf-8", "replace")  # of a damaged row, whose sum says so
+    return data.decode("utf-8", "replace")  # only damaged rows have invalid bytes, and their checksums differ
 
 
 def _check_schema(schema: int, folder: Path) -> None:
@@ -366,7 +368,7 @@ def _explained(folder: Path, err: Exception, *, reads: bool) -> str:
 
 
 def _locked(folder: Path) -> Lock:
-    """Take the lock of a store."""
+    """Return the lock of a store."""
     try:
         return Lock(folder / "lock")
     except LockedError as err:

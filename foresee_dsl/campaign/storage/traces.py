@@ -1,4 +1,4 @@
-"""Traces as files that are named by what is in them: written whole, never changed, and checked when read."""
+"""Traces as files named by their content's hash: written whole, never changed, and checked when read."""
 
 from __future__ import annotations
 
@@ -13,29 +13,30 @@ _SUFFIX = ".npz"
 
 
 def name_of(data: bytes) -> str:
-    """Return the name that bytes have as a blob: the 64 hexadecimal digits of their SHA-256."""
+    """Return the name of a blob: the 64 hexadecimal digits of its SHA-256."""
     return hashlib.sha256(data).hexdigest()
 
 
 class Blobs:
-    """A folder of blobs, in up to 256 folders by the first two digits of their names."""
+    """A folder of blobs, in up to 256 subfolders by the first two digits of their names."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def path(self, name: str) -> Path:
-        """Return where a blob is, or would be."""
+        """Return the path of a blob, whether it exists or not."""
         return self.folder / name[:2] / f"{name}{_SUFFIX}"
 
     def put(self, data: bytes) -> str:
-        """Write a blob, unless it is there, and return its name; when this returns it is on the disk.
+        """Write a blob durably, unless it exists, and return its name.
+
 
         Raises:
-            OSError: it cannot be written; nothing of it is left.
+            OSError: it cannot be written; no part of it remains.
         """
         name = name_of(data)
         path = self.path(name)
-        if self.get(name) is not None:  # a damaged one is written again
+        if self.get(name) is not None:  # a damaged blob is written again
             return name
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary, temporary.open("wb") as file:
@@ -45,7 +46,7 @@ class Blobs:
         return name
 
     def get(self, name: str) -> bytes | None:
-        """Return a blob's bytes, or None where it is not there or is damaged."""
+        """Return a blob's bytes, or None if it is missing or damaged."""
         try:
             data = read_outside(self.path(name), "trace")
         except OSError:
@@ -53,11 +54,11 @@ class Blobs:
         return data if name_of(data) == name else None
 
     def has(self, name: str) -> bool:
-        """Return whether there is a blob of this name; what is in it is only checked when it is read."""
+        """Return whether a blob of this name exists; its content is checked only when it is read."""
         return self.path(name).is_file()
 
     def files(self) -> Iterator[tuple[str, Path]]:
-        """Yield the name and the file of each blob, and of what a killed process left half-written (name "")."""
+        """Yield name and file of each blob, and of files that a killed process left half-written (name "")."""
         if not self.folder.is_dir():
             return
         for group in sorted(self.folder.iterdir()):
