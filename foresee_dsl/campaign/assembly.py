@@ -97,14 +97,14 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
                     traces[node.file.replace(".foresee", ".npz")] = (row.trace, renamed)
             case _:
                 assert_never(record)
-    asked = {node: replace(seed, references=references.get(node, ())) for node, seed in seeds.items()}
+    completed = {node: replace(seed, references=references.get(node, ())) for node, seed in seeds.items()}
     whole = (
         _with_headers(replace(clip, children=_with_references(children[node], references)), node, out)
         for node, clip in clips.items()
     )
-    small = (_answered(one, references.get(node, ())) for node, one in minimised.items())
-    by_name = tuple(sorted(small, key=lambda one: one.child.name))
-    return Assembly(*sorted_outcomes(asked.values(), whole), traces, by_name)
+    small = (_answered(small_finding, references.get(node, ())) for node, small_finding in minimised.items())
+    by_name = tuple(sorted(small, key=lambda small_finding: small_finding.child.name))
+    return Assembly(*sorted_outcomes(completed.values(), whole), traces, by_name)
 
 
 def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[Node, Row]]:
@@ -137,8 +137,8 @@ def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimis
 def _with_references(
     children: dict[Node, ChildOutcome], references: dict[Node | None, tuple[ReferenceRun, ...]]
 ) -> tuple[ChildOutcome, ...]:
-    found = ((child, references.get(node, ())) for node, child in children.items())
-    return tuple(child if runs == child.references else replace(child, references=runs) for child, runs in found)
+    pairs = ((child, references.get(node, ())) for node, child in children.items())
+    return tuple(child if runs == child.references else replace(child, references=runs) for child, runs in pairs)
 
 
 def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
@@ -163,8 +163,10 @@ def _with_avoided(text: str, child: ChildOutcome) -> str:
     if not child.avoided:
         return text
     document = parse(text, child.name)
-    told = {"avoided": "; ".join(run.told for run in child.avoided)}
-    body = tuple(item.model_copy(update=told) if isinstance(item, Origin) else item for item in document.model.body)
+    origin_update = {"avoided": "; ".join(run.told for run in child.avoided)}
+    body = tuple(
+        item.model_copy(update=origin_update) if isinstance(item, Origin) else item for item in document.model.body
+    )
     return print_model(document.model.model_copy(update={"body": body}), document.comments)
 
 

@@ -158,20 +158,20 @@ def assess_drivers(
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
     runs: list[DriverRun] = []
-    asked = [(case, driver) for case in cases for driver in drivers]
+    pairs = [(case, driver) for case in cases for driver in drivers]
     with WorkerPool(jobs) as pool:
         pool.add(
             Task(f"{case.id} with {driver}", partial(run_one, case.id, driver, deadlines=deadlines), seed,
                  deadlines.for_run_s(longest_s(case)), key=str(k))
-            for k, (case, driver) in enumerate(asked)
+            for k, (case, driver) in enumerate(pairs)
         )  # fmt: skip
         for task, outcome in pool.results():
-            found = _broken(*asked[int(task.key)], outcome) if isinstance(outcome, Broken) else outcome
-            runs.append(found)
-            on_run(found)
-            if fail_fast and not found.passed:
+            driver_run = _broken(*pairs[int(task.key)], outcome) if isinstance(outcome, Broken) else outcome
+            runs.append(driver_run)
+            on_run(driver_run)
+            if fail_fast and not driver_run.passed:
                 break
-    runs.sort(key=lambda one: (list(drivers).index(one.driver), one.case))
+    runs.sort(key=lambda driver_run_: (list(drivers).index(driver_run_.driver), driver_run_.case))
     return tuple(runs)
 
 
@@ -218,24 +218,24 @@ def hard_brakings(trace: Trace) -> int:
 def rows_of(runs: Iterable[DriverRun], *, families: bool = False) -> tuple[DriverRow, ...]:
     """Return a row for each driver, or for each driver and family, in the order of the runs."""
     rows = []
-    for driver, mine in groupby(runs, key=lambda one: one.driver):
+    for driver, mine in groupby(runs, key=lambda run: run.driver):
         listed = list(mine)
-        parts = sorted({one.family for one in listed}) if families else ["all"]
-        rows += [_row(driver, f, [one for one in listed if f in ("all", one.family)]) for f in parts]
+        parts = sorted({run.family for run in listed}) if families else ["all"]
+        rows += [_row(driver, f, [run for run in listed if f in ("all", run.family)]) for f in parts]
     return tuple(rows)
 
 
 def _row(driver: str, family: str, runs: Sequence[DriverRun]) -> DriverRow:
-    steps = [one.duration_s for one in runs]
+    steps = [run.duration_s for run in runs]
     return DriverRow(
         driver=driver,
         family=family,
         cases=len(runs),
-        verdicts=Counter(one.verdict for one in runs),
+        verdicts=Counter(run.verdict for run in runs),
         duration_s=sum(steps),
-        way_m=sum(one.way_m for one in runs),
-        hard_brakings=sum(one.hard_brakings for one in runs),
-        step_ms=sum(one.step_ms * one.duration_s for one in runs) / sum(steps) if sum(steps) else 0.0,
+        way_m=sum(run.way_m for run in runs),
+        hard_brakings=sum(run.hard_brakings for run in runs),
+        step_ms=sum(run.step_ms * run.duration_s for run in runs) / sum(steps) if sum(steps) else 0.0,
     )
 
 

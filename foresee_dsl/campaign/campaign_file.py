@@ -93,12 +93,12 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
     for item in campaign.body:
         if isinstance(item, m.Drivers | m.Against | m.Rankers):
             ranks = isinstance(item, m.Rankers)
-            what, known = ("ranker", ranker_names()) if ranks else ("driver", driver_names())
+            what, installed = ("ranker", ranker_names()) if ranks else ("driver", driver_names())
             for k, name in enumerate(item.names):
                 plain = name if ranks else name_in(name)
                 nobody = isinstance(item, m.Against) and item.names == (NOBODY,)
-                if plain not in known and not nobody:
-                    message, help_ = f"no {what} '{plain}' is installed", did_you_mean(plain, known)
+                if plain not in installed and not nobody:
+                    message, help_ = f"no {what} '{plain}' is installed", did_you_mean(plain, installed)
                     yield document.diagnostic(item, f"names.{k}", NOT_INSTALLED, message, help_)
         elif isinstance(item, m.Preset) and item.name not in PRESETS:
             message, help_ = f"there is no preset '{item.name}'", did_you_mean(item.name, PRESETS)

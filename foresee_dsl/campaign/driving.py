@@ -76,10 +76,10 @@ def driven(
     return replace(result, notes=replace(result.notes, changed=tuple(changed))) if changed else result
 
 
-def _same(one: RunResult, other: RunResult) -> bool:
+def _same(first: RunResult, other: RunResult) -> bool:
     """Return whether two runs are equal; runs that hung count as equal, because wall time ended them."""
-    hung = one.notes.hang is not None or other.notes.hang is not None
-    return hung or (one.verdict, one.trace.digest) == (other.verdict, other.trace.digest)
+    hung = first.notes.hang is not None or other.notes.hang is not None
+    return hung or (first.verdict, first.trace.digest) == (other.verdict, other.trace.digest)
 
 
 def _left_behind() -> list[str]:
@@ -102,14 +102,14 @@ def made(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
     """
     find_driver(driver)
     try:
-        found = load_driver(driver)
+        loaded = load_driver(driver)
     except DriverError as err:
         if err.__cause__ is None:
             raise
         return _NotMade(driver, err.__cause__)
-    if deadlines is not None and deadlines.step_s is not None and isinstance(found, OwnDeadline):
-        found.step_deadline_s = deadlines.step_s
-    return found
+    if deadlines is not None and deadlines.step_s is not None and isinstance(loaded, OwnDeadline):
+        loaded.step_deadline_s = deadlines.step_s
+    return loaded
 
 
 class _NotMade:

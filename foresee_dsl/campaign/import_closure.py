@@ -33,30 +33,30 @@ _GROUPS = "foresee_dsl."
 def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
     """Return modules and all that they import, sorted: of this package, of their packages and of plug-in packages."""
     ahead = list(modules)
-    known, found = _modules(_followed(ahead)), set[str]()
+    sources, closure = _modules(_followed(ahead)), set[str]()
     imports, fresh = _cached_imports(), dict[str, list[str]]()
     while ahead:
         name = ahead.pop()
-        if name in found or name not in known:
+        if name in closure or name not in sources:
             continue
-        found.add(name)
+        closure.add(name)
         ahead.extend(
             name[:end] for end in range(len(name)) if name[end] == "."
         )  # packages are executed before their modules
-        digest = file_hash(known[name])
+        digest = file_hash(sources[name])
         if digest not in imports:
-            imports[digest] = fresh[digest] = sorted(set(imports_of(known[name].read_bytes())))
-        ahead.extend(_absolute(imported, name, known[name]) for imported in imports[digest])
+            imports[digest] = fresh[digest] = sorted(set(imports_of(sources[name].read_bytes())))
+        ahead.extend(_absolute(imported, name, sources[name]) for imported in imports[digest])
     if fresh:
         _cache_imports(imports)
-    return tuple(sorted(found))
+    return tuple(sorted(closure))
 
 
 @cache
 def code_of(*modules: str) -> str:
     """Return a hash of the code of modules and of all that they import (`import_closure`)."""
-    known = _modules(_followed(modules))
-    parts = (f"{name} {file_hash(known[name])}\n" for name in import_closure(modules))
+    sources = _modules(_followed(modules))
+    parts = (f"{name} {file_hash(sources[name])}\n" for name in import_closure(modules))
     return hashlib.sha256("".join(parts).encode()).hexdigest()[:DIGITS]
 
 
@@ -118,12 +118,12 @@ def _modules_of(package: str) -> dict[str, Path]:
     if spec is None or not (folders := spec.submodule_search_locations):
         file = Path(spec.origin or "") if spec is not None else Path()
         return {package: file} if file.suffix == ".py" else {}
-    found = {}
+    sources = {}
     for folder in map(Path, folders):
         for file in folder.rglob("*.py"):
             parts = (package, *file.relative_to(folder).with_suffix("").parts)
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
-    return found
+            sources[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return sources
 
 
 def _absolute(imported: str, module: str, file: Path) -> str:

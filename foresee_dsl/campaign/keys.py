@@ -140,8 +140,8 @@ def _digest(place: Path) -> str:
 def _files(place: Path) -> list[Path]:
     if place.is_file():
         return [place]
-    found = (f for f in place.rglob("*") if f.is_file() and "__pycache__" not in f.parts and f.suffix != ".pyc")
-    return sorted(found, key=lambda file: file.relative_to(place).as_posix())
+    files = (f for f in place.rglob("*") if f.is_file() and "__pycache__" not in f.parts and f.suffix != ".pyc")
+    return sorted(files, key=lambda file: file.relative_to(place).as_posix())
 
 
 def _version(package: str) -> str:

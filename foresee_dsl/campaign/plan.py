@@ -51,16 +51,16 @@ class Allocated:
 
     rounds: int
     first: int
-    known: tuple[Round, ...]
+    later_rounds: tuple[Round, ...]
 
-    shown = "rounds first known"
+    shown = "rounds first known=later_rounds"
 
     @property
-    def told(self) -> str:
+    def sentence(self) -> str:
         """The allocation and its known rounds, in sentences."""
         begins = (f"children are allocated in {self.rounds} rounds: {self.first} per clip, then more to clips whose "
                   "children in earlier rounds were worth most")  # fmt: skip
-        return "\n".join((begins, *(one.told for one in self.known)))
+        return "\n".join((begins, *(later.sentence for later in self.later_rounds)))
 
 
 class ToDo(NamedTuple):
@@ -126,23 +126,23 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
     """Return the plan of a campaign; `store` is None if there is none, `jobs` is the number of workers."""
     graph: nx.DiGraph[str] = nx.DiGraph()
     for rounds in stages.rounds:
-        while rounds.known and rounds.next():
+        while rounds.ready and rounds.next():
             pass
-    known = all(row is not None for _, row in stages.walk())
-    if known:
+    all_done = all(row is not None for _, row in stages.walk())
+    if all_done:
         choose_representatives(stages)
     for node, row in stages.walk():
         state = "to_run" if row is None else "done"
         graph.add_node(_name(node), kind=node.step.kind, name=node.step.name, key=node.step.key, state=state, count=1)
         if node.above is not None:
             graph.add_edge(_name(node.above), _name(node))
-        if row is None or (not known and stages.may_be_chosen(node, row)):
-            _add_followers(graph, node, stages.settings, known=row is not None)
+        if row is None or (not all_done and stages.may_be_chosen(node, row)):
+            _add_followers(graph, node, stages.settings, is_done=row is not None)
     allocated = None
     if stages.rounds:
         if left := sum(rounds.left for rounds in stages.rounds):
             _add_children(graph, "children of later rounds", left, stages.settings)
-        begun = tuple(one for rounds in stages.rounds for one in rounds.begun)
+        begun = tuple(later for rounds in stages.rounds for later in rounds.begun)
         allocated = Allocated(ROUNDS, stages.settings.first_children, begun)
     return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs, allocated)
 
@@ -155,7 +155,7 @@ def _name(node: Node) -> str:
     return f"{step.kind} {step.name} seed {step.seed}{later}"
 
 
-def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings, *, known: bool) -> None:
+def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings, *, is_done: bool) -> None:
     """Add the steps that may follow from a step: one node per stage, which stands for all of them.
 
     `known`: the step has been run, so only steps that follow from chosen ones are still open.
@@ -166,21 +166,21 @@ def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSetting
         _add_children(graph, name, count, settings)
         graph.add_edge(_name(node), name)
         return
-    _add_below(graph, step.kind, _name(node), 1, settings, known=known)
+    _add_below(graph, step.kind, _name(node), 1, settings, is_done=is_done)
 
 
 def _add_children(graph: nx.DiGraph[str], name: str, count: int, settings: CampaignSettings) -> None:
     """Add mutants that are not known yet, and the steps that may follow from them."""
     graph.add_node(name, kind=ChildStep.kind, name="", key="", state="at_most", count=count)
-    _add_below(graph, ChildStep.kind, name, count, settings, known=False)
+    _add_below(graph, ChildStep.kind, name, count, settings, is_done=False)
 
 
 def _add_below(
-    graph: nx.DiGraph[str], kind: str, name: str, many: int, settings: CampaignSettings, *, known: bool
+    graph: nx.DiGraph[str], kind: str, name: str, many: int, settings: CampaignSettings, *, is_done: bool
 ) -> None:
     above = {kind: (name, many)}
     for step in STEPS:
-        if step.follows not in above or (known and step.follows == kind and not step.after_all):
+        if step.follows not in above or (is_done and step.follows == kind and not step.after_all):
             continue
         over, count = above[step.follows]
         count *= step.at_most(settings)

@@ -30,12 +30,12 @@ class Judged:
     @property
     def preventability(self) -> Preventability | None:
         """Answer of the careful driver of UN Regulation 157; None if the run did not fail."""
-        return next((found for found in self.judgements if isinstance(found, Preventability)), None)
+        return next((judgement for judgement in self.judgements if isinstance(judgement, Preventability)), None)
 
     @property
     def anticipation(self) -> Anticipation | None:
         """Answer of the anticipating driver; None if the run did not fail."""
-        return next((found for found in self.judgements if isinstance(found, Anticipation)), None)
+        return next((judgement for judgement in self.judgements if isinstance(judgement, Anticipation)), None)
 
     @property
     def preventable(self) -> Preventable | None:
@@ -50,7 +50,7 @@ class Judged:
     @property
     def avoidable(self) -> bool:
         """Whether any judge or reference driver states that the failure could have been avoided."""
-        return any(found.avoids for found in (*self.judgements, *self.references))
+        return any(answer.avoids for answer in (*self.judgements, *self.references))
 
 
 @dataclass(frozen=True)

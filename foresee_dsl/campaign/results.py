@@ -149,8 +149,8 @@ class CampaignResult:
 
     def anticipated(self) -> dict[Answer, int]:
         """Return the number of failures by the answer of the anticipating driver."""
-        found = [c.anticipation for clip in self.clips for c in clip.failing]
-        counts = Counter(one.answer for one in found if one is not None)
+        answers = [c.anticipation for clip in self.clips for c in clip.failing]
+        counts = Counter(anticipation.answer for anticipation in answers if anticipation is not None)
         return {answer: counts[answer] for answer in Answer}
 
     def to_open_first(self, count: int = 5) -> tuple[ChildOutcome, ...]:
@@ -186,8 +186,8 @@ class CampaignResult:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Findings (failures with the same story), completed by their minimised representatives."""
-        small = {one.child.name: one for one in self.minimised}
-        return tuple(replace(found, minimised=small.get(found.name)) for found in findings_of(self))
+        small = {record.child.name: record for record in self.minimised}
+        return tuple(replace(finding, minimised=small.get(finding.name)) for finding in findings_of(self))
 
     @property
     def open_first(self) -> tuple[str, ...]:

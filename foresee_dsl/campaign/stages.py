@@ -34,7 +34,9 @@ from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 def _steps() -> tuple[type[AnyStep], ...]:
     """Return the step classes in the modules of `campaign.steps`, each after the one that it follows from."""
-    modules = [import_module(f"{steps.__name__}.{found.name}") for found in pkgutil.iter_modules(steps.__path__)]
+    modules = [
+        import_module(f"{steps.__name__}.{module_info.name}") for module_info in pkgutil.iter_modules(steps.__path__)
+    ]
     classes = [
         value
         for module in modules
@@ -123,11 +125,11 @@ class Stages:
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from a step with this result."""
         if node not in self._after:
-            found = [step for step in _next(node, row) if not step.after_all]
-            result = decode(row.record, node.step.record) if found else None
+            classes = [step for step in _next(node, row) if not step.after_all]
+            result = decode(row.record, node.step.record) if classes else None
             self._after[node] = tuple(
                 Node(step, node.case, node)
-                for kind in found
+                for kind in classes
                 if kind.wanted(result, self.settings)
                 for step in kind.following(node.step, result, self._campaign)
             )
@@ -141,16 +143,18 @@ class Stages:
 
         Such steps are known only after all others: `names` are those of the findings' representatives.
         """
-        found = []
-        known = (node for nodes in (self.seeds, *self._after.values()) for node in nodes if node.step.name in names)
-        for node in sorted(known, key=lambda node: node.step.name):
+        nodes_after = []
+        candidates = (
+            node for nodes in (self.seeds, *self._after.values()) for node in nodes if node.step.name in names
+        )
+        for node in sorted(candidates, key=lambda node: node.step.name):
             row = self.row(node)
             if row is None:
                 continue
             for step in self._chosen_after(node, row):
                 result = decode(row.record, node.step.record)
-                found += [Node(new, node.case, node) for new in step.following(node.step, result, self._campaign)]
-        self.last = tuple(found)
+                nodes_after += [Node(new, node.case, node) for new in step.following(node.step, result, self._campaign)]
+        self.last = tuple(nodes_after)
         return self.last
 
     def may_be_chosen(self, node: Node, row: Row) -> bool:
@@ -162,11 +166,11 @@ class Stages:
         result = decode(row.record, node.step.record) if after_all else None
         return tuple(step for step in after_all if step.wanted(result, self.settings))
 
-    def further(self, clip: Node, step: MutantsStep, asked: Asked) -> Node:
+    def further(self, clip: Node, step: MutantsStep, request: Asked) -> Node:
         """Return the step that mutates an already mutated clip once more."""
         if not isinstance(clip.step, ClipStep):
             raise TypeError(f"{clip.step.name} is not a clip")
-        return Node(step.again(asked, clip.step, self._campaign), clip.case, clip)
+        return Node(step.again(request, clip.step, self._campaign), clip.case, clip)
 
     def walk(self, roots: Sequence[Node] | None = None, *, failures: bool = False) -> Iterator[tuple[Node, Row | None]]:
         """Yield every known step after the one that it follows from, with its result if there is one.
@@ -250,10 +254,10 @@ class CaseFiles:
 
     def _shared_ref(self, case: TestCase) -> Ref:
         # Look up by identity first: the cases of a project share the network object, and pickling it is slow.
-        known = self._shared.get(id(case.network))
-        if known is None or known[0] is not case.network or isinstance(case.network, Path):
-            self._shared[id(case.network)] = known = (case.network, self._put((case.network, dict(case.models))))
-        return known[1]
+        entry = self._shared.get(id(case.network))
+        if entry is None or entry[0] is not case.network or isinstance(case.network, Path):
+            self._shared[id(case.network)] = entry = (case.network, self._put((case.network, dict(case.models))))
+        return entry[1]
 
     def _put(self, value: object) -> Ref:
         name = self._blobs.put(pickle.dumps(value))

@@ -367,7 +367,7 @@ def _print_plan(campaign_plan: CampaignPlan, folder: Path, *, stored: bool) -> N
     ]  # fmt: skip
     screen.print(plain_table(("stage", "done", "to run", "at most more", "each"), rows))
     if campaign_plan.allocation is not None:
-        screen.print(campaign_plan.allocation.told)
+        screen.print(campaign_plan.allocation.sentence)
     to_run, more = campaign_plan.runs_to_do
     if not to_run + more:
         screen.print(f"Everything is in {folder}: nothing is left to run.")

@@ -13,8 +13,8 @@ from foresee_dsl.campaign.allocation.choice import (
     AGAIN,
     NEW,
     NEW_UNAVOIDED,
-    Told,
-    Tried,
+    ChildFacts,
+    PastChild,
     Way,
     Ways,
     halved,
@@ -133,19 +133,24 @@ def test_the_plan_says_what_rounds_there_are(done: tuple[Path, Path, HeardRounds
     file, out, first = done
     cases = load_test_cases([file])
     before = plan_campaign(Stages(cases, ADAPTIVE, None, out), None, jobs=1)
-    assert before.allocation is not None and before.allocation.told.startswith(f"children are allocated in {ROUNDS}")
-    assert not before.allocation.known
+    assert before.allocation is not None and before.allocation.sentence.startswith(
+        f"children are allocated in {ROUNDS}"
+    )
+    assert not before.allocation.later_rounds
     most = {stage.kind: stage.at_most for stage in before.stages}["child"]
     assert most == ADAPTIVE.children * ADAPTIVE.risky_points * len(cases)
     with Store(out / "store", write=False) as store:
         after = plan_campaign(Stages(cases, ADAPTIVE, store, out), store, jobs=1)
-    assert after.allocation is not None and list(after.allocation.known) == first.rounds
+    assert after.allocation is not None and list(after.allocation.later_rounds) == first.rounds
     assert after.runs_to_do == (0, 0)
 
 
 def test_a_failure_is_worth_most_when_it_is_new_and_could_have_been_avoided() -> None:
-    failure, near = Told(("3", "vehicle"), avoidable=False, nearness=0.0), Told((), avoidable=False, nearness=0.5)
-    other = Told(("3", "pedestrian"), avoidable=True, nearness=0.0)
+    failure, near = (
+        ChildFacts(("3", "vehicle"), avoidable=False, nearness=0.0),
+        ChildFacts((), avoidable=False, nearness=0.5),
+    )
+    other = ChildFacts(("3", "pedestrian"), avoidable=True, nearness=0.0)
     found = worths([(failure, False), (failure, True), (near, False), (other, False)])
     assert found[0] == NEW_UNAVOIDED and found[1] == NEW * AGAIN and found[3] == NEW
     assert 0 < found[2] < found[1]
@@ -155,7 +160,7 @@ def test_children_go_where_those_before_failed() -> None:
     steer, line = Way(("steer",)), Way(("line",))
     clips = [f"clip{k}" for k in range(8)]
     tried = [
-        Tried(clip, way, float(clip == "clip3" and way == line), clip == "clip3")
+        PastChild(clip, way, float(clip == "clip3" and way == line), clip == "clip3")
         for clip in clips
         for way in (steer, line)
     ]

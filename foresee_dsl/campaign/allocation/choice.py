@@ -47,7 +47,7 @@ about as often as the best; in replays (docs/background/method.md) that cost one
 
 
 @dataclass(frozen=True)
-class Told:
+class ChildFacts:
     """The facts about a mutant that allocation uses.
 
 
@@ -62,12 +62,12 @@ class Told:
     nearness: float
 
     @classmethod
-    def of(cls, child: ChildOutcome, family: str) -> Told:
+    def of(cls, child: ChildOutcome, family: str) -> ChildFacts:
         """Return the facts about a mutant's record; equal stories of different families differ."""
         signature = child.story.signature if child.story is not None else (child.verdict.value,)
         return cls(
             story=(family, *signature) if child.verdict.is_failure else (),
-            avoidable=any(found.avoids for found in child.judgements),
+            avoidable=any(judgement.avoids for judgement in child.judgements),
             nearness=nearness_of(child.near) if child.verdict is Verdict.PASS else 0.0,
         )
 
@@ -86,21 +86,21 @@ def avoided(references: Iterable[ReferenceRun]) -> bool:
     return any(run.avoids for run in references)
 
 
-def worths(children: Iterable[tuple[Told, bool]]) -> list[float]:
+def worths(children: Iterable[tuple[ChildFacts, bool]]) -> list[float]:
     """Return the worth of each mutant, 0 to 1.
 
     `children`: in the order of their rounds, each with whether a reference driver avoids its failure.
     """
     stories: set[tuple[str, ...]] = set()
-    found = []
-    for told, other_avoids in children:
-        if not told.story:
-            found.append(NEAR_MISS * told.nearness**2)
+    values = []
+    for facts, other_avoids in children:
+        if not facts.story:
+            values.append(NEAR_MISS * facts.nearness**2)
             continue
-        worth = NEW if told.avoidable or other_avoids else NEW_UNAVOIDED
-        found.append(worth * (AGAIN if told.story in stories else 1.0))
-        stories.add(told.story)
-    return found
+        worth = NEW if facts.avoidable or other_avoids else NEW_UNAVOIDED
+        values.append(worth * (AGAIN if facts.story in stories else 1.0))
+        stories.add(facts.story)
+    return values
 
 
 # ---- which clips get the next mutants --------------------------------------------------------------------------------
@@ -113,11 +113,11 @@ class Way(NamedTuple):
     near: bool = False
 
 
-FOUND = Way(("searched",))
+SEARCHED_WAY = Way(("searched",))
 """The way of the mutants that the preset's search proposes, one after the other."""
 
 
-class Tried(NamedTuple):
+class PastChild(NamedTuple):
     """A mutant of an earlier round: its clip, its way, its worth, and whether it failed.
 
     A near miss counts for its clip but not for its way, because mutants drawn near a near miss are near misses again.
@@ -129,11 +129,11 @@ class Tried(NamedTuple):
     fails: bool
 
 
-def ranked(clips: Sequence[str], tried: Iterable[Tried]) -> list[str]:
+def ranked(clips: Sequence[str], past: Iterable[PastChild]) -> list[str]:
     """Return clips by the mean worth of their mutants, best first; equal ones in the given order."""
     own: defaultdict[str, list[float]] = defaultdict(list)
-    for one in tried:
-        own[one.clip].append(one.worth)
+    for child in past:
+        own[child.clip].append(child.worth)
     return sorted(clips, key=lambda clip: -sum(own[clip]) / max(len(own[clip]), 1))
 
 
@@ -145,21 +145,21 @@ def halved(count: int, number: int) -> int:
 class Ways:
     """Estimates of the worth of each way over all clips, and the number of its uses per clip."""
 
-    def __init__(self, tried: Sequence[Tried], rng: Generator) -> None:
+    def __init__(self, past: Sequence[PastChild], rng: Generator) -> None:
         """Estimate from all mutants so far."""
         self._rng = rng
         # Strictly between 0 and 1, as the mean of a beta distribution must be.
-        self._mean = (sum(one.worth for one in tried if one.fails) + 0.1) / (len(tried) + 1)
+        self._mean = (sum(child.worth for child in past if child.fails) + 0.1) / (len(past) + 1)
         self._worth: defaultdict[Way, list[float]] = defaultdict(list)
         self._had: Counter[tuple[str, Way]] = Counter()
-        for one in tried:
-            self._worth[one.way].append(one.worth if one.fails else 0.0)
-            self._had[one.clip, one.way] += 1
+        for child in past:
+            self._worth[child.way].append(child.worth if child.fails else 0.0)
+            self._had[child.clip, child.way] += 1
 
     def choose(self, clip: str, ways: Sequence[Way]) -> Way:
         """Return one of a clip's ways, and count its use."""
         # Mutants of the search differ anyway, so repeated use has no penalty.
-        scores = [self._drawn(way) / (1 if way == FOUND else 1 + self._had[clip, way]) for way in ways]
+        scores = [self._drawn(way) / (1 if way == SEARCHED_WAY else 1 + self._had[clip, way]) for way in ways]
         best = ways[scores.index(max(scores))]
         self._had[clip, best] += 1
         return best

@@ -17,9 +17,9 @@ import numpy as np
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.choice import (
-    FOUND,
-    Told,
-    Tried,
+    SEARCHED_WAY,
+    ChildFacts,
+    PastChild,
     Way,
     Ways,
     avoided,
@@ -61,7 +61,7 @@ class Steps(Protocol):
         """Yield every step that follows from the roots, with its result if there is one."""
         ...
 
-    def further(self, clip: Node, step: MutantsStep, asked: Asked) -> Node:
+    def further(self, clip: Node, step: MutantsStep, request: Asked) -> Node:
         """Return the step that mutates an already mutated clip once more."""
         ...
 
@@ -100,7 +100,7 @@ class Round:
     shown = "number of children before total clips ways"
 
     @property
-    def told(self) -> str:
+    def sentence(self) -> str:
         """The round in a sentence."""
         most = ", ".join(f"{name} {count}" for name, count in list(self.clips.items())[:_NAMED])
         more = ", ..." if len(self.clips) > _NAMED else ""
@@ -114,7 +114,7 @@ class Round:
 _NAMED = 3
 
 
-class _Made(NamedTuple):
+class _DrawnChild(NamedTuple):
     """A drawn mutant. `node`: the step that runs it."""
 
     node: Node
@@ -131,7 +131,7 @@ class _Unit:
     clip: Node
     step: MutantsStep
     plans: tuple[PlanNames, ...]
-    made: list[_Made] = field(default_factory=list)
+    drawn: list[_DrawnChild] = field(default_factory=list)
     searched: int = 0
     """Number of mutants that the preset's search proposes."""
     turns: Counter[int] = field(default_factory=Counter)
@@ -146,7 +146,7 @@ class _Unit:
 
     def way(self, plan: int, *, near: bool = False) -> Way:
         if plan == SEARCHED:
-            return FOUND._replace(near=near)
+            return SEARCHED_WAY._replace(near=near)
         return Way(tuple(name for name, _ in self.plans[plan]), near)
 
     @property
@@ -170,10 +170,10 @@ class Rounds:
         """The later rounds."""
         self.finished = False
         """True when there is no further round."""
-        self._told: dict[Node, Told] = {}
+        self._facts: dict[Node, ChildFacts] = {}
 
     @property
-    def known(self) -> bool:
+    def ready(self) -> bool:
         """Whether all results that the next round waits for are available."""
         walked = self._stages.walk((*self.seeds, *self.nodes))
         return all(row is not None or awaited_by(node) > self.number + 1 for node, row in walked)
@@ -184,25 +184,25 @@ class Rounds:
         if self.finished:
             return 0
         units = self._units()
-        asked = sum(len(node.step.asked.children) for node in self.nodes
+        requested = sum(len(node.step.asked.children) for node in self.nodes
                     if isinstance(node.step, MutantsStep) and self._stages.row(node) is None)  # fmt: skip
-        return self._stages.settings.children * len(units) - sum(len(unit.made) for unit in units) - asked
+        return self._stages.settings.children * len(units) - sum(len(unit.drawn) for unit in units) - requested
 
     def next(self) -> tuple[Node, ...]:
         """Begin the next round and return its first steps; empty if all mutants are allocated or no clip has more."""
         units = self._units()
         total = self._stages.settings.children * len(units)
-        made = sum(len(unit.made) for unit in units)
-        if self.number >= ROUNDS or made >= total:
+        allocated = sum(len(unit.drawn) for unit in units)
+        if self.number >= ROUNDS or allocated >= total:
             self.finished = True
             return ()
-        count = spread(total - made, ROUNDS - self.number)[0]
+        count = spread(total - allocated, ROUNDS - self.number)[0]
         before = self._before(units)
         seed = self._stages.settings.seed
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, self.number])))
         self.number += 1
         most = MOST * self._stages.settings.children
-        _give_out(units, before, Ways(before.tried, rng), count, self.number, most=most)
+        _give_out(units, before, Ways(before.past, rng), count, self.number, most=most)
         asking = [unit for unit in units if unit.wanted]
         nodes = tuple(self._stages.further(unit.clip, unit.step, _asked(unit, self.number)) for unit in asking)
         self.nodes += nodes
@@ -212,7 +212,7 @@ class Rounds:
                 self.number,
                 ROUNDS,
                 sum(len(unit.wanted) for unit in asking),
-                made,
+                allocated,
                 total,
                 counts(unit.step.name for unit in asking for _ in unit.wanted),
                 counts(f"{'near a child, ' if way.near else ''}{'+'.join(way.operators)}" for way in ways),
@@ -233,10 +233,10 @@ class Rounds:
             name = step.draft.pin, step.name, step.seed
             unit = units.setdefault(name, _Unit(node.above, step, record.plans))
             unit.searched = max(unit.searched, record.searched)
-            asked = step.asked.children or _first(self._stages.settings.first_children, record)
+            requested = step.asked.children or _first(self._stages.settings.first_children, record)
             children = {child.step.mutant.number: child for child in self._stages.after(node, row)
                         if isinstance(child.step, ChildStep)}  # fmt: skip
-            for want in asked:
+            for want in requested:
                 plan = want.draw.plan
                 unit.numbers = max(unit.numbers, want.number)
                 if want.near:
@@ -245,7 +245,7 @@ class Rounds:
                     unit.turns[plan] = max(unit.turns[plan], want.draw.turn + 1)
                 child = children.get(want.number)
                 if child is not None and isinstance(child.step, ChildStep):
-                    unit.made.append(_Made(child, child.step, step.asked.round, plan, want.near_number))
+                    unit.drawn.append(_DrawnChild(child, child.step, step.asked.round, plan, want.near_number))
                 elif not want.near:
                     unit.dry.add(plan)
                 else:
@@ -254,39 +254,39 @@ class Rounds:
 
     def _before(self, units: list[_Unit]) -> _Before:
         """Return the mutants of the earlier rounds with their worth."""
-        every = sorted(((made, unit) for unit in units for made in unit.made), key=lambda pair: pair[0].round)
-        known = [(made, unit, told) for made, unit in every if (told := self._read(made.node)) is not None]
-        values = worths((told, self._others_avoid(made)) for made, _, told in known)
-        tried = [
-            Tried(unit.step.draft.pin, unit.way(made.plan, near=made.near > 0), worth, bool(told.story))
-            for (made, unit, told), worth in zip(known, values, strict=True)
+        every = sorted(((drawn, unit) for unit in units for drawn in unit.drawn), key=lambda pair: pair[0].round)
+        finished = [(drawn, unit, facts) for drawn, unit in every if (facts := self._read(drawn.node)) is not None]
+        values = worths((facts, self._others_avoid(drawn)) for drawn, _, facts in finished)
+        past = [
+            PastChild(unit.step.draft.pin, unit.way(drawn.plan, near=drawn.near > 0), worth, bool(facts.story))
+            for (drawn, unit, facts), worth in zip(finished, values, strict=True)
         ]
-        return _Before(tried, {made.node: told.nearness for made, _, told in known})
+        return _Before(past, {drawn.node: facts.nearness for drawn, _, facts in finished})
 
-    def _read(self, node: Node) -> Told | None:
-        if node not in self._told:
+    def _read(self, node: Node) -> ChildFacts | None:
+        if node not in self._facts:
             row = self._stages.row(node)
             record = decode(row.record, ChildOutcome) if row is not None else None
             if not isinstance(record, ChildOutcome):
                 return None
-            self._told[node] = Told.of(record, node.case.family)
-        return self._told[node]
+            self._facts[node] = ChildFacts.of(record, node.case.family)
+        return self._facts[node]
 
-    def _others_avoid(self, made: _Made) -> bool:
+    def _others_avoid(self, drawn: _DrawnChild) -> bool:
         """Return whether a reference driver avoids a mutant's failure, among the results that this round may use."""
-        row = self._stages.row(made.node)
-        if made.round >= self.number or row is None or not self._told[made.node].story:
+        row = self._stages.row(drawn.node)
+        if drawn.round >= self.number or row is None or not self._facts[drawn.node].story:
             return False
-        after = ((node, self._stages.row(node)) for node in self._stages.after(made.node, row))
-        records = (decode(found.record, ReferenceRun) for node, found in after
-                   if found is not None and node.step.record is ReferenceRun)  # fmt: skip
+        after = ((node, self._stages.row(node)) for node in self._stages.after(drawn.node, row))
+        records = (decode(reference_row.record, ReferenceRun) for node, reference_row in after
+                   if reference_row is not None and node.step.record is ReferenceRun)  # fmt: skip
         return avoided(record for record in records if isinstance(record, ReferenceRun))
 
 
 class _Before(NamedTuple):
     """The mutants of the earlier rounds. `nearness`: nearness of each mutant that passed, by its step."""
 
-    tried: list[Tried]
+    past: list[PastChild]
     nearness: dict[Node, float]
 
 
@@ -309,16 +309,16 @@ def _give_out(units: list[_Unit], before: _Before, ways: Ways, count: int, numbe
     by_clip: defaultdict[str, list[_Unit]] = defaultdict(list)
     for unit in units:
         by_clip[unit.step.draft.pin].append(unit)
-    order = ranked(list(by_clip), before.tried)
-    left, given = halved(len(order), number), Counter[str]()
-    while given.total() < count:
+    order = ranked(list(by_clip), before.past)
+    left, allocated = halved(len(order), number), Counter[str]()
+    while allocated.total() < count:
         some = False
         for clip in order[:left]:
             open_ways = _open_ways(by_clip[clip], before.nearness)
-            if not open_ways or given[clip] >= most * len(by_clip[clip]) or given.total() == count:
+            if not open_ways or allocated[clip] >= most * len(by_clip[clip]) or allocated.total() == count:
                 continue
             _want(by_clip[clip], ways.choose(clip, open_ways), before.nearness)
-            given[clip] += 1
+            allocated[clip] += 1
             some = True
         if not some and left == len(order):
             return
@@ -327,26 +327,29 @@ def _give_out(units: list[_Unit], before: _Before, ways: Ways, count: int, numbe
 
 def _open_ways(units: list[_Unit], nearness: Mapping[Node, float]) -> tuple[Way, ...]:
     anew = (unit.way(plan) for unit in units for plan in unit.open_plans)
-    near = (unit.way(made.plan, near=True) for unit in units for made in _bases(unit, nearness))
+    near = (unit.way(drawn.plan, near=True) for unit in units for drawn in _bases(unit, nearness))
     return tuple(sorted({*anew, *near}))
 
 
-def _bases(unit: _Unit, nearness: Mapping[Node, float]) -> Iterator[_Made]:
+def _bases(unit: _Unit, nearness: Mapping[Node, float]) -> Iterator[_DrawnChild]:
     """Yield the mutants near which others may be drawn."""
-    for made in unit.made:
-        if nearness.get(made.node, 0.0) >= NEAR_ENOUGH and unit.uses[made.step.mutant.number] < NEAR_AT_MOST:
-            yield made
+    for drawn in unit.drawn:
+        if nearness.get(drawn.node, 0.0) >= NEAR_ENOUGH and unit.uses[drawn.step.mutant.number] < NEAR_AT_MOST:
+            yield drawn
 
 
 def _want(units: list[_Unit], way: Way, nearness: Mapping[Node, float]) -> None:
     """Request a mutant drawn in a way from one of a clip's units."""
     if way.near:
         bases = [
-            (unit, made) for unit in units for made in _bases(unit, nearness) if unit.way(made.plan, near=True) == way
+            (unit, drawn)
+            for unit in units
+            for drawn in _bases(unit, nearness)
+            if unit.way(drawn.plan, near=True) == way
         ]
-        unit, made = max(bases, key=lambda pair: nearness[pair[1].node])
-        number = made.step.mutant.number
-        want = Wanted(unit.numbers + 1, Draw(made.plan, unit.uses[number]), made.step.mutant.text, number)
+        unit, drawn = max(bases, key=lambda pair: nearness[pair[1].node])
+        number = drawn.step.mutant.number
+        want = Wanted(unit.numbers + 1, Draw(drawn.plan, unit.uses[number]), drawn.step.mutant.text, number)
         unit.uses[number] += 1
     else:
         able = [(unit, plan) for unit in units for plan in unit.open_plans if unit.way(plan) == way]
@@ -364,4 +367,4 @@ def _first(count: int, record: Mutants) -> tuple[Wanted, ...]:
 
 
 def _asked(unit: _Unit, number: int) -> Asked:
-    return Asked(number, tuple(unit.wanted), unit.plans, tuple(made.step.mutant.text for made in unit.made))
+    return Asked(number, tuple(unit.wanted), unit.plans, tuple(drawn.step.mutant.text for drawn in unit.drawn))

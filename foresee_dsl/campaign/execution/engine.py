@@ -105,12 +105,12 @@ def run_campaign(
     with folder.working() as work:
         ran = run_missing(stages, work=work, store=store, listeners=listeners, options=options)
         with _no_search_for_cycles():
-            found = assemble(stages, out)
+            assembly = assemble(stages, out)
             wall_s = time.monotonic() - started
             result = CampaignResult(
-                settings, found.seeds, found.clips, wall_s, ran.stopped, ran.broken, found.minimised
+                settings, assembly.seeds, assembly.clips, wall_s, ran.stopped, ran.broken, assembly.minimised
             )
-            folder.publish(result, found.traces, store.blobs)
+            folder.publish(result, assembly.traces, store.blobs)
     return result
 
 
@@ -336,21 +336,21 @@ class _Run:
             listener.done(row, new=new)
 
 
-def _row(made: Made, *, broken: bool = False) -> Row:
-    record = made.record.child if isinstance(made.record, Minimised) else made.record
+def _row(result: Made, *, broken: bool = False) -> Row:
+    record = result.record.child if isinstance(result.record, Minimised) else result.record
     run = record if isinstance(record, SeedOutcome | ClipOutcome | ChildOutcome) else None
     hangs = run is not None and run.notes is not None and run.notes.hang is not None
     return Row(
-        key=made.key,
-        kind=made.kind,
-        name=made.name,
-        record=encode(made.record),
-        driver=made.driver,
+        key=result.key,
+        kind=result.kind,
+        name=result.name,
+        record=encode(result.record),
+        driver=result.driver,
         verdict=run.verdict.value if run else "",
         reason=run.reason if run else "",
         broken=broken or hangs,
         simulated_s=run.duration_s if run else 0.0,
-        wall_s=made.wall_s,
+        wall_s=result.wall_s,
     )
 
 

@@ -145,8 +145,8 @@ class WorkerPool(Executor):
         """See `Executor`; `stop` is called ten times a second."""
         while self._tasks and not stop():
             self._hand_out()
-            busy = {id(one): worker for worker in self._workers if not worker.idle for one in worker.watched}
-            watched = [one for worker in self._workers if not worker.idle for one in worker.watched]
+            busy = {id(handle): worker for worker in self._workers if not worker.idle for handle in worker.watched}
+            watched = [handle for worker in self._workers if not worker.idle for handle in worker.watched]
             for ready in multiprocessing.connection.wait(watched, timeout=_TICK_S):
                 worker = busy[id(ready)]
                 if worker not in self._workers:

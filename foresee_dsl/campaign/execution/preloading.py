@@ -10,7 +10,7 @@ from foresee_dsl.campaign import steps
 from foresee_dsl.kernels import compiling
 
 MODULES = (
-    *(f"{steps.__name__}.{found.name}" for found in pkgutil.iter_modules(steps.__path__)),
+    *(f"{steps.__name__}.{module.name}" for module in pkgutil.iter_modules(steps.__path__)),
     "foresee_dsl.forecast.foresee",
     "foresee_dsl.drivers.idm",
     "foresee_dsl.drivers.pdm",

@@ -34,13 +34,13 @@ def adopt_orphans() -> None:
 
 def started_by(pid: int) -> tuple[int, ...]:
     """Return the descendants of a process, the nearest first."""
-    found: list[int] = []
+    descendants: list[int] = []
     ahead = [pid]
-    while ahead and len(found) < 10 * MOST:  # a fork bomb must not hold the campaign up
+    while ahead and len(descendants) < 10 * MOST:  # a fork bomb must not hold the campaign up
         children = _children(ahead.pop(0))
-        found += children
+        descendants += children
         ahead += children
-    return tuple(found)
+    return tuple(descendants)
 
 
 def memory_mb(pid: int, limit_mb: float) -> float:
@@ -65,7 +65,7 @@ def end_started(pid: int, spared: Collection[int] = ()) -> int:
     until_s = time.monotonic() + _END_S
     stopped: dict[int, None] = {}
     while time.monotonic() < until_s:
-        kept = {below for one in spared for below in (one, *started_by(one))}
+        kept = {below for process in spared for below in (process, *started_by(process))}
         new = [child for child in started_by(pid) if child not in stopped and child not in kept and not _is_dead(child)]
         if not new:
             break
@@ -145,14 +145,14 @@ def _signal(pids: Iterable[int], number: signal.Signals) -> None:
 
 
 def _children(pid: int) -> list[int]:
-    found: list[int] = []
+    children: list[int] = []
     try:
         for thread in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208 - ten times a second
             with open(f"/proc/{pid}/task/{thread}/children", "rb") as file:  # noqa: PTH123 - as above
-                found += map(int, file.read().split())
+                children += map(int, file.read().split())
     except OSError:
         pass  # it has ended, or this is not Linux
-    return found
+    return children
 
 
 def _resident_mb(pid: int) -> float:
@@ -165,7 +165,7 @@ def _resident_mb(pid: int) -> float:
 
 def _share_mb(pid: int) -> float:
     try:
-        found = _SHARE.search(Path(f"/proc/{pid}/smaps_rollup").read_bytes())
+        match = _SHARE.search(Path(f"/proc/{pid}/smaps_rollup").read_bytes())
     except OSError:
         return 0.0
-    return int(found.group(1)) * 1024 / 1e6 if found else 0.0
+    return int(match.group(1)) * 1024 / 1e6 if match else 0.0

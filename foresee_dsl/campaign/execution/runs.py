@@ -107,5 +107,5 @@ def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines) -
 
 def with_unfired(case: TestCase, driver: str, result: RunResult) -> RunResult:
     """Return a result completed by the triggers that never fired and how near they came, computed from its trace."""
-    found = unfired(case.scenario, lambda: compile_test_case(case), result.trace, sensors_of(driver))
-    return replace(result, unfired=found) if found else result
+    unfired_triggers = unfired(case.scenario, lambda: compile_test_case(case), result.trace, sensors_of(driver))
+    return replace(result, unfired=unfired_triggers) if unfired_triggers else result

@@ -56,13 +56,13 @@ class TaskQueue:
         urgency = priority[:-1]
         number = self._warm(warm, urgency, number)
         shares = self._waiting[number][2]
-        found: list[int] = []
+        numbers: list[int] = []
         while True:
-            found.append(number)
+            numbers.append(number)
             self._remove(number)
             top = self._top(shares)
-            if len(found) == most or top is None or top[0][:-1] != urgency or self._waiting[top[1]][2] != shares:
-                return found
+            if len(numbers) == most or top is None or top[0][:-1] != urgency or self._waiting[top[1]][2] != shares:
+                return numbers
             number = top[1]
 
     def clear(self) -> None:
@@ -97,8 +97,8 @@ class TaskQueue:
         heap = self._heaps.get(shares)
         while heap:
             priority, turn, number = heap[0]
-            known = self._waiting.get(number)
-            if known is not None and known[1] == turn:
+            entry = self._waiting.get(number)
+            if entry is not None and entry[1] == turn:
                 return priority, number
             heapq.heappop(heap)
         return None

@@ -41,8 +41,8 @@ class Asked:
     def finding(self) -> Mapping[str, Any] | None:
         """Entry in `campaign.json` of the finding that it represents or belongs to."""
         all_found: list[Mapping[str, Any]] = list(self.data.get("findings", ()))
-        own = (one for one in all_found if one["name"] == self.name)
-        return next(own, next((one for one in all_found if self.name in one.get("siblings", ())), None))
+        own = (finding for finding in all_found if finding["name"] == self.name)
+        return next(own, next((finding for finding in all_found if self.name in finding.get("siblings", ())), None))
 
     @property
     def minimised(self) -> Path | None:
@@ -53,15 +53,15 @@ class Asked:
     @property
     def sentence(self) -> str:
         """What happens; "" without a campaign."""
-        told = (self._own.get("story") or {}).get("sentence")
-        found = self.finding or {}
-        return str(told or (found.get("sentence") if found.get("name") == self.name else "") or "")
+        own_sentence = (self._own.get("story") or {}).get("sentence")
+        finding = self.finding or {}
+        return str(own_sentence or (finding.get("sentence") if finding.get("name") == self.name else "") or "")
 
     @property
     def sentence_minimised(self) -> str:
         """What happens in its minimised form; "" without a campaign."""
-        found = self.finding or {}
-        return str((found.get("minimised") or {}).get("sentence") or "") if found.get("name") == self.name else ""
+        finding = self.finding or {}
+        return str((finding.get("minimised") or {}).get("sentence") or "") if finding.get("name") == self.name else ""
 
     @property
     def reason(self) -> str:
@@ -88,10 +88,12 @@ def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
     if is_file(path):
         return _by_file(path)
     data = read_written(campaign)
-    known = {str(child["mutant"]): child for child in _children(data) if child.get("file")}
-    if wanted in known:
-        return Asked(wanted, campaign / str(known[wanted]["file"]), campaign, data)
-    others = {name: file for one in data.get("findings", ()) for name, file in _files_of(one) if name not in known}
+    children = {str(child["mutant"]): child for child in _children(data) if child.get("file")}
+    if wanted in children:
+        return Asked(wanted, campaign / str(children[wanted]["file"]), campaign, data)
+    others = {
+        name: file for finding in data.get("findings", ()) for name, file in _files_of(finding) if name not in children
+    }
     if wanted in others:
         if tests:
             return Asked(wanted, Path(others[wanted]), campaign, data, child=False)
@@ -99,7 +101,7 @@ def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
     if not data:
         raise ForeseeError(f"there is no file {wanted!r}, and no campaign in {campaign} that could have a finding of "
                            "that name (`--campaign OUT` says where it is)")  # fmt: skip
-    names = sorted({*known, *others})
+    names = sorted({*children, *others})
     hint = did_you_mean(wanted, names) if names else "that campaign found no failure"
     raise ForeseeError(f"there is no file {wanted!r}, and no finding of that name in {campaign}: {Help.of(hint).text}")
 

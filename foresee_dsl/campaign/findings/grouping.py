@@ -84,7 +84,7 @@ class Finding:
     @property
     def avoidable(self) -> bool:
         """Whether a judge, or a reference driver for any of its failures, states that it could have been avoided."""
-        return any(found.avoids for found in self.judgements) or bool(self.avoided)
+        return any(judgement.avoids for judgement in self.judgements) or bool(self.avoided)
 
     @property
     def verdict(self) -> Verdict:
@@ -124,10 +124,12 @@ class _Told:
 def findings_of(result: Outcomes) -> tuple[Finding, ...]:
     """Return the findings of a campaign, sorted by family, then by descending number of failures, then by name."""
     groups: dict[tuple[str, ...], list[_Told]] = defaultdict(list)
-    for told in _told(result):
-        groups[told.family, *told.story.signature].append(told)
-    found = (_finding(sorted(group, key=lambda told: (told.simplicity, told.name))) for group in groups.values())
-    return tuple(sorted(found, key=lambda f: (_family_order(f.family), -f.count, f.name)))
+    for failure in _told(result):
+        groups[failure.family, *failure.story.signature].append(failure)
+    findings = (
+        _finding(sorted(group, key=lambda failure: (failure.simplicity, failure.name))) for group in groups.values()
+    )
+    return tuple(sorted(findings, key=lambda f: (_family_order(f.family), -f.count, f.name)))
 
 
 def _family_order(family: str) -> tuple[bool, int, str]:
@@ -136,18 +138,18 @@ def _family_order(family: str) -> tuple[bool, int, str]:
 
 def _finding(group: list[_Told]) -> Finding:
     first, *others = group
-    others.sort(key=lambda told: told.name)
+    others.sort(key=lambda failure: failure.name)
     return Finding(
         name=first.name,
         story=first.story,
         representative=first.failure,
-        siblings=tuple(told.name for told in others),
-        sibling_files=tuple(told.file for told in others),
+        siblings=tuple(failure.name for failure in others),
+        sibling_files=tuple(failure.file for failure in others),
         test_case=first.test_case,
         family=first.family,
         file=first.file,
         clip=first.clip,
-        avoided=_avoided([told.failure for told in group]),
+        avoided=_avoided([failure.failure for failure in group]),
     )
 
 
@@ -157,7 +159,7 @@ def _avoided(failures: list[Failure]) -> int | None:
 
 
 def _told(result: Outcomes) -> list[_Told]:
-    told = [
+    failures = [
         _Told(case_file_name(s.id, s.scenario), s, s.story, s.id, s.family, s.id, "", (0, 0.0))
         for s in result.seeds
         if s.story is not None
@@ -165,9 +167,9 @@ def _told(result: Outcomes) -> list[_Told]:
     for clip in result.clips:
         for child in clip.failing:
             if child.story is not None:
-                told.append(_Told(child.name, child, child.story, clip.seed, clip.family, child.file, clip.file,
+                failures.append(_Told(child.name, child, child.story, clip.seed, clip.family, child.file, clip.file,
                                   _simplicity(child)))  # fmt: skip
-    return told
+    return failures
 
 
 def case_file_name(address: str, scenario: str) -> str:

@@ -66,18 +66,18 @@ def minimise_file(
                          budget=budget)  # fmt: skip
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
     folder = folder or cache_folder("minimised")
-    if (known := _known(folder, its)) is not None:
+    if (stored := _known(folder, its)) is not None:
         # It may be stored under another campaign's names.
-        return _checked(replace(known, clip=clip.name, child=replace(known.child, name=mutant.name))), parent, 0
+        return _checked(replace(stored, clip=clip.name, child=replace(stored.child, name=mutant.name))), parent, 0
     work = _Work(parent, clip, mutant, absolute(wanted.file).parent, address, seed, run_seed, limit_m, budget)
     with Store(folder) as store:
-        found, packed = _apart(work)
-        if found.runs:
-            row = Row(key=its, kind=MinimiseStep.kind, name=mutant.name, record=encode(found), driver=address,
-                      verdict=found.child.verdict.value, reason=found.child.reason)  # fmt: skip
+        result, packed = _apart(work)
+        if result.runs:
+            row = Row(key=its, kind=MinimiseStep.kind, name=mutant.name, record=encode(result), driver=address,
+                      verdict=result.child.verdict.value, reason=result.child.reason)  # fmt: skip
             store.drop(its)
             store.add(row, packed)
-        return _checked(found), parent, found.runs
+        return _checked(result), parent, result.runs
 
 
 @dataclass(frozen=True)
@@ -110,15 +110,15 @@ def _apart(work: _Work) -> tuple[Minimised, bytes | None]:
     if isinstance(outcome, Broken):
         printed = f"; it had printed: {outcome.output.strip()}" if outcome.output.strip() else ""
         raise DriverError(f"{work.mutant.name} cannot be minimised with {work.driver}: {outcome.reason}{printed}")
-    found: tuple[Minimised, bytes | None] = outcome
-    return found
+    result: tuple[Minimised, bytes | None] = outcome
+    return result
 
 
 def _minimise(work: _Work) -> tuple[Minimised, bytes | None]:
     trace = run_test_case(work.parent, work.driver, work.run_seed).trace
     subject = Subject(work.parent, work.clip, work.mutant, trace, work.folder)
-    found, last = minimised(subject, driver=work.driver, seed=work.seed, limit_m=work.limit_m, budget=work.budget)
-    return found, last.packed() if last is not None else None
+    result, last = minimised(subject, driver=work.driver, seed=work.seed, limit_m=work.limit_m, budget=work.budget)
+    return result, last.packed() if last is not None else None
 
 
 @dataclass(frozen=True)
@@ -132,9 +132,9 @@ class Texts:
     parent: TestCase
 
     @classmethod
-    def of(cls, found: Minimised, parent: TestCase) -> Self:
+    def of(cls, result: Minimised, parent: TestCase) -> Self:
         """Return the texts of a minimised mutant."""
-        return cls(found.child.name, found.child.text, found.clip, found.clip_text, parent)
+        return cls(result.child.name, result.child.text, result.clip, result.clip_text, parent)
 
     @classmethod
     def unreduced(cls, wanted: Asked, *, allow_outside: bool = True) -> Self:
@@ -159,13 +159,13 @@ class Texts:
         return mutant, clip
 
 
-def _checked(found: Minimised) -> Minimised:
-    if not found.child.verdict.is_failure:
+def _checked(result: Minimised) -> Minimised:
+    if not result.child.verdict.is_failure:
         raise CannotMinimiseError(
-            f"{found.child.name} does not fail with this driver: {found.child.reason}. There is no failure that could "
-            "stay, so nothing is minimised"
+            f"{result.child.name} does not fail with this driver: {result.child.reason}. There is no failure to "
+            "keep, so nothing is minimised"
         )
-    return found
+    return result
 
 
 def _known(folder: Path, its: str) -> Minimised | None:

@@ -47,13 +47,13 @@ class Review:
     @property
     def minimised(self) -> Mapping[str, Any] | None:
         """The minimised representative; None for a test case, or before minimisation."""
-        found: Mapping[str, Any] | None = self.finding.get("minimised")
-        return found
+        record: Mapping[str, Any] | None = self.finding.get("minimised")
+        return record
 
     @property
     def withstood(self) -> tuple[str, ...]:
         """Names of the mutations that the driver passed."""
-        return tuple(one.name for one in self.others if one.verdict == "pass")
+        return tuple(mutation.name for mutation in self.others if mutation.verdict == "pass")
 
     @property
     def as_found(self) -> str:
@@ -74,12 +74,14 @@ class Review:
         driver = f" --driver {shlex.quote(self.driver)}" if self.driver != "pdm" else ""
         seed = f" --seed {self.seed}" if self.seed else ""
         file = shlex.quote(self.file)
-        found = [("watch it", f"foresee show {file}"), ("drive it", f"foresee run {file}{driver}{seed}")]
+        next_steps = [("watch it", f"foresee show {file}"), ("drive it", f"foresee run {file}{driver}{seed}")]
         if mutant:
             out = f" --campaign {shlex.quote(str(self.campaign))}" if self.campaign != Path("out") else ""
-            found.append(("check that it still fails", f"foresee verify {file}"))
-            found.append(("get it unreduced", f"foresee minimise {self.finding['name']}{out} --full --out unreduced"))
-        return tuple(found)
+            next_steps.append(("check that it still fails", f"foresee verify {file}"))
+            next_steps.append(
+                ("get it unreduced", f"foresee minimise {self.finding['name']}{out} --full --out unreduced")
+            )
+        return tuple(next_steps)
 
     @property
     def command_lines(self) -> tuple[str, ...]:

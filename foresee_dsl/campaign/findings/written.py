@@ -36,7 +36,7 @@ def read_written(campaign: Path) -> dict[str, Any]:
     try:
         _written().validate_python(data)
     except ValidationError as err:
-        wrong = next((one for one in err.errors() if one["type"] != "missing"), None)
+        wrong = next((problem for problem in err.errors() if problem["type"] != "missing"), None)
         if wrong is not None:
             where = ".".join(map(str, wrong["loc"])) or "the whole file"
             raise ForeseeError(

@@ -139,11 +139,11 @@ class Clock:
         spent = {
             part: Spent(self._cpu[part.number], self._wall[part.number]) for part in Part if self._wall[part.number]
         }
-        found = Measurement(spent, self.runs, self.decisions, self.simulated_s)
+        measurement = Measurement(spent, self.runs, self.decisions, self.simulated_s)
         self.runs = self.decisions = 0
         self.simulated_s = 0.0
         self._wall, self._cpu = [0] * len(Part), [0] * len(Part)
-        return found
+        return measurement
 
     def _share_out(self) -> None:
         """Divide the CPU time since the last reading; the time for this counts as the profile's own."""

@@ -82,16 +82,19 @@ class Profile:
         `worked_s`: time during which there were workers.
         """
         both = own + tasks
-        spent = {part: _worked(part, took) for part, took in both.spent.items() if part is not Part.IDLE}
-        working_ns = sum(took.wall_ns for took in spent.values())
-        simulating_ns = sum(took.wall_ns for part, took in spent.items() if part.simulates)
+        spent = {
+            part: _worked(part, time_of_part) for part, time_of_part in both.spent.items() if part is not Part.IDLE
+        }
+        working_ns = sum(time_of_part.wall_ns for time_of_part in spent.values())
+        simulating_ns = sum(time_of_part.wall_ns for part, time_of_part in spent.items() if part.simulates)
         decided_ns = spent.get(Part.DRIVER, Spent()).wall_ns
         begin_ns = spent.get(Part.DRIVER_BEGINS, Spent()).wall_ns
-        busy_s = sum(took.wall_ns for part, took in tasks.spent.items() if part is not Part.IDLE) * _NS
+        busy_s = sum(time_of_part.wall_ns for part, time_of_part in tasks.spent.items() if part is not Part.IDLE) * _NS
         return cls(
             drivers=drivers,
             parts=tuple(
-                _part_time(part, took, both.simulated_s, simulating_ns, working_ns) for part, took in spent.items()
+                _part_time(part, time_of_part, both.simulated_s, simulating_ns, working_ns)
+                for part, time_of_part in spent.items()
             ),
             runs=both.runs,
             simulated_s=both.simulated_s,
@@ -101,24 +104,24 @@ class Profile:
             begin_s=begin_ns / both.runs * _NS if both.runs else 0.0,
             workers=workers,
             waited_s=max(workers * worked_s - busy_s, 0.0),
-            wall_s=sum(took.wall_ns for took in own.spent.values()) * _NS,
+            wall_s=sum(time_of_part.wall_ns for time_of_part in own.spent.values()) * _NS,
             not_measured=not_measured,
         )
 
 
-def _worked(part: Part, took: Spent) -> Spent:
+def _worked(part: Part, time_of_part: Spent) -> Spent:
     """Return the time of a part. For distributing tasks and receiving results only the CPU time counts, as the rest is
     waiting."""
-    return Spent(took.cpu_ns, took.cpu_ns) if part is Part.HANDING else took
+    return Spent(time_of_part.cpu_ns, time_of_part.cpu_ns) if part is Part.HANDING else time_of_part
 
 
-def _part_time(part: Part, took: Spent, simulated_s: float, simulating_ns: int, working_ns: int) -> PartTime:
+def _part_time(part: Part, time_of_part: Spent, simulated_s: float, simulating_ns: int, working_ns: int) -> PartTime:
     return PartTime(
         part,
         part.title,
-        took.cpu_ns * _NS,
-        took.wall_ns * _NS,
-        took.wall_ns * 1e-6 / simulated_s if simulated_s else None,
-        took.wall_ns / simulating_ns if part.simulates else None,
-        took.wall_ns / working_ns if working_ns else 0.0,
+        time_of_part.cpu_ns * _NS,
+        time_of_part.wall_ns * _NS,
+        time_of_part.wall_ns * 1e-6 / simulated_s if simulated_s else None,
+        time_of_part.wall_ns / simulating_ns if part.simulates else None,
+        time_of_part.wall_ns / working_ns if working_ns else 0.0,
     )

@@ -56,9 +56,9 @@ class Profiler:
             return outcome.value
         return outcome
 
-    def add(self, found: Measurement) -> None:
+    def add(self, measurement: Measurement) -> None:
         """Add the measurement of a task."""
-        self._tasks += found
+        self._tasks += measurement
 
     def received(self, updates: Iterable[T]) -> Iterator[T]:
         """Yield the workers' updates; in between, this process counts as distributing tasks."""
@@ -67,12 +67,12 @@ class Profiler:
             while True:
                 before = self._clock.enter(Part.HANDING)
                 try:
-                    found = next(ahead)
+                    update = next(ahead)
                 except StopIteration:
                     return
                 finally:
                     self._clock.enter(before)
-                yield found
+                yield update
         finally:
             self._worked_s += time.monotonic() - began_s
 
@@ -143,14 +143,14 @@ def _parts(parts: Iterator[Any], clock: Clock) -> Iterator[Any]:
     while True:
         before = clock.enter(Part.REST)
         try:
-            found = next(parts)
+            part = next(parts)
         except StopIteration:
             break
         finally:
             clock.enter(before)
         # Until the next part is requested, this one is packed and sent.
         before = clock.enter(Part.STORE)
-        yield found
+        yield part
         clock.enter(before)
     yield clock.take()
 

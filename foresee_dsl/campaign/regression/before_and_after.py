@@ -31,7 +31,9 @@ def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, 
     )
     with WorkerPool(jobs) as pool:
         pool.add(Task(name, partial(drive, case, driver), seed) for name, (case, driver, seed) in runs.items())
-        ended = {task.name: found.reason if isinstance(found, Broken) else found for task, found in pool.results()}
+        ended = {
+            task.name: outcome.reason if isinstance(outcome, Broken) else outcome for task, outcome in pool.results()
+        }
     return {child.file: (ended.get(f"{child.file} old", ""), ended[f"{child.file} new"])
             for child in children if child.new is not None}  # fmt: skip
 

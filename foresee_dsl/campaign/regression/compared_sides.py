@@ -50,15 +50,15 @@ def side_of_campaign(folder: Path) -> Side:
 def _runs_in(data: Mapping[str, Any]) -> Iterator[Ran]:
     verdicts = {verdict.value: verdict for verdict in Verdict}
     families = {}
-    for one in data["test_cases"]:
-        families[one["test_case"]] = one["family"]
-        yield Ran(one["meaning"], one["test_case"], one["family"], verdicts[one["verdict"]], one["reason"],
-                  one.get("near_misses"), tuple(one.get("broken_expectations", ())))  # fmt: skip
+    for run in data["test_cases"]:
+        families[run["test_case"]] = run["family"]
+        yield Ran(run["meaning"], run["test_case"], run["family"], verdicts[run["verdict"]], run["reason"],
+                  run.get("near_misses"), tuple(run.get("broken_expectations", ())))  # fmt: skip
     for clip in data["clip_runs"]:
-        for one in clip["children"]:
-            yield Ran(one["meaning"], one["mutant"], families.get(clip["test_case"], ""), verdicts[one["verdict"]],
-                      one["reason"], one.get("near_misses"),
-                      tuple(one.get("broken_expectations", ())))  # fmt: skip
+        for run in clip["children"]:
+            yield Ran(run["meaning"], run["mutant"], families.get(clip["test_case"], ""), verdicts[run["verdict"]],
+                      run["reason"], run.get("near_misses"),
+                      tuple(run.get("broken_expectations", ())))  # fmt: skip
 
 
 def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
@@ -66,7 +66,7 @@ def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
 
     A folder gives its tests (mutants and files with expectations), or if it has none, the test cases of its scenarios.
     """
-    found: dict[str, SuiteTest] = {}
+    collected: dict[str, SuiteTest] = {}
     for path in paths:
         file, case = parse_address(path)
         tests = suite_of([path]) if is_folder(file) else ()
@@ -74,11 +74,11 @@ def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
             tests = _named_test(path)
         if not tests:
             tests = tuple(
-                SuiteTest(Path(one.id.partition("::")[0]), one.id.partition("::")[2] or None)
-                for one in load_test_cases([path])
+                SuiteTest(Path(case_.id.partition("::")[0]), case_.id.partition("::")[2] or None)
+                for case_ in load_test_cases([path])
             )
-        found |= {test.address: test for test in tests}
-    return tuple(found.values())
+        collected |= {test.address: test for test in tests}
+    return tuple(collected.values())
 
 
 def _named_test(path: str) -> tuple[SuiteTest, ...]:
@@ -96,7 +96,7 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadli
     """
     find_driver(driver)
     numbers = {str(k): test for k, test in enumerate(tests)}
-    found: dict[str, Ran] = {}
+    runs: dict[str, Ran] = {}
     broken: list[str] = []
     label, longest_s = driver, deadlines.for_run_s(LONGEST_S)
     with WorkerPool(min(jobs, max(len(tests), 1))) as pool:
@@ -107,13 +107,13 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadli
         for task, outcome in pool.results():
             test = numbers[task.name]
             if not isinstance(outcome, Broken):
-                found[task.name], label = outcome
+                runs[task.name], label = outcome
             elif outcome.how == "raised":
                 broken.append(f"{test.address}: {outcome.reason}")
             else:
                 verdict, reason = broken_verdict(outcome)
-                found[task.name] = Ran(test.address, test.address, "", verdict, reason)
-    return Side(label, tuple(found[number] for number in numbers if number in found), tuple(sorted(broken)))
+                runs[task.name] = Ran(test.address, test.address, "", verdict, reason)
+    return Side(label, tuple(runs[number] for number in numbers if number in runs), tuple(sorted(broken)))
 
 
 def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[Ran, str]:

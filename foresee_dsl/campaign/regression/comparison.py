@@ -107,8 +107,10 @@ class Pair:
         """The measure that moved most towards a failure, for a pair that passes on both sides; None without one."""
         if self.change is not Change.STILL_PASSING:
             return None
-        found = [one for name in MEASURES if (one := _nearer(name, self.base.near, self.new.near)) is not None]
-        return max(found, key=lambda one: one.share, default=None)
+        candidates = [
+            candidate for name in MEASURES if (candidate := _nearer(name, self.base.near, self.new.near)) is not None
+        ]
+        return max(candidates, key=lambda candidate: candidate.share, default=None)
 
 
 @dataclass(frozen=True)
@@ -194,14 +196,14 @@ class Comparison:
 
     def of(self, change: Change) -> tuple[Pair, ...]:
         """Return the pairs of one kind; crashes and timeouts first."""
-        found = (pair for pair in self.pairs if pair.change is change)
-        return tuple(sorted(found, key=lambda pair: (pair.new.verdict.is_failure, pair.new.name)))
+        pairs = (pair for pair in self.pairs if pair.change is change)
+        return tuple(sorted(pairs, key=lambda pair: (pair.new.verdict.is_failure, pair.new.name)))
 
     @property
     def nearer(self) -> tuple[Pair, ...]:
         """Pairs whose near miss became nearer, the largest change first."""
-        found = [pair for pair in self.pairs if pair.nearer is not None]
-        return tuple(sorted(found, key=lambda pair: (-pair.nearer.share if pair.nearer else 0.0, pair.new.name)))
+        pairs = [pair for pair in self.pairs if pair.nearer is not None]
+        return tuple(sorted(pairs, key=lambda pair: (-pair.nearer.share if pair.nearer else 0.0, pair.new.name)))
 
     @property
     def rows(self) -> tuple[Row, ...]:
@@ -231,26 +233,26 @@ def compare(base: Side, new: Side) -> Comparison:
     out."""
     a, b = (_by_key(side) for side in (base, new))
     pairs = tuple(Pair(a[key], b[key]) for key in a if key in b)
-    left, right = ({ran.name for key, ran in one.items() if key not in other} for one, other in ((a, b), (b, a)))
+    left, right = ({ran.name for key, ran in own.items() if key not in other} for own, other in ((a, b), (b, a)))
     edited = left & right
     return Comparison(
         base, new, pairs, tuple(sorted(left - edited)), tuple(sorted(right - edited)), tuple(sorted(edited))
     )
 
 
-def exact_p(one: int, other: int) -> float:
+def exact_p(first: int, second: int) -> float:
     """Return the exact two-sided p of a split into two counts under equal probability (McNemar's exact test)."""
-    total = one + other
-    tail = sum(math.comb(total, k) for k in range(min(one, other) + 1))
+    total = first + second
+    tail = sum(math.comb(total, k) for k in range(min(first, second) + 1))
     return min(1.0, 2 * tail / float(2**total))
 
 
 def _by_key(side: Side) -> dict[str, Ran]:
-    found: dict[str, Ran] = {}
+    runs: dict[str, Ran] = {}
     for ran in side.runs:
         if ran.verdict is not Verdict.INVALID:
-            found.setdefault(ran.key, ran)
-    return found
+            runs.setdefault(ran.key, ran)
+    return runs
 
 
 def _row(label: str, pairs: Iterable[Pair], kind: Verdict | None = None) -> Row:
@@ -258,27 +260,27 @@ def _row(label: str, pairs: Iterable[Pair], kind: Verdict | None = None) -> Row:
     counts = [[ran.failed if kind is None else ran.verdict is kind for ran in (pair.base, pair.new)] for pair in pairs]
     new = sum(now and not was for was, now in counts)
     fixed = sum(was and not now for was, now in counts)
-    was_failing, now_failing = (sum(one[side] for one in counts) for side in (0, 1))
+    was_failing, now_failing = (sum(failed[side] for failed in counts) for side in (0, 1))
     return Row(label, kind is not None, len(counts), was_failing, now_failing, new, fixed, exact_p(new, fixed))
 
 
 def _nearer(name: str, base: Mapping[str, Any] | None, new: Mapping[str, Any] | None) -> Nearer | None:
     """Return how a measure became nearer, or None; a missing value counts as far."""
-    measure, found = MEASURES[name], (new or {}).get(name)
+    measure, value = MEASURES[name], (new or {}).get(name)
     before = (base or {}).get(name)
-    if base is None or found is None:
+    if base is None or value is None:
         return None
-    now = _value(found)
+    now = _value(value)
     was = _value(before) if before is not None else None
     far = measure.near - measure.sign * measure.step if was is None else was
     change = (now - far) * measure.sign
     if (now - measure.near) * measure.sign < 0 or not change >= measure.step:  # `not`: also true for inf - inf
         return None
-    shown = min(now, 99.0) if math.isinf(now) else now
-    return Nearer(name, was, shown, str(found.get("with") or ""), round(min(change / measure.near, 99.0), 3))
+    capped = min(now, 99.0) if math.isinf(now) else now
+    return Nearer(name, was, capped, str(value.get("with") or ""), round(min(change / measure.near, 99.0), 3))
 
 
-def _value(found: Mapping[str, Any]) -> float:
+def _value(near_miss: Mapping[str, Any]) -> float:
     """Return the value of a near miss in JSON, where null stands for infinity."""
-    value = found.get("value")
+    value = near_miss.get("value")
     return math.inf if value is None else float(value)

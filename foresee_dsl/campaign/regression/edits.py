@@ -122,8 +122,8 @@ def line_of(document: Document, item: m.Item) -> int | None:
 
 def _uses(document: Document) -> list[tuple[m.Item, str, str]]:
     kinds = dict(_PATHS)
-    found = [(item, kinds[type(item)]) for item in walk(document.model) if type(item) in kinds]
-    return [(item, field, getattr(item, field)) for item, field in found]
+    uses = [(item, kinds[type(item)]) for item in walk(document.model) if type(item) in kinds]
+    return [(item, field, getattr(item, field)) for item, field in uses]
 
 
 def _span(document: Document, item: m.Item) -> Span:

@@ -33,9 +33,9 @@ class Status(StrEnum):
 
     def __new__(cls, value: str, style: str, meaning: str) -> Status:
         """Create a member."""
-        made = str.__new__(cls, value)
-        made._value_, made.style, made.meaning = value, style, meaning
-        return made
+        status = str.__new__(cls, value)
+        status._value_, status.style, status.meaning = value, style, meaning
+        return status
 
     CRASHED = "crashed", "bold red", "the driver or the simulator broke, so there is no result for the test case"
     TIMED_OUT = "timed_out", "bold yellow", "it did not arrive in time, or the driver took too long"
@@ -84,7 +84,7 @@ class Ending:
             return m.Expected(driver=driver, case=case, outcome="fails" if self.breaks else "passes")
         if self.verdict.value not in get_args(FailureName):
             return None
-        known = re.fullmatch(
+        is_name = re.fullmatch(
             m.NAME_PATTERN, self.actor
         )  # ids of background traffic on a foreign network may not be names
         return m.Expected.model_validate(
@@ -93,7 +93,7 @@ class Ending:
                 "case": case,
                 "outcome": "fails",
                 "failure": self.verdict.value,
-                "actor": self.actor if known else None,
+                "actor": self.actor if is_name else None,
             }
         )
 
@@ -184,7 +184,7 @@ def ending_of(reason: str) -> Ending | None:
     word = re.split(r"\W", reason, maxsplit=1)[0]
     if word not in get_args(FailureName):
         return None
-    verdict = next(one for one in Verdict if one.value == word)
+    verdict = next(candidate for candidate in Verdict if candidate.value == word)
     # Only a contact has another actor: a stuck ego stood "with nothing to wait for".
     actor = _ACTOR.search(reason.partition(" at ")[0]) if verdict.is_collision else None
     return Ending(verdict, actor[1] if actor else "")

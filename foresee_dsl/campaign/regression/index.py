@@ -45,9 +45,9 @@ def write_index(folder: Path, tests: Iterable[Path]) -> bool:
     """
     file = folder / INDEX
     rows = [_row(folder, test) for test in tests]
-    made = templates("regression").overlay()
-    made.filters = {**made.filters, "cell": _cell, "code": _code}
-    part = f"{BEGIN}\n{made.get_template('README.md.j2').render(tests=rows).strip()}\n{END}\n"
+    environment = templates("regression").overlay()
+    environment.filters = {**environment.filters, "cell": _cell, "code": _code}
+    part = f"{BEGIN}\n{environment.get_template('README.md.j2').render(tests=rows).strip()}\n{END}\n"
     old = read_outside(file).decode("utf-8") if file.is_file() else ""
     before, begin, rest = old.partition(BEGIN)
     _, end, after = rest.partition(END)
@@ -82,21 +82,21 @@ def _sentence(document: Document) -> str:
     model = document.model
     origin = model.origin if isinstance(model, m.Mutant) else None
     risk = model.risk if isinstance(model, m.Clip) else None
-    found = (origin.found or "") if origin is not None and recorded_in(origin) else ""
-    return sentence_in(document) or found or (risk.text if risk else "")
+    recorded = (origin.found or "") if origin is not None and recorded_in(origin) else ""
+    return sentence_in(document) or recorded or (risk.text if risk else "")
 
 
 def _cell(text: str) -> Markup:
     """Return a text for a table cell: on one line, with all characters special to Markdown or HTML escaped."""
     from markupsafe import Markup
 
-    shown = _SPECIAL.sub(r"\\\1", " ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
-    return Markup(shown)  # noqa: S704 - all special characters are escaped
+    escaped = _SPECIAL.sub(r"\\\1", " ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
+    return Markup(escaped)  # noqa: S704 - all special characters are escaped
 
 
 def _code(text: str) -> Markup:
     """Return a line of a file for a table's cell, as code."""
     from markupsafe import Markup
 
-    shown = " ".join(text.split()).replace("`", "'").replace("|", "\\|")
-    return Markup(f"`{shown}`")  # noqa: S704 - code has no special characters
+    escaped = " ".join(text.split()).replace("`", "'").replace("|", "\\|")
+    return Markup(f"`{escaped}`")  # noqa: S704 - code has no special characters

@@ -193,10 +193,10 @@ class _Writer:
             number += 1
 
 
-def _same(one: bytes, other: bytes) -> bool:
+def _same(first: bytes, other: bytes) -> bool:
     """Return whether two files have the same meaning and name the same other files."""
     try:
-        a_text, b_text = (plain_text(parse(text.decode("utf-8"), "a file").model) for text in (one, other))
+        a_text, b_text = (plain_text(parse(text.decode("utf-8"), "a file").model) for text in (first, other))
     except (InputError, UnicodeDecodeError):
         return False
     return a_text == b_text

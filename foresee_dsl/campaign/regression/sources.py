@@ -54,31 +54,31 @@ def source_of(wanted: str, campaign: Path, *, full: bool = False) -> Source:
         return _child(Asked(path.stem, path), full=full)
     if a.is_file(path) and kind != "mutant":
         return _test_case(wanted)
-    found = asked(wanted, campaign, tests=True)
-    return _child(found, full=full) if found.child else _test_case(str(found.file), found)
+    failure = asked(wanted, campaign, tests=True)
+    return _child(failure, full=full) if failure.child else _test_case(str(failure.file), failure)
 
 
-def _child(found: Asked, *, full: bool) -> Source:
-    small = None if full else found.minimised
-    file = small or found.file
+def _child(failure: Asked, *, full: bool) -> Source:
+    small = None if full else failure.minimised
+    file = small or failure.file
     case = load_test_case(file)
     origin = case.mutant.origin if case.mutant is not None else None
     text = read_outside(file).decode("utf-8")
-    sentence = found.sentence if small is None else found.sentence_minimised or found.sentence
+    sentence = failure.sentence if small is None else failure.sentence_minimised or failure.sentence
     return Source(file.stem, a.absolute(file), text, case, small is not None, sentence, recorded_in(origin))
 
 
-def _test_case(address: str, found: Asked | None = None) -> Source:
+def _test_case(address: str, failure: Asked | None = None) -> Source:
     """Return a test case that fails without mutation, as one concrete scenario without parameters and other cases."""
     case = load_test_case(address)
     model = expanded_model(case)
     doc = load(case.source).model
     docs = [item for item in getattr(doc, "body", ()) if isinstance(item, m.Doc)]
-    sentence = as_text(found.sentence) if found else ""
+    sentence = as_text(failure.sentence) if failure else ""
     docs = [m.Doc(text=sentence), *docs] if sentence else docs
     body = tuple(item for item in model.body if not isinstance(item, m.Doc | m.Expected | m.Param | m.Case | m.Cases))
     name = case_name(case)
     text = print_model(m.Scenario(name=name, body=(*docs, *body)))
-    ending = ending_of(found.reason) if found else None
-    expected = ending.expected_of(name_to_record(str(found.data["driver"]), "")) if found and ending else None
+    ending = ending_of(failure.reason) if failure else None
+    expected = ending.expected_of(name_to_record(str(failure.data["driver"]), "")) if failure and ending else None
     return Source(name, case.source, text, case, False, sentence, expected)

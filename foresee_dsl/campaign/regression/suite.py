@@ -48,8 +48,8 @@ class SuiteTest:
         """The driver that its file records or has expectations for; otherwise `pdm`."""
         if self.origin is not None and self.origin.driver:
             return recorded_address(self.origin.driver)
-        known = (recorded_address(item.driver) for item in self.stated)
-        return next((name for name in known if name_in(name) in driver_names()), DRIVER)
+        addresses = (recorded_address(item.driver) for item in self.stated)
+        return next((name for name in addresses if name_in(name) in driver_names()), DRIVER)
 
     @property
     def seed(self) -> int:
@@ -64,7 +64,7 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
         InputError: a path does not exist, or a named file contains no test.
     """
     named = tuple(Path(path) for path in paths)
-    found: list[SuiteTest] = []
+    collected: list[SuiteTest] = []
     for file in a.scenario_files(named):
         tests = tuple(_tests_of(file))
         if not tests and file in named:
@@ -72,8 +72,8 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
             message = f"this file has {f'a {kind}' if kind else 'no definition'} and no expectations"
             help = "name a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
             raise a.mistake(c.WRONG_KIND, message, help, a.shown(file))
-        found += tests
-    return tuple(found)
+        collected += tests
+    return tuple(collected)
 
 
 def _tests_of(file: Path) -> Iterator[SuiteTest]:

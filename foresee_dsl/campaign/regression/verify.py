@@ -107,17 +107,17 @@ def verify_files(
             unless=run_programs,
         )
     pool = _Pool(driver, jobs, deadlines)
-    found = dict(zip(tests, pool.run(tests), strict=True))
-    stale = [test for test, seen in found.items() if seen.status is Status.STALE and test.case is None]
+    results = dict(zip(tests, pool.run(tests), strict=True))
+    stale = [test for test, seen in results.items() if seen.status is Status.STALE and test.case is None]
     notes = reached([test.file for test in stale])
     harmless = [test for test in stale if notes.get(test.file) == ""]
     for test, seen in zip(harmless, pool.run(harmless, check_pin=False), strict=True):
         note = "its parent was edited, and the edit does not reach it: `foresee repin --write` writes the new pins"
-        found[test] = replace(seen, note=note)
+        results[test] = replace(seen, note=note)
     for test in stale:
         if why := notes.get(test.file):
-            found[test] = replace(found[test], note=why)
-    return tuple(found.values())
+            results[test] = replace(results[test], note=why)
+    return tuple(results.values())
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class _Pool:
     def run(self, tests: Sequence[SuiteTest], *, check_pin: bool = True) -> tuple[Recheck, ...]:
         """Run tests; return their results in the same order."""
         numbers = {str(k): test for k, test in enumerate(tests)}
-        found: dict[str, Recheck] = {}
+        results: dict[str, Recheck] = {}
         longest_s = self.deadlines.for_run_s(LONGEST_S)
         with WorkerPool(min(self.jobs, max(len(tests), 1))) as pool:
             pool.add(
@@ -142,8 +142,8 @@ class _Pool:
             )  # fmt: skip
             for task, outcome in pool.results():
                 test = numbers[task.name]
-                found[task.name] = _broken(test, outcome, self.driver) if isinstance(outcome, Broken) else outcome
-        return tuple(found[number] for number in numbers)
+                results[task.name] = _broken(test, outcome, self.driver) if isinstance(outcome, Broken) else outcome
+        return tuple(results[number] for number in numbers)
 
 
 def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
@@ -216,8 +216,8 @@ def other_version(test: SuiteTest, driver: str, version: str) -> str:
         differ.append((origin.driver, recorded_driver(driver, version)))
     if origin.tool:
         differ.append((f"foresee-dsl {origin.tool}", f"foresee-dsl {__version__}"))
-    said = [f"with {then}, and run with {now} now" for then, now in differ if then != now]
-    return f"it was recorded {'; '.join(said)}" if said else ""
+    differences = [f"with {then}, and run with {now} now" for then, now in differ if then != now]
+    return f"it was recorded {'; '.join(differences)}" if differences else ""
 
 
 def reached(files: Sequence[Path]) -> dict[Path, str]:
@@ -242,8 +242,8 @@ def _why_stale(child: Child | None) -> str | None:
     if child is None:
         return None
     if child.state in (State.CONFLICT, State.BLOCKED):
-        found = [one.message for one in child.mistakes if one.code != STALE_PIN]
-        return f"it no longer fits its parent: {found[0]}" if found else None
+        messages = [mistake.message for mistake in child.mistakes if mistake.code != STALE_PIN]
+        return f"it no longer fits its parent: {messages[0]}" if messages else None
     if not child.known or child.old is None or child.new is None:
         return "git has no version of the parent with this pin, so that the edit is unknown"
     return "the edit reaches it: " + "; ".join(map(str, child.reaching)) if child.reaching else ""
@@ -273,12 +273,14 @@ def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
         The files that were written.
     """
     written: dict[Path, None] = {}
-    for one in rechecks:
-        new = one.ending.expected_of(one.name, one.case) if one.ending and one.status.can_be_recorded else None
+    for check in rechecks:
+        new = (
+            check.ending.expected_of(check.name, check.case) if check.ending and check.status.can_be_recorded else None
+        )
         if new is not None:
-            text = read_outside(one.path).decode("utf-8")
-            write_whole(one.path, with_expected(text, new))
-            written[one.path] = None
+            text = read_outside(check.path).decode("utf-8")
+            write_whole(check.path, with_expected(text, new))
+            written[check.path] = None
     for suite in dict.fromkeys(folder for file in written if (folder := suite_folder(file)) is not None):
         write_index(suite, tests_in(suite))
     return tuple(written)

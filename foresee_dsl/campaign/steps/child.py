@@ -88,8 +88,8 @@ def run_child(
     """
     case = expand_mutant(mutant, clip_case, source=file, meaning=meaning)
     result = run_test_case(case, driver, seed, deadlines=deadlines)
-    known = explained(case, result)
-    mutant, story = with_found(mutant, result.reason, known), known.story
+    explanation = explained(case, result)
+    mutant, story = with_found(mutant, result.reason, explanation), explanation.story
     outcome = ChildOutcome(
         name=mutant.name,
         file=file.as_posix(),
@@ -102,7 +102,7 @@ def run_child(
         duration_s=result.duration_s,
         digest=result.trace.digest,
         meaning=case.meaning,
-        judgements=known.judgements,
+        judgements=explanation.judgements,
         impact=result.impact,
         near=result.near_misses,
         story=story,
@@ -125,9 +125,9 @@ def with_sentence(mutant: Mutant, sentence: str) -> str:
     return print_model(mutant, comments)
 
 
-def with_found(mutant: Mutant, found: str, known: Explained = NOTHING) -> Mutant:
+def with_found(mutant: Mutant, reason: str, explanation: Explained = NOTHING) -> Mutant:
     """Return the mutant with its run's result in the origin block, and whether a failure was preventable."""
-    lines: dict[str, str | None] = {"found": found, "preventable": None, "anticipating": None}
-    lines |= dict(judgement.origin for judgement in known.judgements if judgement.origin is not None)
+    lines: dict[str, str | None] = {"found": reason, "preventable": None, "anticipating": None}
+    lines |= dict(judgement.origin for judgement in explanation.judgements if judgement.origin is not None)
     body = tuple(item.model_copy(update=lines) if isinstance(item, Origin) else item for item in mutant.body)
     return mutant.model_copy(update={"body": body})

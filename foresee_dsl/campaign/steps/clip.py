@@ -60,7 +60,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
         file = work.folder / f"{self.draft.name}.foresee"
         text, driver = self.draft.text, work.settings.driver
         own = clip_case(text, work.case, file)
-        model, result, found = _measured(
+        model, result, fidelity = _measured(
             clip_of(text), own, trace, driver=driver, seed=self.seed, deadlines=work.deadlines
         )
         outcome = ClipOutcome(
@@ -74,11 +74,11 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
             reason=result.reason,
             duration_s=result.duration_s,
             wall_s=time.perf_counter() - started,
-            largest_m=found.largest_m,
-            median_m=found.median_others_m,
-            within=found.share_others_within,
-            others_m=found.others_m,
-            ego_m=found.ego_m,
+            largest_m=fidelity.largest_m,
+            median_m=fidelity.median_others_m,
+            within=fidelity.share_others_within,
+            others_m=fidelity.others_m,
+            ego_m=fidelity.ego_m,
             notes=notes_of(result),
         )
         return outcome, result.trace
@@ -107,13 +107,13 @@ def measure_clip(
         The clip with its `fidelity` line, its test case, the run, and the deviation.
     """
     case = expand_clip(model, parent, source=file)
-    model, result, found = _measured(model, case, parent_trace, driver=driver, seed=seed, deadlines=deadlines)
-    return model, case, result, found
+    model, result, fidelity = _measured(model, case, parent_trace, driver=driver, seed=seed, deadlines=deadlines)
+    return model, case, result, fidelity
 
 
 def _measured(
     model: Clip, case: TestCase, parent_trace: Trace, *, driver: str, seed: int, deadlines: Deadlines
 ) -> tuple[Clip, RunResult, Deviation]:
     result = run_test_case(case, driver, seed, deadlines=deadlines)
-    found = deviation(parent_trace, parent_trace.frame_at(model.start_s), result.trace)
-    return with_fidelity(model, found), result, found
+    fidelity = deviation(parent_trace, parent_trace.frame_at(model.start_s), result.trace)
+    return with_fidelity(model, fidelity), result, fidelity

@@ -46,7 +46,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
     usual_s = 3.0
 
     mutant: MutantDraft
-    found: str
+    child_text: str
 
     @classmethod
     def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: Campaign) -> Iterator[Self]:
@@ -74,7 +74,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Minimised:  # noqa: ARG002
         """Return the original mutant with the reason why minimising broke."""
-        child = ChildOutcome(self.name, file, self.found, (), verdict, "", reason, 0.0, 0.0, "")
+        child = ChildOutcome(self.name, file, self.child_text, (), verdict, "", reason, 0.0, 0.0, "")
         return _as_found(child, clip_of(self.draft.text), f"not minimised: {reason}")
 
 
@@ -98,26 +98,26 @@ def minimised(
     """Minimise a mutant and run the result; one that no longer fails is returned unchanged."""
     before = subject.clip
     try:
-        found = minimise(subject, judge_of(driver, seed), limit_m=limit_m, budget=budget)
+        smaller = minimise(subject, judge_of(driver, seed), limit_m=limit_m, budget=budget)
     except CannotMinimiseError as err:
         child, result = _run(subject, before, subject.mutant, driver, seed)
         return _as_found(child, before, f"not minimised: {err}"), result.trace
-    child, result = _run(subject, found.clip, found.mutant, driver, seed)
+    child, result = _run(subject, smaller.clip, smaller.mutant, driver, seed)
     notes = (
-        "" if found.complete else f"the budget of {budget} runs was not enough for all reductions",
-        "" if found.cut_again else "not shortened: the run that its clip was cut from is not known",
+        "" if smaller.complete else f"the budget of {budget} runs was not enough for all reductions",
+        "" if smaller.cut_again else "not shortened: the run that its clip was cut from is not known",
     )
     record = Minimised(
         child=child,
-        clip=found.clip.name,
-        clip_text=print_model(found.clip),
-        dropped=found.dropped,
-        boundaries=found.boundaries,
-        changes=Reduced(len(subject.mutant.changes), len(found.mutant.changes)),
-        actors=Reduced(_actors(before), _actors(found.clip)),
-        clip_lines=Reduced(print_model(before).count("\n"), print_model(found.clip).count("\n")),
-        runs=found.runs,
-        complete=found.complete,
+        clip=smaller.clip.name,
+        clip_text=print_model(smaller.clip),
+        dropped=smaller.dropped,
+        boundaries=smaller.boundaries,
+        changes=Reduced(len(subject.mutant.changes), len(smaller.mutant.changes)),
+        actors=Reduced(_actors(before), _actors(smaller.clip)),
+        clip_lines=Reduced(print_model(before).count("\n"), print_model(smaller.clip).count("\n")),
+        runs=smaller.runs,
+        complete=smaller.complete,
         note="; ".join(note for note in notes if note),
     )
     return record, result.trace
@@ -142,7 +142,7 @@ def judge_of(driver: str, seed: int) -> Judge:
         return result.verdict.value, result.with_, tell(result.trace, case).contact.value
 
     def avoided(case: TestCase, result: RunResult) -> str:
-        return ", ".join(str(found.answer) for found in judged(Failure.of(result, case)))
+        return ", ".join(str(judgement.answer) for judgement in judged(Failure.of(result, case)))
 
     return Judge(drive=lambda case: run_test_case(case, driver, seed), sign=sign, avoided=avoided)
 

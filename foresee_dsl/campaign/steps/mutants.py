@@ -124,7 +124,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
             for mutant in mutator.children(settings.first_children, seed=self.seed, driver=driver):
                 yield int(mutant.name.rpartition("_m")[2]), mutant
             return
-        seen = {mutant_of(made).changes for made in self.asked.made}
+        seen = {mutant_of(text).changes for text in self.asked.made}
         for child in self.asked.children:
             near = mutant_of(child.near) if child.near else None
             drawn = mutator.child(child.draw, seed=self.seed, driver=driver, seen=seen, near=near)

@@ -66,11 +66,11 @@ _KNOWN: dict[tuple[str, CaseRef, str, int], Verdict] = {}
 
 def verdict_of_clip(text: str, parent: CaseRef, file: Path, *, driver: str, seed: int, deadlines: Deadlines) -> Verdict:
     """Return the verdict of a clip without mutation, cached per process."""
-    known = _KNOWN.get((text, parent, driver, seed))
-    if known is None:
-        known = run_test_case(clip_case(text, parent, file), driver, seed, deadlines=deadlines).verdict
-        if known is Verdict.PASS or known.is_failure:  # broken runs and timeouts are repeated
+    verdict = _KNOWN.get((text, parent, driver, seed))
+    if verdict is None:
+        verdict = run_test_case(clip_case(text, parent, file), driver, seed, deadlines=deadlines).verdict
+        if verdict is Verdict.PASS or verdict.is_failure:  # broken runs and timeouts are repeated
             while len(_KNOWN) >= _MOST_KNOWN:
                 del _KNOWN[next(iter(_KNOWN))]
-            _KNOWN[text, parent, driver, seed] = known
-    return known
+            _KNOWN[text, parent, driver, seed] = verdict
+    return verdict

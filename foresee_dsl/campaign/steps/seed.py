@@ -55,7 +55,7 @@ class SeedStep(Step[None, None]):
         """Run the test case."""
         started = time.perf_counter()
         result = run_test_case(case, work.settings.driver, self.seed, deadlines=work.deadlines)
-        known = explained(case, result)
+        explanation = explained(case, result)
         outcome = SeedOutcome(
             id=case.id,
             family=case.family,
@@ -66,8 +66,8 @@ class SeedStep(Step[None, None]):
             wall_s=time.perf_counter() - started,
             impact=result.impact,
             near=result.near_misses,
-            judgements=known.judgements,
-            story=known.story,
+            judgements=explanation.judgements,
+            story=explanation.story,
             broken_expectations=result.broken_expectations,
             notes=result.notes if result.notes != DriverNotes() else None,
         )

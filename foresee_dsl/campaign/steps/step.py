@@ -185,18 +185,18 @@ def run_steps(work: Work) -> Iterator[Made]:
     """Run steps in a worker; yield each result at once, so that it is stored even if the next step breaks."""
     case, settings = load_case(work.case), work.settings
     first, *then = work.steps
-    given = load_trace(work.trace) if work.trace is not None else None
-    made, trace = _made(first, work, case, given)
-    yield made
+    trace_read = load_trace(work.trace) if work.trace is not None else None
+    result, trace = _made(first, work, case, trace_read)
+    yield result
     for step in then:
-        if not step.wanted(made.record, settings):
+        if not step.wanted(result.record, settings):
             return
         yield _made(step, work, case, trace)[0]
 
 
-def _made(step: Step[Any, Any], work: Work, case: TestCase, given: Trace | None) -> tuple[Made, Trace | None]:
+def _made(step: Step[Any, Any], work: Work, case: TestCase, trace_read: Trace | None) -> tuple[Made, Trace | None]:
     started = time.perf_counter()
-    record, trace = step.run(work, case, given)
+    record, trace = step.run(work, case, trace_read)
     wall_s = time.perf_counter() - started
     driver = work.settings.driver if step.drives else ""
     packed = trace.packed() if trace is not None else None

@@ -45,9 +45,9 @@ class Statistics:
 def statistics(store: Store) -> Statistics:
     """Return counts of a store's contents."""
     kinds: dict[str, dict[str, int]] = {}
-    found = store.execute("SELECT kind, verdict, count(*) FROM runs GROUP BY kind, verdict ORDER BY verdict")
+    counts = store.execute("SELECT kind, verdict, count(*) FROM runs GROUP BY kind, verdict ORDER BY verdict")
     order = [step.kind for step in STEPS]
-    for kind, verdict, count in sorted(found, key=lambda row: order.index(row[0]) if row[0] in order else len(order)):
+    for kind, verdict, count in sorted(counts, key=lambda row: order.index(row[0]) if row[0] in order else len(order)):
         kinds.setdefault(kind, {})[verdict] = count
     sizes = [file.stat().st_size for name, file in store.blobs.files() if name]
     ((broken, simulated_s, wall_s),) = store.execute(
@@ -119,7 +119,7 @@ def merge(sources: Sequence[Path], into: Path) -> Merged:
     Raises:
         StoreError: one of them is not a store that this version reads, or cannot be written.
     """
-    new = known = damaged = without_trace = 0
+    new = already_there = damaged = without_trace = 0
     with Store(into) as target:
         for folder in sources:
             if folder.resolve() == into.resolve():
@@ -133,12 +133,12 @@ def merge(sources: Sequence[Path], into: Path) -> Merged:
                         else:
                             without_trace += 1
                     elif target.has(row.key):
-                        known += 1
+                        already_there += 1
                     else:
                         target.add(row, trace)
                         new += 1
                 damaged += len(source.damaged)
-    return Merged(new, known, damaged, without_trace)
+    return Merged(new, already_there, damaged, without_trace)
 
 
 def export(store: Store, file: Path) -> int:

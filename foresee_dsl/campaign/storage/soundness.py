@@ -147,8 +147,8 @@ def _readable(file: Path, columns: Sequence[str]) -> Iterator[tuple[Any, ...]]:
             with closing(_opened(file)) as database:
                 total = "sum" if has_sums(database) else "''"
                 database.text_factory = bytes
-                asked = f"SELECT {', '.join(columns)}, {total} FROM runs ORDER BY rowid {order}"  # noqa: S608 - our names
-                for row in database.execute(asked):
+                query = f"SELECT {', '.join(columns)}, {total} FROM runs ORDER BY rowid {order}"  # noqa: S608 - our names
+                for row in database.execute(query):
                     yield tuple(_read(value, name) for value, name in zip(row, [*columns, "sum"], strict=True))
         except UNREADABLE:
             continue

@@ -133,39 +133,39 @@ class Store:
     @Part.STORE.measured
     def get(self, key: str) -> Row | None:
         """Return the row of a key, or None; also None if its trace is missing, or row or trace were changed."""
-        found = self._found(key)
-        if found is None:
+        columns = self._found(key)
+        if columns is None:
             return None
-        row = self._row(found[:-1], found[-1], checked=key in self._checked)
+        row = self._row(columns[:-1], columns[-1], checked=key in self._checked)
         return row if row is not None and self._has_trace(row) else None
 
     def _found(self, key: str) -> tuple[Any, ...] | None:
         """Return the columns of a key's row and its checksum, or None if there is none."""
         database = self._db
-        asked = f"{_SELECT}, {self._sum} FROM runs WHERE key = ?"
-        found: tuple[Any, ...] | None
+        query = f"{_SELECT}, {self._sum} FROM runs WHERE key = ?"
+        columns: tuple[Any, ...] | None
         try:
             # SQLite's module decodes texts in half the time of our function, but raises for a damaged one.
             database.text_factory = str
             try:
-                found = database.execute(asked, (key,)).fetchone()
+                columns = database.execute(query, (key,)).fetchone()
             except sqlite3.OperationalError:
                 database.text_factory = _text
-                found = database.execute(asked, (key,)).fetchone()
+                columns = database.execute(query, (key,)).fetchone()
             finally:
                 database.text_factory = _text
         except (*UNREADABLE, OSError) as err:  # not `_errors`, which costs as much as the query itself
             raise StoreError(_explained(self.folder, err, reads=self._lock is None)) from err
-        return found
+        return columns
 
-    def _row(self, found: Sequence[Any], total: str, *, checked: bool = False) -> Row | None:
+    def _row(self, columns: Sequence[Any], total: str, *, checked: bool = False) -> Row | None:
         """Return a row from the values of its columns; None if they were changed on the disk."""
         if not checked:
-            if not is_sound(found, total):
-                self.damaged[str(found[0])] = str(found[2])
+            if not is_sound(columns, total):
+                self.damaged[str(columns[0])] = str(columns[2])
                 return None
-            self._checked.add(found[0])
-        return Row(*(*found[:_BROKEN], bool(found[_BROKEN]), *found[_BROKEN + 1 :]))
+            self._checked.add(columns[0])
+        return Row(*(*columns[:_BROKEN], bool(columns[_BROKEN]), *columns[_BROKEN + 1 :]))
 
     def _has_trace(self, row: Row) -> bool:
         """Return whether a row has a sound trace, or needs none; each trace is read once."""
@@ -187,8 +187,8 @@ class Store:
     def has(self, key: str) -> bool:
         """Return whether `get` would return a row, without reading its record."""
         with self._errors():
-            found = self._db.execute("SELECT trace FROM runs WHERE key = ?", (key,)).fetchone()
-        return found is not None and (not found[0] or self.blobs.has(found[0]))
+            trace_row = self._db.execute("SELECT trace FROM runs WHERE key = ?", (key,)).fetchone()
+        return trace_row is not None and (not trace_row[0] or self.blobs.has(trace_row[0]))
 
     @Part.STORE.measured
     def add(self, row: Row, trace: bytes | None = None) -> Row:
@@ -224,19 +224,19 @@ class Store:
         """
         columns = ", ".join(column if records or column != "record" else "x''" for column in COLUMNS)
         with self._errors():
-            for *found, total in self._db.execute(
+            for *values_of_row, total in self._db.execute(
                 f"SELECT {columns}, {self._sum} FROM runs {where} ORDER BY key",  # noqa: S608 - our own names
                 values,
             ):
-                row = self._row(found, total, checked=not records)
+                row = self._row(values_of_row, total, checked=not records)
                 if row is not None:
                     yield row
 
     def mean_wall_s(self, driver: str) -> dict[str, float]:
         """Return the mean wall time of each kind of step, over runs with this driver and steps without a driver, s."""
-        asked = "SELECT kind, avg(wall_s) FROM runs WHERE NOT broken AND driver IN (?, '') GROUP BY kind"
+        query = "SELECT kind, avg(wall_s) FROM runs WHERE NOT broken AND driver IN (?, '') GROUP BY kind"
         with self._errors():
-            return dict(self._db.execute(asked, (driver,)).fetchall())
+            return dict(self._db.execute(query, (driver,)).fetchall())
 
     def execute(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
         """Run one statement (of this package) as a separate transaction and return its rows."""

@@ -144,7 +144,7 @@ class PlainProgress(Figures):
     def round(self, begun: Round) -> None:
         """Print where its children go."""
         super().round(begun)
-        self._print_line(begun.told)
+        self._print_line(begun.sentence)
 
     def broken(self, what: str) -> None:
         """Print it."""
@@ -183,7 +183,7 @@ class RichProgress(Figures):
         """Show the round beside the children's bar, and print where its children go."""
         super().round(begun)
         self._describe_children()
-        self.bars.console.print(f"  {begun.told}", style="dim", highlight=False, markup=False)
+        self.bars.console.print(f"  {begun.sentence}", style="dim", highlight=False, markup=False)
 
     def _describe_children(self) -> None:
         counts = [f"{kind} [red]{count}[/red]" for kind, count in self.failures.items()]
