@@ -199,8 +199,22 @@ class PlacedActor:
     ignores: tuple[tuple[str, str | None], ...] = ()
     """Rules that it ignores: ("signals" or "priority", id of the junction or None for all)."""
     meets: tuple[MeetsState, ...] = ()
+    passes: bool = False
+    """It passes vehicles within its lane (`passes in lane`)."""
+    sublanes: bool = False
+    """SUMO decides where in its lane it drives: it, or another actor of the scenario, passes within its lane."""
     walk_stops: tuple[tuple[float, float, str, int], ...] = ()
     """Crossings on its path that a pedestrian enters only on green: (begin and end along the path, m; tls; link)."""
+
+    @property
+    def sumo_type(self) -> str:
+        """SUMO's vehicle type of the actor: its model, or the model's variant that passes within its lane."""
+        return passing_type(self.model.name) if self.passes else self.model.name
+
+
+def passing_type(model: str) -> str:
+    """Return the vehicle type of the vehicles of a model that pass within their lanes; not a name of a model."""
+    return f"{model}-passing"
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,6 +267,11 @@ class Scene:
     def ego(self) -> PlacedActor:
         """The ego, which is actor 0."""
         return self.actors[0]
+
+    @property
+    def has_sublanes(self) -> bool:
+        """Whether SUMO decides where in their lanes its vehicles drive, because an actor passes within its lane."""
+        return any(actor.sublanes for actor in self.actors)
 
 
 @dataclass(frozen=True)

@@ -32,11 +32,12 @@ def compile_case(case: TestCase) -> SumoBundle:
     """Compile a test case; see `foresee_dsl.compile.compile_test_case`."""
     net_file = _net_of(case.network)
     builder, specs = _builder(case, net_file)
-    types_file = _types_of(tuple(specs[name] for name in sorted(specs)))
     try:
         scene = builder.build()
     except PlacementError as err:
         raise diagnose(case, err.problems) from err
+    passing = {actor.model.name for actor in scene.actors if actor.passes}
+    types_file = _types_of(tuple(specs[name] for name in sorted(specs)), tuple(sorted(passing)))
     network, signals = _read(net_file, case.network)
     return SumoBundle(
         name=case.id,
@@ -194,11 +195,11 @@ def _remember(cache: dict[_Key, _Cached], key: _Key, value: _Cached) -> _Cached:
 
 
 @lru_cache(maxsize=32)
-def _types_of(specs: tuple[ModelSpec, ...]) -> Path:
+def _types_of(specs: tuple[ModelSpec, ...], passing: tuple[str, ...]) -> Path:
     """Write the vehicle types to the cache under the hash of their content, completely or not at all."""
     from foresee_dsl.compile.sumo_files import types_of  # slow import (templates), which a check does not need
 
-    text = types_of(specs)
+    text = types_of(specs, passing)
     try:
         file = cache_folder("types") / hashlib.sha256(text.encode()).hexdigest()[:16] / "types.add.xml"
         write_whole(file, text)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 from shapely import Point
 
-from foresee_dsl.compile.bundle import ActorKind, ModelSpec, PlacedActor, Signal, SumoBundle
+from foresee_dsl.compile.bundle import ActorKind, ModelSpec, PlacedActor, Signal, SumoBundle, passing_type
 from foresee_dsl.compile.nets.signals import write_programs
 from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.roads.topology import Lane
@@ -36,23 +36,45 @@ NO_LIMIT_MPS = 2777.78
 speed factor; with a bicycle's default of 20 km/h and the factor for its cruise speed, it would be much too slow."""
 SPEED_SLACK = 0.001
 """Added to speed factors (ours: more than rounding speeds to 1 mm/s changes their ratio)."""
+LATERAL_RESOLUTION_M = 0.2
+"""Width of SUMO's sublanes in a scenario with an actor that passes within its lane, m. Ours: a bicycle of 0.65 m passes
+a car of 1.8 m in a lane of 3.5 m with all of 0.1, 0.2, 0.4 and 0.8 m; with 0.1 m it also passes in one of 3.2 m, with
+5 cm between them, with the others it does not."""
+SIDEWAYS_MPS2 = 20.0
+"""Lateral acceleration and braking of SUMO's vehicles in such a scenario, m/s^2. Ours: they reach SUMO's lateral speed
+of 1 m/s within one step, so that the next step depends only on positions and speeds, which a clip holds. With SUMO's
+1 m/s^2 a clip cut while a bicycle moves aside was off by 0.9 to 1.5 m after 5 s; with this by less than 0.1 mm."""
+_SUBLANES: Mapping[str, float] = MappingProxyType(
+    {
+        "maxSpeedLat": 1.0,  # SUMO's default, and the lateral speed of our lane changes (`kernels.sumo_traffic`)
+        "lcAccelLat": SIDEWAYS_MPS2,
+        "lcMaxSpeedLatStanding": 0.0,  # a standing vehicle does not slide
+        "lcMaxSpeedLatFactor": 0.25,  # of its speed, as for our lane changes
+    }
+)
 STEP_S = 0.05
 """20 steps a second, as in the paper (section 4.2)."""
 
 
-def types_of(models: Iterable[ModelSpec]) -> str:
+def types_of(models: Iterable[ModelSpec], passing: Collection[str] = ()) -> str:
     """Return SUMO's file of vehicle types: one for each model on wheels, in the order of names, and the stand-in's.
 
     The car-following model is Krauss, SUMO's default, because its next step depends only on positions and speeds,
     which a clip holds (other models have a memory, such as IDMM's level of service). Randomness is off (sigma,
     speedDev), and so are lane changes that depend on sums inside SUMO (keeping right, gaining speed); lane changes for
-    the route remain.
+    the route remain. `passing`: models of which an actor passes within its lane; each has a second type, which keeps to
+    the right, and all types have the parameters of SUMO's sublane model. The first types have no lateral gap: SUMO
+    would move a standing car aside for a bicycle that passes it (measured: by 0.2 m).
     """
     by_name = {model.name: model for model in models if model.kind in _CLASSES}
-    types = [
-        {"model": model, "vclass": _CLASSES[model.kind], "min_gap": 1.0 if model.kind in _TWO_WHEELERS else 2.0}
-        for _, model in sorted(by_name.items())
-    ]
+    sideways = _SUBLANES if passing else {}
+    types: list[dict[str, object]] = []
+    for name, model in sorted(by_name.items()):
+        min_gap = 1.0 if model.kind in _TWO_WHEELERS else 2.0
+        type_ = {"model": model, "vclass": _CLASSES[model.kind], "min_gap": min_gap, "sideways": sideways}
+        types.append({"id": name, **type_, "sideways": {**sideways, "minGapLat": 0} if passing else {}})
+        if name in passing:
+            types.append({"id": passing_type(name), **type_, "sideways": {**sideways, "latAlignment": "right"}})
     return rendered("types.add.xml", types=types, ghost=GHOST, ghost_size=GHOST_SIZE_M, no_limit=NO_LIMIT_MPS)
 
 
@@ -84,6 +106,7 @@ def write_sumo_folder(bundle: SumoBundle, out: Path) -> tuple[Path, ...]:
         additional=[types.name, signals.name, drawn.name],
         end_s=bundle.scene.end_s,
         step_s=STEP_S,
+        lateral_m=LATERAL_RESOLUTION_M if bundle.scene.has_sublanes else None,
     )
     return config, net, types, routes, signals, drawn
 
@@ -101,7 +124,7 @@ def _departure(actor: PlacedActor, lanes: Mapping[str, Lane]) -> dict[str, objec
         factor = max(actor.cruise_mps or lane.speed_mps, speed) / lane.speed_mps + SPEED_SLACK
         where = {"lane": index, "pos": number(pos), "speed": number(speed), "factor": factor}
     color = "red" if actor.control == "ego" else "yellow"
-    return {"id": actor.id, "type": actor.model.name, "color": color, "edges": edges, **where}
+    return {"id": actor.id, "type": actor.sumo_type, "color": color, "edges": edges, **where}
 
 
 def _edges(actor: PlacedActor) -> tuple[str, ...]:

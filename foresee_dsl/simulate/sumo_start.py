@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.sumo_files import LATERAL_RESOLUTION_M
 from foresee_dsl.simulate.moved_bodies import GHOST_TYPE
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -36,6 +37,8 @@ def options(bundle: SumoBundle) -> list[str]:
         "seed": _SUMO_SEED,
         "message-log": os.devnull,  # "Loading state from ..." would go to the standard output
     }
+    if bundle.scene.has_sublanes:
+        values["lateral-resolution"] = LATERAL_RESOLUTION_M
     flags = ["--no-step-log", "--no-warnings"]
     return [word for key, value in values.items() for word in (f"--{key}", str(value))] + flags
 

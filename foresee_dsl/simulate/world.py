@@ -148,7 +148,8 @@ class World:
 
     def reset(self, bundle: SumoBundle) -> None:
         """Empty the world and set the signals as in the scene (others to the beginning of their first stage)."""
-        begins_s = self._empty.load({actor.model.name for actor in bundle.scene.actors})
+        actors = bundle.scene.actors
+        begins_s = self._empty.load({name for actor in actors for name in (actor.model.name, actor.sumo_type)})
         self._vehicles.clear()
         self._on_road, self._names, self._lanes = (), (), []
         self._routes.clear()
@@ -185,7 +186,7 @@ class World:
             SimulationError: SUMO refused the route or the position.
         """
         try:
-            vehicle = self._add(actor.id, actor.model.name, actor.route)
+            vehicle = self._add(actor.id, actor.sumo_type, actor.route)
             if actor.lane and not actor.lane.startswith(":"):
                 vehicle.edge = actor.lane[: actor.lane.rindex("_") + 1]
             vehicle.cruise_mps = actor.cruise_mps
@@ -203,7 +204,7 @@ class World:
             if not edge:
                 keep_route = 2
             elif actor.lane.startswith(":") or edge != actor.route[0]:
-                keep_route, within_m = 2, ON_LANE_M
+                keep_route, within_m = 2, MATCH_M if actor.sublanes else ON_LANE_M
             self._sumo.vehicle.moveToXY(actor.id, edge, index, actor.x, actor.y, angle, keep_route, within_m)
         except self._errors as err:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err

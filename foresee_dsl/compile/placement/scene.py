@@ -142,6 +142,8 @@ class SceneBuilder:
         more, notes = self.background(placed)
         placed += more
         placed += doors_of(scenario, placed)
+        if any(actor.passes for actor in placed):  # SUMO's sublane model is for all its vehicles or for none
+            placed = [replace(actor, sublanes=actor.control == "sumo") for actor in placed]
         weather = scenario.one(m.Weather)
         return Scene(
             actors=tuple(placed),
@@ -368,6 +370,7 @@ class SceneBuilder:
                 (i.what, None if i.junction is None else word_of(i.junction)) for i in items(actor, m.IgnoresRule)
             ),
             meets=items(actor, m.MeetsState),
+            passes=placed.control == "sumo" and item(actor, m.PassesInLane) is not None,
         )
 
     def _journey(self, placed: Iterable[PlacedActor]) -> tuple[float, float]:

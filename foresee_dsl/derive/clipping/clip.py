@@ -277,7 +277,7 @@ class _Beginning:
     def _carried(self, item: m.ActorItem, info: ActorInfo, orders: ActorOrders) -> tuple[m.ActorItem, ...]:
         """Return what the author or a mutation gave an actor, with times counted from the clip's beginning."""
         match item:
-            case m.Timing():
+            case m.Timing() | m.PassesInLane():
                 return (item,)
             case m.Line(start=None, duration=None):
                 return () if info.path or orders.line_m is not None else (item,)  # a path has it in its points

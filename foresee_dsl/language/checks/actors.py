@@ -15,6 +15,8 @@ from foresee_dsl.language.traversal import walk
 
 _PATHS = ("path", "path_along")
 _WAYS = ("route", "edge_route", *_PATHS)
+_PASSING_CLASSES = ("bicycle", "motorcycle")
+_SET_LINE = (m.ChangesLine, m.KeepsBeside, m.FollowsPath, m.Reverses)
 _MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
 
@@ -39,6 +41,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
         _check_times(findings, actor)
         _check_recorded(findings, actor)
         _check_class(findings, actor, parameters, cases)
+        _check_passes(findings, actor, parameters, cases, body)
     for group in groups:
         for k, model in enumerate(group.models):
             _known_class(findings, group, f"models.{k}", model)
@@ -87,6 +90,38 @@ def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
             findings.add(
                 item, "", "FS042", "the ego's driver brakes", "say it of another actor, or " + remove("remove it")
             )
+
+
+def _check_passes(
+    findings: Findings,
+    actor: m.Ego | m.Actor,
+    parameters: dict[str, m.Param],
+    cases: Sequence[m.Case],
+    body: Sequence[m.Item],
+) -> None:
+    """Only a bicycle or motorcycle on lanes passes within its lane, and no other statement sets its line."""
+    statement = next((item for item in actor.body if isinstance(item, m.PassesInLane)), None)
+    if statement is None:
+        return
+    passes = write("passes in lane")
+    if isinstance(actor, m.Ego):
+        findings.add(statement, "", "FS042", "the ego's driver steers", remove("remove it"))
+        return
+    classes = {model.partition(".")[0] for _, _, model in _models(actor, parameters, cases)}
+    if not classes <= set(_PASSING_CLASSES):
+        message = f"'{actor.name}' is too wide to pass within a lane"
+        help = passes + " is for bicycles and motorcycles: " + remove("remove it")
+        findings.add(statement, "", "FS042", message, help)
+    if any(isinstance(item, m.AnyPath) for item in actor.body):
+        message = f"'{actor.name}' follows a path, which leads past other actors or does not"
+        findings.add(statement, "", "FS042", message, "write a route instead of the path, or " + remove("remove it"))
+    for line in (item for item in actor.body if isinstance(item, m.Line)):
+        message = f"'{actor.name}' passes within its lane, and cannot keep a line in it too"
+        findings.add(line, "", "FS042", message, remove("keep one of the two"))
+    for action in (part for item in body if isinstance(item, m.When) for part in walk(item)):
+        if isinstance(action, _SET_LINE) and action.actor == actor.name:
+            message = f"'{actor.name}' passes within its lane, where SUMO decides about its line"
+            findings.add(action, "", "FS042", message, "remove this action, or " + passes + " of the actor")
 
 
 def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:

@@ -242,6 +242,21 @@ class Brakes(Item):
     duration: v.Time | None = None
 
 
+class PassesInLane(Item):
+    """`passes in lane`: a bicycle or motorcycle keeps to the right of its lane and passes vehicles within that lane
+    where the lane is wide enough: at a red light it goes past the queue.
+
+    Without it, SUMO keeps the actor in the middle of its lane, behind the vehicle ahead. With it, SUMO decides where
+    in their lanes all vehicles of the scenario drive that it controls.
+    """
+
+    pattern = "passes in lane"
+    words = """
+        passes (statement): an actor goes past vehicles within its lane; of an expected result: without a failure
+            | passes in lane
+    """
+
+
 class State(Phrase, kind=""):
     """`at (61.90 m, 101.55 m) heading 0.3 deg speed 17.22 m/s`: an exact state at the beginning.
 
@@ -298,6 +313,7 @@ ActorItem = Annotated[
     | Delay
     | Line
     | Brakes
+    | PassesInLane
     | Recorded,
     ONE_OF,
 ]

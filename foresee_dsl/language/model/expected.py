@@ -19,7 +19,6 @@ class Expected(Item):
     words = """
         expected (statement): how the run ends with a driver, as recorded; means nothing to the run
             | expected pdm fails F2 with walker
-        passes (link): the run ends without a failure | expected pdm passes
         fails (link): the run ends in a failure: in this kind, with this actor | expected pdm fails F2 with walker
         F1 (constant): a failure: off the road, or into an object | expected pdm fails F1
         F2 (constant): a failure: a collision with a pedestrian | expected pdm fails F2 with walker

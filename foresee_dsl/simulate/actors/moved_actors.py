@@ -311,7 +311,9 @@ class SteeredVehicle(SumoVehicle):
         actor = self.placed
         line = actor.line or network.line(actor.route, start_lane=actor.lane or None)
         limits = limits_of(actor.model, self.friction)
-        self.recovery = LaneRecovery(limits, line, cruise_mps=cruise_mps, offset=actor.steering, line_m=actor.line_m)
+        # An actor that passes within its lane recovers its own line beside the others, not the middle.
+        line_m = line.project(self.x, self.y)[1] if actor.passes else actor.line_m
+        self.recovery = LaneRecovery(limits, line, cruise_mps=cruise_mps, offset=actor.steering, line_m=line_m)
         self.taken = self.recovery.take_over(self.x, self.y, self.heading, self.speed, self.acceleration)
         self.lane = ""
 

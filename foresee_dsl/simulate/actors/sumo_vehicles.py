@@ -131,12 +131,23 @@ class SumoVehicle(Actor):
 
         SUMO would keep an offset from the middle for the vehicle's whole life, and would choose the nearest lane, which
         at the beginning of a lane change is the other one. At the very beginning of a lane the vehicle does not roll
-        and gets its position at the first frame.
+        and gets its position at the first frame. Where SUMO decides about the lateral position, the vehicle is inserted
+        at its own, and does not roll: SUMO would move it sideways in that step.
         """
         if not self.lane:
             return self.placed
         cache, placed = _PLACES.setdefault(self._network, {}), self.placed
-        key = (self.lane, self.speed, placed.x, placed.y, placed.heading_rad, self.line_m, placed.route, placed.model)
+        key = (
+            self.lane,
+            self.speed,
+            placed.x,
+            placed.y,
+            placed.heading_rad,
+            self.line_m,
+            placed.route,
+            placed.model,
+            (placed.passes, placed.sublanes),
+        )
         position = cache.get(key)
         if position is None:
             if len(cache) >= _MOST_PLACES:
@@ -152,19 +163,21 @@ class SumoVehicle(Actor):
         now = float(shapely.line_locate_point(shape, shapely.Point(self.record["sumo_x"], self.record["sumo_y"])))
         # SUMO measures positions in the lane's length attribute, which a map may set differently from the shape's.
         before = now - self.speed * STEP_S * shape.length / lane.length_m
-        came_from = self._lane_before(lane) if before <= 0 else None
+        sublanes = self.placed.sublanes
+        came_from = self._lane_before(lane) if before <= 0 and not sublanes else None
         if came_from is not None:  # it has just come over the end of that one
             left_m = self.speed * STEP_S - now * lane.length_m / shape.length
             lane, shape = came_from, came_from.centreline
             before = shape.length * (1 - left_m / lane.length_m)
-        rolls = before > 0
+        rolls = before > 0 and not sublanes
         at = shapely.line_interpolate_point(shape, before if rolls else now)
         near_s = self._beside[1] if lane.id == self._beside[0] else None
         heading = lane.line.at(lane.line.project(at.x, at.y, near_s)[0])[2]
         route = self.placed.route
         if not lane.internal and (before if rolls else now) < self.length:
             route = self._with_edge_before(lane, route)
-        return _PlaceInSumo(at.x, at.y, heading, lane.id, route, rolls)
+        x, y = (float(self.record["sumo_x"]), float(self.record["sumo_y"])) if sublanes else (at.x, at.y)
+        return _PlaceInSumo(x, y, heading, lane.id, route, rolls)
 
     def _with_edge_before(self, lane: Lane, route: tuple[str, ...]) -> tuple[str, ...]:
         """Return a route that begins with the edge from which a vehicle came whose rear is still inside the junction.
@@ -191,7 +204,16 @@ class SumoVehicle(Actor):
     def _find_lane(self, nearest: Lane) -> None:
         """Find the lane that the vehicle follows and the vehicle's position on it, from the cache if it is there."""
         cache, placed, record = _ON_LANES.setdefault(self._network, {}), self.placed, self.record
-        key = (nearest.id, self.speed, placed.x, placed.y, placed.heading_rad, placed.line_m, placed.model)
+        key = (
+            nearest.id,
+            self.speed,
+            placed.x,
+            placed.y,
+            placed.heading_rad,
+            placed.line_m,
+            placed.model,
+            (placed.passes, placed.sublanes),
+        )
         position = cache.get(key)
         if position is None:
             if len(cache) >= _MOST_PLACES:
@@ -205,6 +227,8 @@ class SumoVehicle(Actor):
         # A vehicle that keeps a distance from the middle of its lane is not changing to another lane.
         x, y = self.placed.x, self.placed.y
         near_s, lateral = nearest.line.project(x, y)
+        if self.placed.passes or (self.placed.sublanes and not self.placed.line_m):
+            return _PlaceOnLane(nearest.id, x, y, near_s, 0.0)
         lane = nearest if self.placed.line_m else self._heads_for(nearest, near_s, lateral)
         line = lane.centreline
         centre = shapely.line_interpolate_point(line, shapely.line_locate_point(line, shapely.Point(x, y)))

@@ -205,6 +205,7 @@ class _Board:
         waiting = actor.waits or actor.delay_s > 0
         for what, items in (("rules that actors ignore", actor.ignores), ("meetings", actor.meets)):
             self.left_out[what] += len(items)
+        self.left_out["`passes in lane`"] += actor.passes
         self.left_out["steering perturbations"] += actor.steering is not None
         self.left_out["`brakes`, and `line` for a time"] += actor.brakes is not None or actor.strays is not None
         self.left_out["`line` and `timing`"] += abs(actor.line_m) > 0 or actor.timing != 1.0
