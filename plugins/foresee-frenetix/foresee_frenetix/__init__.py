@@ -1,8 +1,8 @@
-"""The bundled driver `frenetix`: the modular stack of industry around a sampling planner of a third party.
+"""The bundled driver `frenetix`: a modular stack, as in industry, around the sampling planner of a third party.
 
-Perception (tracks), prediction, a behaviour layer with named states, the planner of the package `frenetix` (LGPL-3.0,
-an extra of its own, used as it is installed), and PID tracking. Between steps it keeps its tracks, the plan, the
-integral of its speed controller and the colours of signals that it saw.
+It consists of perception (tracks), prediction, a behaviour layer with named states, the planner of the package
+`frenetix` (LGPL-3.0, an extra of its own, used as installed), and PID tracking. Between steps it keeps its tracks, the
+plan, the integral of its speed controller and the colours of signals.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _version() -> str:
 class FrenetixDriver(BundledDriver["Stack"]):
     """Behaviour states, frenetix's sampled trajectories, PID tracking: the modular stack (package frenetix, LGPL).
 
-    `seed` changes nothing; the same observations after the same `reset` give the same answers.
+    `seed` has no effect; the same observations after the same `reset` give the same answers.
     """
 
     name = "frenetix"
@@ -52,5 +52,5 @@ class FrenetixDriver(BundledDriver["Stack"]):
 
     @property
     def stack(self) -> Stack:
-        """The behaviour's state, the plan, and how often there was no feasible one."""
+        """The driver's state: the behaviour's state, the plan, and the number of steps without a feasible plan."""
         return self.state

@@ -1,7 +1,6 @@
-"""The behaviour layer: a named state, where to stop, what to follow, and which lateral offsets to try.
+"""The behaviour layer: decides the state, the stop, the leader, and the lateral offsets that the planner samples.
 
-It decides what the planner tries. Signals, right of way and queues are judged by the functions of `pdm`, pedestrians
-also by those of `idm`.
+Signals, right of way and queues are evaluated by the functions of `pdm`, pedestrians also by those of `idm`.
 """
 
 from __future__ import annotations
@@ -23,26 +22,27 @@ from foresee_frenetix import settings as cfg
 from foresee_frenetix.plan import TIMES_S
 
 STRIDE = round(TIMES_S[1] / PREDICTED_S[1])
-"""A plan's frame is every so many frames of a prediction."""
+"""Number of frames of a prediction per frame of a plan."""
 AT_LINE_M = 2.0
-"""Ours: a stop this near to a stop line is for the signal (or the queue beyond it), any other one gives way."""
+"""Distance to a stop line within which a stop is for the signal (or the queue beyond it), m; any other stop gives way.
+Ours."""
 FOLLOWS_S = 6.0
-"""Ours: a vehicle that would be reached later than this at the present speed is not followed yet."""
+"""Time to reach a vehicle at the current speed above which it is not followed yet, s. Ours."""
 WALKER_AIR_M = 1.5
-"""Ours: it stops this far before a pedestrian, half more than before a conflict with a car."""
+"""Distance before a pedestrian at which it stops, m. Ours: half more than before a conflict with a car."""
 WALKER_BRAKING_MPS2 = 1.0
-"""Ours: it gives way to a pedestrian once that takes this much braking: until then it is mostly sensor noise that makes
-people on the pavement head for the road."""
+"""Braking from which it gives way to a pedestrian, m/s^2. Ours: before that, it is mostly sensor noise that makes
+pedestrians on the pavement seem to head for the road."""
 WALKER_TIMES = 3
 WALKER_URGENT_MPS2 = 3.0
-"""Ours: and only when three plans in a row (0.3 s) ask for it, or this much braking is needed. One plan in four asked
-to stop for a pedestrian that only walked along the pavement."""
+"""Number of consecutive plans (0.3 s) that must require the stop, or the braking (m/s^2) with which one is enough.
+Ours: one plan in four required a stop for a pedestrian who only walked along the pavement."""
 BESIDE_M = 0.3
-"""Ours: an actor that is not aligned with the road and this near to the ego's side is in its corridor."""
+"""Distance to the ego's side within which an actor that is not aligned with the road is in its corridor, m. Ours."""
 
 
 class State(StrEnum):
-    """What the car does."""
+    """The state of the behaviour layer."""
 
     CRUISE = "cruise"
     FOLLOW = "follow"
@@ -52,12 +52,12 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Behaviour:
-    """What the planner is asked for.
+    """The task of the planner.
 
     Attributes:
-        stop_s: the length along the route that the front bumper may not pass; None: nowhere.
-        offsets: [O] m, the lateral offsets to try, the middle of the lane first.
-        leaders: [O, T] `Leader`s, the rear of the nearest actor ahead at each of them (far away: none).
+        stop_s: the length along the route that the front bumper may not pass; None: no stop.
+        offsets: [O] m, the lateral offsets to sample, the middle of the lane first.
+        leaders: [O, T] `Leader`s, the rear of the nearest actor ahead at each offset (far away: none).
     """
 
     state: State
@@ -67,13 +67,13 @@ class Behaviour:
 
 
 class Patience:
-    """Gives way to pedestrians once they surely want to cross: with noisy headings some only seem to."""
+    """Gives way to pedestrians who certainly want to cross: with noisy headings others only seem to."""
 
     def __init__(self, times: int = 0) -> None:
         self.times = times
 
     def walker(self, situation: Situation) -> float | None:
-        """Return where to stop for a pedestrian, m along the route; to be called once per plan."""
+        """Return where to stop for a pedestrian, m along the route; None: no stop. Call it once per plan."""
         gap = walkers(situation, read_others(situation))
         if gap is None:
             self.times = 0
@@ -88,10 +88,10 @@ class Patience:
 
 
 def decide(situation: Situation, foes: Records, matches: Records, prediction: Records, patience: Patience) -> Behaviour:
-    """Return what to do now.
+    """Return the task of the planner for this situation.
 
-    `matches`: [A, F] with the crossing streams of near junctions. `prediction`: [A, T] where the others will be, at
-    `pdm`'s frames. `patience` lasts from plan to plan.
+    `matches`: [A, F] with the crossing streams of near junctions. `prediction`: [A, T] of the others, at `pdm`'s
+    frames. `patience` is kept from plan to plan.
     """
     egos, ego, actors, route = situation.egos, situation.ego, situation.actors, situation.route
     find_passable(egos, actors, route.points, route.junctions)
@@ -112,9 +112,9 @@ def decide(situation: Situation, foes: Records, matches: Records, prediction: Re
 
 
 def _is_ahead(situation: Situation) -> BoolArray:
-    """Tell which actors may be leaders, [A]: vehicles that drive along the route, or are in the corridor already.
+    """Return which actors may be leaders, [A]: vehicles that drive along the route, or are already in the corridor.
 
-    Crossing actors are not: each candidate is checked against their predicted places.
+    Crossing actors are not leaders: each candidate is checked against their predictions.
     """
     actors = situation.actors
     road = situation.route.points[actors["point"]]

@@ -1,4 +1,4 @@
-"""What the candidates cost, which of them are free of collisions, and the cheapest of those."""
+"""Computes the candidates' costs, checks them for collisions, and chooses the cheapest free one."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from foresee_frenetix.plan import MOTION, TIMES_S, Motion, Plan
 from foresee_frenetix.planner import STANDS_MPS, Candidates
 
 LEAVES_M = 0.05
-"""Ours: tolerance for rounding and smoothing of the lanes' edges."""
+"""Distance by which a candidate may leave the lanes, m. Ours: rounding and smoothing of the lanes' edges."""
 PASSES_M = 0.3
-"""Ours: how far a sample may pass the place where it shall stop; stop places lie half a metre before the line."""
+"""Distance by which a sample may pass its stop, m. Ours: stops are half a metre before the line."""
 
 
 def at_frames(situation: Situation, prediction: Records) -> Records:
     """Return a prediction at the frames of a plan; moving actors grow longer with time, as their speed may change.
 
-    Else the cheapest plan passes just behind (or in front of) a crossing actor, and the next one finds it not free.
+    Otherwise the cheapest plan would pass just behind (or in front of) a crossing actor, and collide in the next step.
     """
     frames = prediction[:, ::STRIDE].copy()
     doubt = np.minimum(cfg.DOUBT_MPS * TIMES_S, cfg.DOUBT_M)
@@ -45,15 +45,15 @@ def choose(
     order = np.flatnonzero(np.isfinite(cost))
     order = order[np.argsort(cost[order], kind="stable")]
     best, best_cost = None, np.inf
-    # Nearness to others only adds to a cost: once a batch's cheapest costs more than the best so far, that is the best.
+    # Nearness to others only adds to a cost: if a batch's cheapest costs more than the best so far, the search is over.
     for first in range(0, len(order), cfg.BATCH):
         batch = order[first : first + cfg.BATCH]
         if cost[batch[0]] >= best_cost:
             break
-        found = _conflicts(situation, candidates.take(batch), candidates.offset[batch], prediction)
-        near, pressed = found["close"].mean(axis=1), found["ttc"].mean(axis=1)
+        conflict = _conflicts(situation, candidates.take(batch), candidates.offset[batch], prediction)
+        near, pressed = conflict["close"].mean(axis=1), conflict["ttc"].mean(axis=1)
         total = cost[batch] + cfg.NEAR_WEIGHT * near + cfg.PRESSED_WEIGHT * pressed
-        total = np.where(found["hit"].any(axis=1), np.inf, total)
+        total = np.where(conflict["hit"].any(axis=1), np.inf, total)
         k = int(total.argmin())
         if total[k] < best_cost:
             best, best_cost = int(batch[k]), float(total[k])
@@ -61,7 +61,7 @@ def choose(
 
 
 def joined(candidates: Candidates, plans: Sequence[Plan]) -> Candidates:
-    """Append plans that were made without the library; their cost is that of their offset."""
+    """Append plans that were not created by the library; their cost is that of their offset."""
     if not plans:
         return candidates
     rows = {name: np.vstack([getattr(motion, name) for motion in (candidates, *plans)]) for name in MOTION}
@@ -71,7 +71,7 @@ def joined(candidates: Candidates, plans: Sequence[Plan]) -> Candidates:
 
 
 def is_free(situation: Situation, behaviour: Behaviour, prediction: Records, plan: Plan) -> bool:
-    """Tell whether a plan that begins now hits nothing and does not pass the stop place; arguments as `choose`."""
+    """Return whether a plan that begins now is free of collisions and does not pass the stop; arguments as `choose`."""
     front_s = float(plan.s[-1]) + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     if behaviour.stop_s is not None and front_s > behaviour.stop_s + PASSES_M:
         return False
@@ -79,12 +79,12 @@ def is_free(situation: Situation, behaviour: Behaviour, prediction: Records, pla
 
 
 def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, last: Plan | None) -> FloatArray:
-    """Return what each candidate costs, nearness to others not counted, infinite where it is not allowed: [P]."""
+    """Return the cost of each candidate without nearness to others, infinite if it is not allowed, [P]."""
     vehicle, route = situation.vehicle, situation.route
     front = candidates.s + vehicle.wheelbase_m + vehicle.front_overhang_m
     speed = candidates.speed
     most = route.between("profile", candidates.s)
-    # Counted as speed, not as what is missing to the allowed one: else driving slowly where that is low is cheapest.
+    # Speed counts, not its difference to the allowed speed: else driving slowly where that is low would be cheapest.
     cost = candidates.cost - cfg.SLOW_WEIGHT * speed.mean(axis=1)
     if last is not None:
         cost += cfg.CHANGE_WEIGHT * np.abs(candidates.offset - last.offset)
@@ -100,7 +100,7 @@ def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, la
     if behaviour.stop_s is not None:
         room = behaviour.stop_s - front
         if situation.ego.forward < cfg.CREEP_MPS and behaviour.stop_s - situation.ego.front_s < cfg.HOLD_M:
-            most = np.zeros_like(most)  # near enough: it stops here instead of creeping closer
+            most = np.zeros_like(most)  # near enough: stop here instead of creeping closer
         most = np.minimum(most, np.sqrt(braking * np.maximum(room, 0.0)))
         allowed &= (room > -PASSES_M).all(axis=1) | (speed[:, 0] < cfg.CREEP_MPS)
     cost += cfg.FAST_WEIGHT * (np.maximum(speed - most, 0.0) ** 2).mean(axis=1)
@@ -108,7 +108,7 @@ def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, la
 
 
 def _leaves_lanes(situation: Situation, candidates: Candidates) -> BoolArray:
-    """Tell which candidates leave the lanes farther than the car does now: [P]."""
+    """Return which candidates leave the lanes farther than the car does now, [P]."""
     route, half = situation.route, situation.vehicle.width_m / 2
     k = route.indices(candidates.s)
     out = np.maximum(candidates.d + half - route.columns["left"][k], half - candidates.d - route.columns["right"][k])
@@ -122,5 +122,5 @@ def _conflicts(situation: Situation, motion: Motion, offset: FloatArray, predict
     rolled["s"], rolled["d"], rolled["speed"] = motion.s, motion.d, motion.speed
     rolled["x"], rolled["y"] = motion.x + back * cos, motion.y + back * sin
     rolled["cos"], rolled["sin"] = cos, sin
-    found: Records = conflicts(situation.egos, situation.actors, prediction, rolled, offset)
-    return found
+    marks: Records = conflicts(situation.egos, situation.actors, prediction, rolled, offset)
+    return marks

@@ -1,4 +1,4 @@
-"""A plan: the trajectory that is driven, by time; and plans made without the library, which come to rest on a path."""
+"""A plan: the driven trajectory over time; and plans without the library, which stop the car along a path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from foresee_dsl.drivers.protocol import FloatArray
 from foresee_frenetix import settings as cfg
 
 TIMES_S = np.arange(round(cfg.HORIZON_S / cfg.PLAN_STEP_S) + 1) * cfg.PLAN_STEP_S
-"""[T] the frames of every plan."""
+"""[T] times of the frames of every plan, s."""
 
 
 class Frenet(NamedTuple):
@@ -28,7 +28,7 @@ class Frenet(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """Where the plan wants the rear axle's middle at one moment."""
+    """The planned state of the rear axle's middle at one moment."""
 
     x: float
     y: float
@@ -63,9 +63,9 @@ class Plan(Motion):
     """The motion from `begins_s` on; arrays are [T].
 
     Attributes:
-        acceleration: m/s^2. s_dot, s_ddot, d_dot, d_ddot: derivatives over time, for the next plan to begin with.
-        offset: m from the middle of the lane that it heads for. until_s: when it is there, with its last speed.
-        emergency: made without the library, to stop.
+        acceleration: m/s^2. s_dot, s_ddot, d_dot, d_ddot: derivatives over time, with which the next plan begins.
+        offset: its final offset from the middle of the lane, m. until_s: time at which it reaches it, s.
+        emergency: whether it is an emergency stop without the library.
     """
 
     begins_s: float
@@ -84,12 +84,12 @@ class Plan(Motion):
         return Frenet(*(_mix(getattr(self, name), k, w) for name in Frenet._fields))
 
     def pose(self, time_s: float) -> Pose:
-        """Return where the rear axle shall be at a time."""
+        """Return the planned pose of the rear axle at a time."""
         k, w = self._frame(time_s)
         return Pose(*(_mix(getattr(self, name), k, w) for name in Pose._fields))
 
     def from_now(self, time_s: float) -> Plan:
-        """Return the rest of it, its last frame held until the horizon."""
+        """Return the rest of the plan from a time on; its last frame is held until the horizon."""
         at = np.minimum(TIMES_S + time_s - self.begins_s, TIMES_S[-1])
         left = {name: np.interp(at, TIMES_S, row) for name, row in vars(self).items() if isinstance(row, np.ndarray)}
         return replace(self, begins_s=time_s, **left)
@@ -103,8 +103,8 @@ class Plan(Motion):
 def braking_plan(
     route: Route, begins_s: float, start: Frenet, braking_mps2: float, last: Plan | None, *, emergency: bool
 ) -> Plan:
-    """Come to rest with a constant braking, along the last plan's path or, without one, turning parallel to the
-    lane."""
+    """Return a plan that stops with constant braking, along the last plan's path or, without one, turning parallel to
+    the lane."""
     until = start.s_dot / braking_mps2
     t = np.minimum(TIMES_S, until)
     s_dot = start.s_dot - braking_mps2 * t
@@ -116,7 +116,7 @@ def braking_plan(
         tilt = slope * np.exp(-travelled / cfg.FADE_M)
         bend = -tilt / cfg.FADE_M
     else:
-        # It keeps the distance from the last plan that the car has now.
+        # It keeps the car's current lateral distance from the last plan.
         d = np.interp(s, last.s, last.d) + start.d - float(np.interp(start.s, last.s, last.d))
         tilt = np.interp(s, last.s, last.d_dot / np.maximum(last.s_dot, 0.1))
         bend = np.interp(s, last.s, last.curvature) - route.between("curvature", s)
@@ -144,7 +144,7 @@ def braking_plan(
 
 
 def place(route: Route, s: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return x and y of points given along and across the route (any shape), m."""
+    """Return x and y (m) of points in the route's coordinates (any shape)."""
     k = route.indices(s)
     s0, x, y, cos, sin = (route.columns[name][k] for name in ("s", "x", "y", "cos", "sin"))
     part = s - s0

@@ -1,4 +1,4 @@
-"""Sampling with the library: ends of motions that suit the behaviour go in, feasible trajectories come out."""
+"""Samples trajectories with the library: from end states for the behaviour to feasible trajectories."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ FRAMES = len(TIMES_S)
 READ_OUT = 4
 STANDS_MPS = 0.5
 APART_M = 0.3
-"""Ours: keeping the present offset is offered where no other offset is nearer to it than this."""
+"""Distance to all other offsets from which the current offset is sampled too, m. Ours."""
 LEAST_S = 0.6
-"""Ours: the rest of a manoeuvre is sampled as long as it takes more than this; three frames of a plan."""
+"""Least duration of the rest of a manoeuvre that is sampled, s. Ours: three frames of a plan."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """One stretch of the route. Lengths along it differ a little: the library measures its own polyline.
+    """One stretch of the route. The library's lengths differ slightly, as it measures its own polyline.
 
     Attributes:
-        number: which stretch. system: the library's coordinate system.
-        route_s, own_s: [M] the same points' length on the route and in the library's coordinates, m.
+        number: number of the stretch. system: the library's coordinate system.
+        route_s, own_s: [M] lengths of the same points on the route and in the library's coordinates, m.
     """
 
     number: int
@@ -55,12 +55,12 @@ class Window:
 
 
 def window_number(route: Route, s: float) -> int:
-    """Return which stretch the rear axle is in."""
+    """Return the number of the stretch that contains the rear axle."""
     return max(math.floor((s - route.origin_s) / cfg.WINDOW_M), 0)
 
 
 def make_window(route: Route, number: int) -> Window:
-    """Make the coordinates from `BEHIND_M` behind a stretch to beyond what a plan can reach from it."""
+    """Create the coordinates from `BEHIND_M` behind a stretch to beyond the reach of a plan from it."""
     stride = round(cfg.REFERENCE_STEP_M / GRID_M)
     reach = cfg.WINDOW_M + float(route.columns["profile"].max()) * cfg.HORIZON_S + 20.0
     begin = number * cfg.WINDOW_M
@@ -68,7 +68,7 @@ def make_window(route: Route, number: int) -> Window:
     last = min(round((begin + reach) / GRID_M), len(route.points))
     points = np.column_stack([route.columns[name][first:last:stride] for name in ("x", "y")])
     system = frenetix.CoordinateSystemWrapper(points)
-    # The library puts points of its own in front of the first.
+    # The library adds points of its own before the first.
     line = np.array(system.ref_line)
     ahead = float(system.ref_pos[int(np.abs(line - points[0]).sum(axis=1).argmin())])
     lengths = np.hypot(*np.diff(points, axis=0).T).astype(np.float64)
@@ -79,7 +79,7 @@ def make_window(route: Route, number: int) -> Window:
 
 @dataclass(frozen=True)
 class Ends:
-    """What is sampled, [P] each: duration (s), speed (m/s) and offset (m, on the route) at the end."""
+    """The sampled end states, [P] each: duration (s), final speed (m/s) and final offset (m, on the route)."""
 
     time: FloatArray
     speed: FloatArray
@@ -91,8 +91,8 @@ class Candidates(Motion):
     """Feasible trajectories; the arrays of `Motion` are [P, T].
 
     Attributes:
-        offset: [P] m, what each heads for. cost: [P] jerk and offset, as the library computes them.
-        samples: the library's own, in the same order.
+        offset: [P] final offsets, m. cost: [P] cost of jerk and offset, as computed by the library.
+        samples: the library's samples, in the same order.
     """
 
     offset: FloatArray
@@ -100,13 +100,13 @@ class Candidates(Motion):
     samples: tuple[Any, ...]  # frenetix.TrajectorySample
 
     def take(self, which: NDArray[np.int64]) -> Candidates:
-        """Return some of them, in this order."""
+        """Return the candidates with these indices, in this order."""
         arrays = {name: getattr(self, name)[which] for name in (*MOTION, "offset", "cost")}
         return Candidates(**arrays, samples=tuple(self.samples[k] for k in which.tolist()))
 
 
 class Planner:
-    """The library's handler with the vehicle's limits, and the coordinates of the stretch that the car is in.
+    """Samples with the library's handler, in the coordinates of the stretch that contains the car.
 
     Everything runs in this thread: the library's concurrent evaluation is not used.
 
@@ -139,10 +139,10 @@ class Planner:
         self._braking_mps2 = min(vehicle.emergency_braking_mps2, grip)
 
     def begin(self, situation: Situation) -> Frenet:
-        """Return the car's own state in the route's coordinates; the curvature is that of its wheels.
+        """Return the car's state in the route's coordinates; the curvature is that of its wheels.
 
-        A `ValueError` where it is too far off the route for the library's coordinates, a `RuntimeError` against the
-        route.
+        Raises `ValueError` if the car is too far off the route for the library's coordinates, `RuntimeError` if it
+        heads against the route.
         """
         state, back = situation.observation.ego, to_centre(self._vehicle)
         window = self._at(situation.ego.s)
@@ -150,13 +150,13 @@ class Planner:
         axle = np.array([state.x - back * math.cos(heading), state.y - back * math.sin(heading)])
         acceleration = state.acceleration_mps2 if speed > pdm_settings.COAST_MPS else 0.0
         own = frenetix.CartesianPlannerState(axle, heading, speed, acceleration, state.steer_rad)
-        found = frenetix.compute_initial_state(window.system, own, self._vehicle.wheelbase_m, False)
-        s, s_dot, s_ddot = found.x0_lon.tolist()
-        d, d_dot, d_ddot = found.x0_lat.tolist()
+        initial = frenetix.compute_initial_state(window.system, own, self._vehicle.wheelbase_m, False)
+        s, s_dot, s_ddot = initial.x0_lon.tolist()
+        d, d_dot, d_ddot = initial.x0_lat.tolist()
         return Frenet(float(window.to_route(np.array(s))), s_dot, s_ddot, d, d_dot, d_ddot)
 
     def sample(self, start: Frenet, heading_rad: float, ends: Ends) -> Candidates:
-        """Return the feasible motions from a state, at which the car has a heading, to these ends."""
+        """Return the feasible motions from a state with this heading to these end states."""
         window = self._at(start.s)
         slow = start.s_dot < cfg.LOW_SPEED_MPS
         own_s = float(np.interp(start.s, window.route_s, window.own_s))
@@ -168,20 +168,20 @@ class Planner:
             handler.generate_trajectories(matrix, slow)
             handler.evaluate_all_current_functions(False)
         samples = tuple(t for t in handler.get_sorted_trajectories() if t.feasible)
-        found = _read_out(samples, window, self._route)
-        fits = self._fits(found)
-        return found if fits.all() else found.take(np.flatnonzero(fits))
+        candidates = _read_out(samples, window, self._route)
+        fits = self._fits(candidates)
+        return candidates if fits.all() else candidates.take(np.flatnonzero(fits))
 
-    def _fits(self, found: Candidates) -> BoolArray:
-        """Tell which the car can drive: wheels, grip, motor and brakes, [P]."""
-        acceleration = np.diff(found.speed, axis=1) / cfg.PLAN_STEP_S
-        bend = np.abs(found.curvature)
-        fits = (bend < self._sharpest) & (bend * found.speed**2 < self._grip_mps2)
+    def _fits(self, candidates: Candidates) -> BoolArray:
+        """Return which candidates the car can drive, given its wheels, grip, motor and brakes, [P]."""
+        acceleration = np.diff(candidates.speed, axis=1) / cfg.PLAN_STEP_S
+        bend = np.abs(candidates.curvature)
+        fits = (bend < self._sharpest) & (bend * candidates.speed**2 < self._grip_mps2)
         good = (acceleration > -self._braking_mps2) & (acceleration < self._vehicle.acceleration_mps2)
         return np.asarray(fits.all(axis=1) & good.all(axis=1))
 
     def plan(self, candidates: Candidates, k: int, begins_s: float) -> Plan:
-        """Turn one of the candidates into a plan."""
+        """Return a candidate as a plan."""
         d_dot, d_ddot, s_dot, s_ddot = _derivatives(candidates.samples[k])
         speed, motion = candidates.speed[k], {name: getattr(candidates, name)[k] for name in MOTION}
         return Plan(
@@ -197,7 +197,7 @@ class Planner:
         )
 
     def _slow_slope(self, start: Frenet, heading_rad: float) -> float:
-        """Return d d / d s: from the motion, or from the heading of a car that stands."""
+        """Return d d / d s: from the motion, or from the heading if the car stands."""
         if start.s_dot > cfg.CREEP_MPS:
             return start.d_dot / start.s_dot
         return math.tan(angle_between(heading_rad, float(self._route.columns["heading"][self._route.index(start.s)])))
@@ -210,12 +210,12 @@ class Planner:
 
 
 def travel(start: Frenet, time: FloatArray, speed: FloatArray) -> FloatArray:
-    """Return the length of the library's quartic to an end speed (without acceleration there) in a time, m."""
+    """Return the length of the library's quartic to an end speed (with zero final acceleration) in a time, m."""
     return time / 2 * (start.s_dot + speed) + time * time / 12 * start.s_ddot
 
 
 def stop_time(start: Frenet, length_m: float) -> float | None:
-    """Return the time of the library's quartic that comes to rest after a length, s; None: it would have to reverse."""
+    """Return the duration of the library's quartic that stops after a length, s; None: it would have to reverse."""
     # length = T v / 2 + T^2 a / 12; the speed stays above 0 for T <= 3 v / -a.
     v, a = start.s_dot, start.s_ddot
     if length_m <= 0.0 or v <= 0.0:
@@ -228,9 +228,9 @@ def stop_time(start: Frenet, length_m: float) -> float | None:
 
 
 def _matrix(start: Frenet, ends: Ends, own_s: float, slope: float | None) -> FloatArray:
-    """Return what the library samples from, [P, 13]: times, state at the beginning, state at the end.
+    """Return the library's sampling matrix, [P, 13]: times, initial state, final state.
 
-    With a slope (low-velocity mode) lateral derivatives are over the length along the route, else over time.
+    With a slope (low-velocity mode) lateral derivatives are over the length along the route, otherwise over time.
     """
     d_dot, d_ddot, v = start.d_dot, start.d_ddot, start.s_dot
     if slope is not None:
@@ -246,8 +246,10 @@ def _matrix(start: Frenet, ends: Ends, own_s: float, slope: float | None) -> Flo
 
 
 def _read_out(samples: tuple[Any, ...], window: Window, route: Route) -> Candidates:
-    """Return the samples as candidates, cut at the horizon. Reading one array out takes 2 us, more than computing it:
-    what follows from the others is not read."""
+    """Return the samples as candidates, cut at the horizon.
+
+    Reading an array takes 2 us, more than computing it, so arrays that follow from others are not read.
+    """
     flat: list[Any] = []
     for sample in samples:
         frenet = sample.curvilinear
@@ -282,8 +284,10 @@ def _derivatives(sample: Any) -> tuple[FloatArray, FloatArray, FloatArray, Float
 
 
 def ends(situation: Situation, behaviour: Behaviour, start: Frenet, last: Plan | None) -> Ends:
-    """Return each offset with each speed in each duration, the stops at the stop places, and the end of the last plan
-    (else a manoeuvre would never end: whatever else is sampled ends no sooner than `END_TIMES_S` from now)."""
+    """Return each offset with each speed and each duration, the stops, and the end of the last plan.
+
+    Without the latter a manoeuvre would never end, as all other samples end at least `END_TIMES_S` from now.
+    """
     offsets = behaviour.offsets
     if np.abs(offsets - start.d).min() > APART_M:
         offsets = np.append(offsets, round(start.d, 2))
@@ -306,15 +310,15 @@ def ends(situation: Situation, behaviour: Behaviour, start: Frenet, last: Plan |
 
 
 def _speeds(situation: Situation, start: Frenet, most: float) -> list[float]:
-    """Return the end speeds: shares of the highest, the present one, that of the route here, and a stop."""
+    """Return the end speeds: shares of the highest, the current speed, the route's speed here, and a stop."""
     here = float(situation.route.between("profile", start.s))
-    found = [most * share for share in cfg.SPEED_SHARES]
-    found += [min(start.s_dot, most), min(here, most), cfg.STOP_SPEED_MPS]
-    return list(dict.fromkeys(round(max(speed, cfg.STOP_SPEED_MPS), 2) for speed in found))
+    speeds = [most * share for share in cfg.SPEED_SHARES]
+    speeds += [min(start.s_dot, most), min(here, most), cfg.STOP_SPEED_MPS]
+    return list(dict.fromkeys(round(max(speed, cfg.STOP_SPEED_MPS), 2) for speed in speeds))
 
 
 def _stops(situation: Situation, behaviour: Behaviour, start: Frenet) -> list[float]:
-    """Return the durations of the stops right at the stop place, and right behind standing actors ahead."""
+    """Return the durations of the stops exactly at the stop, and directly behind standing actors ahead."""
     front_s = start.s + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     places = [] if behaviour.stop_s is None else [behaviour.stop_s]
     leaders = behaviour.leaders[:, 0]
@@ -322,5 +326,5 @@ def _stops(situation: Situation, behaviour: Behaviour, start: Frenet) -> list[fl
     places += [float(s) - cfg.MINIMUM_GAP_M for s in np.unique(standing) if s < FAR_M]
     reach = float(situation.route.columns["profile"].max()) * cfg.HORIZON_S
     times = [stop_time(start, place - front_s) for place in places if place - front_s < reach]
-    found = [time for time in times if time is not None and time < cfg.LONGEST_STOP_S]
-    return found if start.s_dot > pdm_settings.COAST_MPS else []
+    durations = [time for time in times if time is not None and time < cfg.LONGEST_STOP_S]
+    return durations if start.s_dot > pdm_settings.COAST_MPS else []

@@ -1,6 +1,6 @@
 """The constants of the `frenetix` driver, each with its source.
 
-What it shares with `pdm` (signals, right of way, predictions, distance to others) is in `kernels.pdm.settings`.
+The constants shared with `pdm` (signals, right of way, predictions, distance to others) are in `kernels.pdm.settings`.
 Werling: Werling, Ziegler, Kammel, Thrun 2010, "Optimal Trajectory Generation for Dynamic Street Scenarios in a Frenet
 Frame", the method that the library implements.
 """
@@ -85,7 +85,8 @@ MINIMUM_GAP_M = 2.0
 LATERAL_SHARE = 0.6
 """Ours: of the friction, what a plan may use sideways; the rest is for braking in the bend."""
 BATCH = 24
-"""Ours: so many of the cheapest are checked for collisions at once; in free traffic one batch is enough."""
+"""Number of the cheapest candidates that are checked for collisions at once. Ours: in free traffic one batch is
+enough."""
 
 # --- when nothing is feasible -----------------------------------------------------------------------------------
 OLD_PLAN_S = 0.5

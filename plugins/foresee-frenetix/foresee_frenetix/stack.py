@@ -1,4 +1,4 @@
-"""The stack's loop: perceive, predict, decide, plan, track; and what it does where no trajectory is feasible."""
+"""The stack's loop: perceive, predict, decide, plan, track; and its reaction if no trajectory is feasible."""
 
 from __future__ import annotations
 
@@ -33,13 +33,14 @@ from foresee_frenetix.plan import Frenet, Plan, Pose, angle_between, braking_pla
 from foresee_frenetix.planner import Planner, ends
 
 STOPS_MPS2 = 0.3
-"""Asked for by any stop or leader, also of a standing ego, so that it is told from a free road. Ours."""
+"""Additional braking for any stop or leader, m/s^2, which distinguishes a standing ego's stop from a free road.
+Ours."""
 
 
 @dataclass
 class Count:
-    """How often it planned, and where no trajectory of the library could be driven kept the last plan or braked along
-    its present path."""
+    """Numbers of plans, and of plans without a feasible trajectory of the library: the last plan kept, or an emergency
+    stop."""
 
     plans: int = 0
     kept: int = 0
@@ -47,11 +48,11 @@ class Count:
 
 
 class Stack:
-    """What lasts from one `reset` to the next.
+    """The driver's state from one `reset` to the next.
 
     Attributes:
-        state: of the behaviour layer. plan: the trajectory that is driven, None before the first step.
-        count: of plans, and of replans without a feasible one.
+        state: state of the behaviour layer. plan: the driven trajectory, None before the first step.
+        count: numbers of plans, and of plans without a feasible trajectory.
     """
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
@@ -67,7 +68,7 @@ class Stack:
         self._waited = 0
 
     def step(self, observation: Observation) -> Control:
-        """Replan where it is time to, and track the plan."""
+        """Replan when it is due, and track the plan."""
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         if self.plan is None or self._steps % cfg.REPLAN_STEPS == 0:
             situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
@@ -77,8 +78,8 @@ class Stack:
         return self._controller.follow(self.plan, observation.ego, observation.time_s)
 
     def explain(self) -> Sequence[Reason]:
-        """Return the behaviour's state, what it did without a free trajectory, and which signals and objects alone
-        make the behaviour layer stop or follow; see `drivers.pdm.reasons`."""
+        """Return the behaviour's state, an emergency stop if there is one, and the signals and objects that alone make
+        the behaviour layer stop or follow; see `drivers.pdm.reasons`."""
         from foresee_dsl.drivers.pdm.reasons import (  # here: driving does without
             FREE_ROAD,
             Wish,
@@ -105,12 +106,12 @@ class Stack:
         self.state = behaviour.state
         self.count.plans += 1
         frames = at_frames(situation, prediction)
-        found = self._sampled(situation, behaviour, frames)
-        return self._without(situation, behaviour, frames) if found is None else found
+        plan = self._sampled(situation, behaviour, frames)
+        return self._without(situation, behaviour, frames) if plan is None else plan
 
     @staticmethod
     def _behaviour(situation: Situation, patience: Patience) -> tuple[Behaviour, Records]:
-        """Return what the behaviour layer asks for, and the prediction that it is based on."""
+        """Return the task from the behaviour layer, and the prediction on which it is based."""
         route = situation.route
         foes = near_foes(situation.egos, route.foes, route.junctions)
         matches = match(situation.actors, foes, route.paths)
@@ -118,7 +119,7 @@ class Stack:
         return decide(situation, foes, matches, prediction, patience), prediction
 
     def _sampled(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan | None:
-        """Return the best of the library's candidates (and, when slow, of plans to a stop); None where none is free."""
+        """Return the best of the library's candidates (and, when slow, of plans to a stop); None if none is free."""
         now = situation.observation.time_s
         start, heading = self._start(situation)
         if start is None:
@@ -133,7 +134,7 @@ class Stack:
         return self._planner.plan(candidates, best, now) if best < count else rests[best - count]
 
     def _start(self, situation: Situation) -> tuple[Frenet | None, float]:
-        """Return where the next plan begins and the heading there: on the last plan, or where the car really is."""
+        """Return the initial state and heading of the next plan: those of the last plan, or of the car."""
         state, now = situation.observation.ego, situation.observation.time_s
         if self.plan is not None and not self.plan.emergency:
             wanted = self.plan.pose(now)
@@ -147,7 +148,7 @@ class Stack:
             return None, state.heading_rad
 
     def _without(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan:
-        """Return a plan where no trajectory is feasible: the last one while that is free, else an emergency stop."""
+        """Return a plan if no trajectory is feasible: the last plan while it is free, else an emergency stop."""
         now = situation.observation.time_s
         last = self.plan
         young = last is not None and not last.emergency and now - last.begins_s <= cfg.OLD_PLAN_S
@@ -166,27 +167,29 @@ class Stack:
 
 
 def _asked(behaviour: Behaviour, now: Situation) -> float:
-    """Return the braking that a behaviour asks for, as an acceleration: to its stop, or to the speed of its leader."""
+    """Return the acceleration that a behaviour requires: to its stop, or to the speed of its leader, m/s^2."""
     ego = now.ego
-    asked = 0.0
+    acceleration = 0.0
     if behaviour.stop_s is not None:
-        asked = -(ego.forward**2) / (2 * max(behaviour.stop_s - ego.front_s, 0.1)) - STOPS_MPS2
+        acceleration = -(ego.forward**2) / (2 * max(behaviour.stop_s - ego.front_s, 0.1)) - STOPS_MPS2
     leader = behaviour.leaders[0, 0]
     room, closing = float(leader["s"]) - ego.front_s, ego.forward - float(leader["speed"])
     if room < cfg.MINIMUM_GAP_M + FOLLOWS_S * ego.forward:
-        asked = min(asked, -(max(closing, 0.0) ** 2) / (2 * max(room - cfg.MINIMUM_GAP_M, 0.1)) - STOPS_MPS2)
-    return max(asked, -ego.strongest)
+        acceleration = min(
+            acceleration, -(max(closing, 0.0) ** 2) / (2 * max(room - cfg.MINIMUM_GAP_M, 0.1)) - STOPS_MPS2
+        )
+    return max(acceleration, -ego.strongest)
 
 
 def _standing(start: Frenet) -> Frenet:
-    """Set the braking of a standing car to zero: else it could not set off again."""
+    """Return a state in which the braking of a standing car is zero: otherwise it could not set off again."""
     return (
         start._replace(s_dot=0.0, s_ddot=0.0) if start.s_dot < pdm_settings.COAST_MPS and start.s_ddot <= 0.0 else start
     )
 
 
 class TrackingController:
-    """Follows plans at 20 Hz; between steps it keeps the integral of the speed's error."""
+    """Follows plans at 20 Hz; between steps it keeps the integral of the speed error."""
 
     def __init__(self, vehicle: VehicleLimits, step_s: float) -> None:
         self._vehicle, self._step_s = vehicle, step_s
@@ -211,7 +214,7 @@ class TrackingController:
         moving = state.speed_mps > pdm_settings.COAST_MPS or ahead.speed > pdm_settings.COAST_MPS
         if not moving:
             self._integral = 0.0
-            return -1.0  # it stands and is to stand
+            return -1.0  # it stands and should stay
         most = cfg.INTEGRAL_LIMIT_MPS2
         self._integral = max(-most, min(most, self._integral + cfg.INTEGRAL_GAIN * wanted * self._step_s))
         place = max(-cfg.OFF_PLAN_M, min(cfg.OFF_PLAN_M, -along))
@@ -229,7 +232,7 @@ class TrackingController:
 
 
 def deviation(wanted: Pose, state: EgoState, vehicle: VehicleLimits) -> tuple[float, float, float]:
-    """Return how far the rear axle is ahead of its place (m), left of it (m), and turned to the left (rad)."""
+    """Return the rear axle's deviation from the plan: ahead (m), to the left (m), and turned to the left (rad)."""
     back = to_centre(vehicle)
     dx = state.x - back * math.cos(state.heading_rad) - wanted.x
     dy = state.y - back * math.sin(state.heading_rad) - wanted.y

@@ -40,12 +40,12 @@ class _LearnedDriver:
 
     @classmethod
     def check(cls) -> None:
-        """Raise what would keep it from driving: no onnxruntime, no weights, or weights that are damaged."""
-        found = cls._found()
-        if not found.named:  # nothing but opening them says whether they are whole
+        """Raise a `DriverError` if the driver cannot drive: without onnxruntime or weights, or with damaged weights."""
+        weights = cls._found()
+        if not weights.named:  # nothing but opening them says whether they are whole
             from foresee_learned.session import network_of
 
-            network_of(found)
+            network_of(weights)
 
     @classmethod
     def _found(cls) -> Weights:

@@ -75,7 +75,7 @@ def rules_of(
 
 def free_way(waypoints: FloatArray, others: Sequence[Occupied], rules: Records) -> FreeWay:
     """Return how far the way is free along waypoints ([N, 2] m ahead and to the left, the ego is at 0, 0)."""
-    ahead = sorted((one for one in others if one.ahead_m > 0.0), key=_AHEAD)[: cfg.MOST_OBJECTS]
+    ahead = sorted((occupied for occupied in others if occupied.ahead_m > 0.0), key=_AHEAD)[: cfg.MOST_OBJECTS]
     if ahead:
         rows = [(o.ahead_m, o.left_m, o.heading_rad, o.length_m, o.width_m, o.speed_mps) for o in ahead]
         free = bounds(waypoints, np.array(rows), _TIMES_S, _ENDS_S, rules)

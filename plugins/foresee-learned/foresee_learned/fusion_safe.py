@@ -77,13 +77,13 @@ class FusionSafeState(Decisions):
         safe_mps = fastest_safe_speed(now_mps, np.minimum(way.free_m, room_m), self._bounds)
         if way.first is None or (safe_mps or 0.0) >= cfg.CREEPS_MPS:
             return safe_mps, way
-        beside = free_way(waypoints, [one for one in others if one.speed_mps < cfg.SPEED_ERROR_MPS], self._close)
-        moving = free_way(waypoints, [one for one in others if one.speed_mps >= cfg.SPEED_ERROR_MPS], self._rules)
+        beside = free_way(waypoints, [item for item in others if item.speed_mps < cfg.SPEED_ERROR_MPS], self._close)
+        moving = free_way(waypoints, [item for item in others if item.speed_mps >= cfg.SPEED_ERROR_MPS], self._rules)
         free_m = np.minimum(np.minimum(beside.free_m, moving.free_m), room_m)
         slow_mps = fastest_safe_speed(now_mps, free_m, self._bounds._replace(most_mps=cfg.CREEPS_MPS))
         if slow_mps is None or (safe_mps is not None and slow_mps <= safe_mps):
             return safe_mps, way
-        return slow_mps, min(beside, moving, key=lambda one: one.first_m)
+        return slow_mps, min(beside, moving, key=lambda item: item.first_m)
 
     def _stop(self, answer: Answer) -> tuple[JunctionPassage, float] | None:
         """Return the route's next stop line and how far the front is from it, m, where the network sees that it
@@ -110,7 +110,7 @@ def planned_speed(waypoints: FloatArray) -> float:
 # ---- objects, remembered for a moment --------------------------------------------------------------------------------
 
 
-class _Known(NamedTuple):
+class _Remembered(NamedTuple):
     """An object where it was last seen: x, y (m) and heading (rad) in the world, and when."""
 
     x: float
@@ -125,51 +125,56 @@ class Objects:
     now what was seen a moment ago, moved on by its speed."""
 
     def __init__(self) -> None:
-        self._known: list[_Known] = []
+        self._remembered: list[_Remembered] = []
 
     def update(self, seen: Sequence[Occupied], ego: EgoState, time_s: float) -> list[Occupied]:
         """Return the objects that are seen now, with plausible sizes, and those that were seen a moment ago."""
-        found = [_with_a_size(one) for one in seen]
-        kept: list[_Known] = []
+        sized = [_with_a_size(occupied) for occupied in seen]
+        kept: list[_Remembered] = []
         remembered: list[Occupied] = []
-        for known in self._known:
-            if time_s - known.time_s > cfg.OBJECT_KEPT_S:
+        for earlier in self._remembered:
+            if time_s - earlier.time_s > cfg.OBJECT_KEPT_S:
                 continue
-            again = _moved(known, ego, time_s)
-            if not any(_apart_m(one, again) < cfg.SAME_OBJECT_M for one in found):
-                kept.append(known)
+            again = _moved(earlier, ego, time_s)
+            if not any(_apart_m(occupied, again) < cfg.SAME_OBJECT_M for occupied in sized):
+                kept.append(earlier)
                 remembered.append(again)
-        self._known = kept + [_in_world(one, ego, time_s) for one in found if one.probability >= cfg.SURE]
-        return found + remembered
+        self._remembered = kept + [
+            _in_world(occupied, ego, time_s) for occupied in sized if occupied.probability >= cfg.SURE
+        ]
+        return sized + remembered
 
 
-def _with_a_size(one: Occupied) -> Occupied:
-    if min(one.length_m, one.width_m) >= cfg.LEAST_M:
-        return one
-    return replace(one, length_m=max(one.length_m, cfg.LEAST_M), width_m=max(one.width_m, cfg.LEAST_M))
+def _with_a_size(occupied: Occupied) -> Occupied:
+    if min(occupied.length_m, occupied.width_m) >= cfg.LEAST_M:
+        return occupied
+    return replace(occupied, length_m=max(occupied.length_m, cfg.LEAST_M), width_m=max(occupied.width_m, cfg.LEAST_M))
 
 
-def _in_world(one: Occupied, ego: EgoState, time_s: float) -> _Known:
+def _in_world(occupied: Occupied, ego: EgoState, time_s: float) -> _Remembered:
     cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
-    x, y = ego.x + cos * one.ahead_m - sin * one.left_m, ego.y + sin * one.ahead_m + cos * one.left_m
-    return _Known(x, y, one.heading_rad + ego.heading_rad, time_s, one)
+    x, y = (
+        ego.x + cos * occupied.ahead_m - sin * occupied.left_m,
+        ego.y + sin * occupied.ahead_m + cos * occupied.left_m,
+    )
+    return _Remembered(x, y, occupied.heading_rad + ego.heading_rad, time_s, occupied)
 
 
-def _apart_m(one: Occupied, other: Occupied) -> float:
-    return math.hypot(one.ahead_m - other.ahead_m, one.left_m - other.left_m)
+def _apart_m(occupied: Occupied, other: Occupied) -> float:
+    return math.hypot(occupied.ahead_m - other.ahead_m, occupied.left_m - other.left_m)
 
 
-def _moved(known: _Known, ego: EgoState, time_s: float) -> Occupied:
+def _moved(remembered: _Remembered, ego: EgoState, time_s: float) -> Occupied:
     """Return an object in the ego's present frame, where it has come since it was seen."""
-    way = known.was.speed_mps * (time_s - known.time_s)
-    dx = known.x + way * math.cos(known.heading_rad) - ego.x
-    dy = known.y + way * math.sin(known.heading_rad) - ego.y
+    way = remembered.was.speed_mps * (time_s - remembered.time_s)
+    dx = remembered.x + way * math.cos(remembered.heading_rad) - ego.x
+    dy = remembered.y + way * math.sin(remembered.heading_rad) - ego.y
     cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
     return replace(
-        known.was,
+        remembered.was,
         ahead_m=dx * cos + dy * sin,
         left_m=dy * cos - dx * sin,
-        heading_rad=known.heading_rad - ego.heading_rad,
+        heading_rad=remembered.heading_rad - ego.heading_rad,
     )
 
 

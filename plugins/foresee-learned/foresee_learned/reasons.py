@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from foresee_learned.outputs import Occupied
 
 LEAST_MPS = 0.3
-"""An object without which the target speed changes by less than this is no reason. Ours: what 2 m/s^2 change in one and
-a half decisions."""
+"""Least change of the target speed without an object that makes it a reason, m/s. Ours: the change by 2 m/s^2 in one
+and a half decisions."""
 NEAREST = 12
-"""At most this many objects, the nearest, are painted out. Ours: 60 ms for a step."""
+"""Maximum number of objects, the nearest ones, that are painted out. Ours: 60 ms for a step."""
 SAME_M = 4.0
 """An object of the density map is taken for the nearest object of the list, if that is within this. Ours: a car's
 length."""
@@ -45,11 +45,11 @@ def reasons_by_erasing(
     observation: Observation, inputs: LearnedInputs, decision: Decision, decide: Callable[[LearnedInputs], Decision]
 ) -> tuple[Reason, ...]:
     """Return what makes the driver faster where it is painted out, the strongest first; then its plan."""
-    found = sorted(_erased(observation, inputs, decision, decide), key=lambda pair: -pair[0])
+    erased = sorted(_erased(observation, inputs, decision, decide), key=lambda pair: -pair[0])
     now_mps = observation.ego.speed_mps
     wish = (decision.target_mps - now_mps) / decision.within_s
     text = f"its network wants {decision.target_mps * 3.6:.0f} km/h in {decision.within_s:.1f} s"
-    return (*(reason for _, reason in found), Reason("plan", text, acceleration_mps2=wish))
+    return (*(reason for _, reason in erased), Reason("plan", text, acceleration_mps2=wish))
 
 
 def _erased(

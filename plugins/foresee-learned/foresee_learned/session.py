@@ -21,19 +21,20 @@ if TYPE_CHECKING:
 Answer = Mapping[str, NDArray[np.float32]]
 """The outputs by their names (`learned.outputs`), without the axis of the batch."""
 _ERRORS_ONLY = 3
-"""onnxruntime's level of logging for errors: its warnings (a machine without a graphics card, say) tell nobody
-anything here, and what a driver prints is stored with its run."""
+"""onnxruntime's level of logging for errors: its warnings, such as a missing graphics card, are irrelevant here, and a
+driver's output is stored with its run."""
 _networks: dict[str, Network] = {}
 
 
 class Network:
-    """A network that is ready to be asked."""
+    """A network, loaded and ready to answer."""
 
     def __init__(self, content: bytes, name: str = "the network") -> None:
-        """Load an ONNX file's bytes; `name` is what errors call it.
+        """Load the bytes of an ONNX file; `name`: its name in errors.
 
         Raises:
-            DriverUnavailableError: onnxruntime is installed, but does not work here. DriverError: it cannot read these.
+            DriverUnavailableError: onnxruntime is installed, but does not work here. DriverError: it cannot read the
+                bytes.
         """
         try:
             import onnxruntime
@@ -51,21 +52,21 @@ class Network:
         except Exception as err:  # onnxruntime has a class for each of its codes, without a common one
             why = " ".join(str(err).split())
             raise DriverError(
-                f"{name} is no network that onnxruntime can read ({why}); export it anew, or reinstall the package "
-                "that it is in"
+                f"{name} is not a network that onnxruntime can read ({why}); export it again, or reinstall the package "
+                "that contains it"
             ) from None
-        self._inputs = tuple(one.name for one in self._session.get_inputs())
-        self._outputs = tuple(one.name for one in self._session.get_outputs())
+        self._inputs = tuple(value.name for value in self._session.get_inputs())
+        self._outputs = tuple(value.name for value in self._session.get_outputs())
 
     def answer(self, inputs: Mapping[str, NDArray[Any]]) -> Answer:
         """Return the outputs for one set of inputs."""
-        found = self.answers({name: inputs[name][None] for name in self._inputs})
-        return {name: np.asarray(value[0], np.float32) for name, value in found.items()}
+        answers = self.answers({name: inputs[name][None] for name in self._inputs})
+        return {name: np.asarray(value[0], np.float32) for name, value in answers.items()}
 
     def answers(self, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """Return the outputs for a batch, as they come: both have its axis first."""
-        found = self._session.run(None, {name: inputs[name] for name in self._inputs})
-        return dict(zip(self._outputs, found, strict=True))
+        outputs = self._session.run(None, {name: inputs[name] for name in self._inputs})
+        return dict(zip(self._outputs, outputs, strict=True))
 
 
 def network_of(weights: Weights) -> Network:

@@ -41,8 +41,8 @@ class Weights(NamedTuple):
             DriverError: it is not the one that was found.
         """
         content = self.file.read_bytes()
-        if (found := hashlib.sha256(content).hexdigest()) != self.sha256:
-            raise _damaged(self.file, found, self.sha256)
+        if (digest := hashlib.sha256(content).hexdigest()) != self.sha256:
+            raise _damaged(self.file, digest, self.sha256)
         return content
 
 
@@ -74,10 +74,10 @@ def checked(file: Path, *, sums_needed: bool = True) -> Weights:
     """
     facts = file.stat()
     wanted = _wanted(file, sums_needed)
-    found = _sha256(file, facts.st_size, facts.st_mtime_ns)
-    if wanted is not None and found != wanted:
-        raise _damaged(file, found, wanted)
-    return Weights(file, found, wanted is not None)
+    digest = _sha256(file, facts.st_size, facts.st_mtime_ns)
+    if wanted is not None and digest != wanted:
+        raise _damaged(file, digest, wanted)
+    return Weights(file, digest, wanted is not None)
 
 
 def _wanted(file: Path, sums_needed: bool) -> str | None:
@@ -92,9 +92,9 @@ def _wanted(file: Path, sums_needed: bool) -> str | None:
     return hashes[file.name]
 
 
-def _damaged(file: Path, found: str, wanted: str) -> DriverError:
+def _damaged(file: Path, digest: str, wanted: str) -> DriverError:
     return DriverError(
-        f"{file} is not the file that was trained: its SHA-256 is {found[:_SHORT]}..., {SUMS} beside it says "
+        f"{file} is not the file that was trained: its SHA-256 is {digest[:_SHORT]}..., {SUMS} beside it says "
         f"{wanted[:_SHORT]}...; reinstall the package that it is in, or write the file anew"
     )
 

@@ -63,7 +63,7 @@ def test_half_a_file_that_no_sums_name_is_found_before_a_run(folder: Path) -> No
     file = folder / "fusion.onnx"
     find_driver("fusion")
     file.write_bytes(file.read_bytes()[:200])
-    with pytest.raises(DriverError, match=r"fusion\.onnx is no network that onnxruntime can read.*export it anew"):
+    with pytest.raises(DriverError, match=r"fusion\.onnx is not a network that onnxruntime can read.*export it again"):
         find_driver("fusion")
 
 

@@ -41,24 +41,24 @@ def main() -> None:
     parser.add_argument("--focus", action="append", default=[], help="file name of a scenario to draw more cases of")
     parser.add_argument("--towns", type=float, default=TOWN_SHARE, help="share of the time that is driven in towns")
     parser.add_argument("--carla", type=Path, default=CARLA, help="folder of CARLA's maps")
-    given = parser.parse_args()
-    if given.weights is not None:
-        os.environ["FORESEE_WEIGHTS"] = str(given.weights.resolve())
-    carla = given.carla if given.carla.is_dir() else None
-    name = f"round{given.round}_{given.driver}"
-    seed = seed_of(given.round, given.driver)
+    options = parser.parse_args()
+    if options.weights is not None:
+        os.environ["FORESEE_WEIGHTS"] = str(options.weights.resolve())
+    carla = options.carla if options.carla.is_dir() else None
+    name = f"round{options.round}_{options.driver}"
+    seed = seed_of(options.round, options.driver)
     pieces = plan(
-        given.hours, seed, given.out / f"work_{name}", carla=carla, bursts=_BURSTS,
-        focus=given.focus, chunk=_CHUNK, towns=given.towns,
+        options.hours, seed, options.out / f"work_{name}", carla=carla, bursts=_BURSTS,
+        focus=options.focus, chunk=_CHUNK, towns=options.towns,
     )  # fmt: skip
     bundled = bundled_meanings()
     jobs = [
-        Job(items, given.out / f"{name}_{k:03d}.npz", bundled, partial(load_driver, given.driver),
-            given.share)
+        Job(items, options.out / f"{name}_{k:03d}.npz", bundled, partial(load_driver, options.driver),
+            options.share)
         for k, items in enumerate(pieces)
     ]  # fmt: skip
     random.Random(seed).shuffle(jobs)  # what is cut short has some of everything
-    record_all(jobs, given.jobs)
+    record_all(jobs, options.jobs)
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ PLANES = [k for k in range(len(CHANNELS)) if k not in (VELOCITY, VELOCITY + 1)]
 BOXES = 24
 """Road users kept of a sample, the nearest."""
 VALIDATION_SHARE = 20
-"""One case of so many is for validation."""
+"""One case in this number is for validation."""
 SAMPLE = np.dtype(
     [
         ("planes", np.uint8, (len(PLANES), 128, 16)),  # bits
@@ -84,16 +84,16 @@ def draw(files: Sequence[Path], out: Path, workers: int) -> None:
 def _drawn(job: Job) -> int:
     """Draw a job's samples; return how many there are."""
     runs = read_shard(job.file)
-    found = []
+    drawn = []
     for k, run in enumerate(runs):
         if k % job.parts == job.part:
-            found.extend(_samples(run))
+            drawn.extend(_samples(run))
             run.forget_views()
-    if found:
-        table = np.array(found, SAMPLE)
+    if drawn:
+        table = np.array(drawn, SAMPLE)
         for name in SAMPLE.names or ():
             np.save(f"{job.out}_{name}.npy", table[name])
-    return len(found)
+    return len(drawn)
 
 
 def inputs_of(run: RecordedRun) -> Iterator[tuple[int, LearnedInputs]]:

@@ -1,4 +1,4 @@
-"""One recorded run: somebody drives, the expert advises in the shadow, and what is worth keeping is kept."""
+"""Records one run: a driver drives, the expert advises in the background, and the useful frames are kept."""
 
 from __future__ import annotations
 
@@ -193,12 +193,12 @@ class Recorder:
         dx, dy = states[:, X] - pose[0], states[:, Y] - pose[1]
         ahead, left = c * dx + s * dy - CAMERA_AHEAD_M, c * dy - s * dx
         radius = np.hypot(self._sizes[:, 0], self._sizes[:, 1]) / 2
-        shown = (ahead + radius > 0) & (ahead - radius < CAMERA_RANGE_M)
-        shown &= np.abs(left) - 1.5 * radius <= np.maximum(ahead + radius, 0.0)
+        visible = (ahead + radius > 0) & (ahead - radius < CAMERA_RANGE_M)
+        visible &= np.abs(left) - 1.5 * radius <= np.maximum(ahead + radius, 0.0)
         in_sight = np.zeros(len(states), np.bool_)
         in_sight[self._sight.seen(*pose, states)] = True
         in_sight &= np.hypot(dx, dy) < BOX_M
-        rows = np.flatnonzero(shown | in_sight)
+        rows = np.flatnonzero(visible | in_sight)
         return np.column_stack((rows, in_sight[rows], states[rows][:, [X, Y, HEADING, SPEED]]))
 
     def _chance(self, observation: Observation, advice: Advice) -> float:
@@ -222,10 +222,10 @@ class Recorder:
         return 0.35 * self.easy
 
 
-def _differ(one: Control, other: Control) -> bool:
+def _differ(control: Control, other: Control) -> bool:
     """Whether a pupil's answer is another one than the expert's, so that its mistake is worth keeping."""
-    pedals = abs((one.throttle - one.brake) - (other.throttle - other.brake))
-    return abs(one.steer - other.steer) > WRONG_STEER or pedals > WRONG_PEDALS
+    pedals = abs((control.throttle - control.brake) - (other.throttle - other.brake))
+    return abs(control.steer - other.steer) > WRONG_STEER or pedals > WRONG_PEDALS
 
 
 def record(
@@ -245,10 +245,10 @@ def record(
         bundle = disturbed_start(bundle, rng)
     recorder = Recorder(bundle, rng, pupil, disturbance=disturbance, share=share, easy=easy)
     result = run(bundle, recorder, seed=seed, deadlines=None)
-    known = {**about, "seed": seed, "verdict": result.verdict.value, "duration_s": round(result.duration_s, 2)}
-    known |= {"disturbed": [disturbance.start, disturbance.bursts], "reason": result.reason}
+    about_run = {**about, "seed": seed, "verdict": result.verdict.value, "duration_s": round(result.duration_s, 2)}
+    about_run |= {"disturbed": [disturbance.start, disturbance.bursts], "reason": result.reason}
     chosen = rng.random(len(recorder.frames)) < [frame.chance for frame in recorder.frames]
-    return (_kept(bundle, recorder, chosen, known) if chosen.any() else None), result
+    return (_kept(bundle, recorder, chosen, about_run) if chosen.any() else None), result
 
 
 def _kept(bundle: SumoBundle, recorder: Recorder, chosen: IntArray, about: dict[str, Any]) -> RecordedRun:
@@ -258,15 +258,15 @@ def _kept(bundle: SumoBundle, recorder: Recorder, chosen: IntArray, about: dict[
     labelled = set(np.flatnonzero(chosen).tolist())
     past = {index.get(frames[k].number - back, k) for k in labelled for back in _PASTS}
     kept = [frames[k] for k in sorted(labelled | past)]
-    given = [k for k, j in enumerate(sorted(labelled | past)) if j in labelled]
+    indices = [k for k, j in enumerate(sorted(labelled | past)) if j in labelled]
     ego, others = bundle.scene.ego.model, recorder.models
     labels = [
         (k, a.acceleration_mps2, a.control.steer, a.target_speed_mps, a.stop, a.stop_m, a.signal, kept[k].drives)
-        for k in given
+        for k in indices
         for a in (kept[k].advice,)
     ]
     seen = [(k, row[0], row[1], *row[2:]) for k, frame in enumerate(kept) for row in frame.seen]
-    true = [np.column_stack((np.full(len(kept[k].true), k), kept[k].true)) for k in given]
+    true = [np.column_stack((np.full(len(kept[k].true), k), kept[k].true)) for k in indices]
     return RecordedRun(
         about=about,
         mission=recorder.mission,
@@ -280,7 +280,7 @@ def _kept(bundle: SumoBundle, recorder: Recorder, chosen: IntArray, about: dict[
         seen=np.array(seen, dtype=np.float64).reshape(-1, 10),
         true=np.concatenate([np.empty((0, 7)), *true]),
         given=np.array(labels, dtype=np.float64).reshape(-1, 8),
-        trajectories=np.array([kept[k].advice.trajectory for k in given]).reshape(-1, POINTS, 2),
+        trajectories=np.array([kept[k].advice.trajectory for k in indices]).reshape(-1, POINTS, 2),
     )
 
 

@@ -1,4 +1,4 @@
-"""How drivers do where nobody trained: `python -m training.evaluate --driver fusion --weights FOLDER --jobs 2`.
+"""Evaluates drivers where none was trained: `python -m training.evaluate --driver fusion --weights FOLDER --jobs 2`.
 
 Three parts: `plain`, the bundled test cases; `town10`, CARLA's routes in Town10HD; `alone`, drives with nobody else in
 every CARLA town, of which Town02 and Town10HD are held out. The runs go through the machinery of `foresee assess`.
@@ -56,7 +56,7 @@ def addresses(part: str, work: Path, carla: Path, count: int) -> dict[str, list[
             triggers = sorted(carla.glob("scenarios/Scenario*/Town10HD_*.json"))
             importer.run(carla / "maps" / CARLA_HELD_OUT["Town10HD"], routes, triggers, out=out)
         return {"town10": [case.id for case in load_test_cases([out])]}
-    found = {}
+    by_name = {}
     for town, file in {**CARLA_TRAINED, **CARLA_HELD_OUT}.items():
         rng = np.random.Generator(np.random.PCG64([_SEED, sum(town.encode())]))
         folder = work / "alone" / town
@@ -64,8 +64,8 @@ def addresses(part: str, work: Path, carla: Path, count: int) -> dict[str, list[
             drive(carla / "maps" / file, f"{town.lower()}_alone_{k:03d}", folder, rng, alone=True) for k in range(count)
         ]
         held_out = " (held out)" if town in CARLA_HELD_OUT else ""
-        found[f"alone {town}{held_out}"] = [path.as_posix() for path in drives]
-    return found
+        by_name[f"alone {town}{held_out}"] = [path.as_posix() for path in drives]
+    return by_name
 
 
 def rows(driver: str, named: dict[str, list[str]], jobs: int, every: int = 1) -> Iterable[dict[str, object]]:
@@ -78,13 +78,15 @@ def rows(driver: str, named: dict[str, list[str]], jobs: int, every: int = 1) ->
         if len(families) > 1:
             for family in families:
                 yield {"driver": driver, **row(f"{name}, family {family}", [r for r in runs if r.family == family])}
-        told = [f"{Path(run.case).name}: {run.verdict.value} {run.reason}" for run in runs if not run.passed]
-        yield {"driver": driver, "part": f"{name}, not arrived", "cases": told}
+        failures = [f"{Path(run.case).name}: {run.verdict.value} {run.reason}" for run in runs if not run.passed]
+        yield {"driver": driver, "part": f"{name}, not arrived", "cases": failures}
 
 
 def main() -> None:
     """Read the command line, run, and print a line of JSON for each row."""
-    parser = argparse.ArgumentParser(prog="python -m training.evaluate", description="Drive where nobody trained.")
+    parser = argparse.ArgumentParser(
+        prog="python -m training.evaluate", description="Drive where no driver was trained."
+    )
     parser.add_argument("--driver", action="append", required=True, help="name of an installed driver; repeatable")
     parser.add_argument("--weights", type=Path, help="folder of weights (FORESEE_WEIGHTS)")
     parser.add_argument("--part", action="append", choices=PARTS, help="default: all three")
@@ -93,14 +95,14 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--work", type=Path, default=Path("out") / "evaluate", help="folder for imported towns")
     parser.add_argument("--carla", type=Path, default=CARLA, help="folder of CARLA's maps")
-    given = parser.parse_args()
-    if given.weights is not None:
-        os.environ["FORESEE_WEIGHTS"] = str(given.weights.resolve())
-    for part in given.part or PARTS:
-        named = addresses(part, given.work, given.carla, given.alone)
-        for driver in given.driver:
-            for found in rows(driver, named, given.jobs, given.every):
-                print(json.dumps(found), flush=True)  # noqa: T201
+    options = parser.parse_args()
+    if options.weights is not None:
+        os.environ["FORESEE_WEIGHTS"] = str(options.weights.resolve())
+    for part in options.part or PARTS:
+        named = addresses(part, options.work, options.carla, options.alone)
+        for driver in options.driver:
+            for row in rows(driver, named, options.jobs, options.every):
+                print(json.dumps(row), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -85,9 +85,9 @@ def first_in_parts(model: onnx.ModelProto) -> onnx.ModelProto:
             graph.initializer.append(numpy_helper.from_array(np.ascontiguousarray(part), f"{name}_kernel"))
             nodes.append(helper.make_node("Cast", [name], [f"{name}_float"], to=TensorProto.FLOAT))
             bias = [node.input[2]] if name.endswith("_0") else []
-            one = helper.make_node("Conv", [f"{name}_float", f"{name}_kernel", *bias], [f"{name}_seen"])
-            one.attribute.extend(node.attribute)
-            nodes.append(one)
+            convolution = helper.make_node("Conv", [f"{name}_float", f"{name}_kernel", *bias], [f"{name}_seen"])
+            convolution.attribute.extend(node.attribute)
+            nodes.append(convolution)
         nodes.append(helper.make_node("Add", [f"{name}_seen" for name in parts], list(node.output)))
     used = {name for node in nodes for name in node.input}
     kept = [node for node in nodes if used.intersection(node.output) or _answers(graph, node)]
@@ -132,11 +132,11 @@ def furthest(name: str, trained: nn.Module, path: Path, inputs: Sequence[tuple[t
     _, driver, outputs = NETWORKS[name]
     model, opened = driver(trained).eval(), session(path)
     apart = dict.fromkeys(outputs, 0.0)
-    for one in inputs:
+    for batch in inputs:
         with torch.inference_mode():
-            wanted = model(*one)
-        given = opened.run(None, {key: value.numpy() for key, value in zip(INPUTS, one, strict=True)})
-        for output, a, b in zip(outputs, wanted, given, strict=True):
+            wanted = model(*batch)
+        answers = opened.run(None, {key: value.numpy() for key, value in zip(INPUTS, batch, strict=True)})
+        for output, a, b in zip(outputs, wanted, answers, strict=True):
             apart[output] = max(apart[output], float(np.abs(a.numpy() - b).max()))
     return apart
 

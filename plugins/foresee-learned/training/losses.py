@@ -1,4 +1,4 @@
-"""What both networks are trained to minimise."""
+"""The loss that the training of both networks minimises."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ HELPING = 0.5
 _USER_SCALE = (1.0, 1.0, 4.0, 2.0, 1.0, 1.0, 8.0)
 """Offsets, length, width (m), cosine, sine, speed (m/s) are divided by these."""
 _OCCUPIED_WEIGHT = 4.0
-"""A square with somebody counts so many times an empty one; one of forty is occupied."""
+"""Weight of an occupied square relative to an empty one; one of forty is occupied."""
 _SLOW_MPS = 3.0
 _LEFT_WEIGHT = 2.0
-"""A metre to the side counts so many times one ahead: who cuts a corner by half a metre leaves the road."""
+"""Weight of a lateral error relative to one ahead: a driver that cuts a corner by half a metre leaves the road."""
 
 
 def losses(answer: FusionAnswer | FusionSafeAnswer, batch: dict[str, Tensor]) -> dict[str, Tensor]:
@@ -39,25 +39,25 @@ def losses(answer: FusionAnswer | FusionSafeAnswer, batch: dict[str, Tensor]) ->
     wanted = places_at(batch["trajectory"], times)
     off = (answer.waypoints.float() - wanted).abs()
     near = (off[..., 0] + _LEFT_WEIGHT * off[..., 1]).mean(1) / 2
-    found = {"waypoints": near.mean()}
+    terms = {"waypoints": near.mean()}
     # Slow speeds decide between waiting and going: a metre counts more there.
     slow = (batch["vector"][:, 0] < _SLOW_MPS) | (wanted[:, -1].norm(dim=1) < _SLOW_MPS)
-    found["waypoints"] = found["waypoints"] + (near * slow).mean()
+    terms["waypoints"] = terms["waypoints"] + (near * slow).mean()
     if isinstance(answer, FusionAnswer):
         classes = two_hot(speed_at(batch["trajectory"], TARGET_SPEED_S))
-        found["target_speed"] = functional.cross_entropy(answer.target_speed.float(), classes)
+        terms["target_speed"] = functional.cross_entropy(answer.target_speed.float(), classes)
     occupied, users = density_maps(batch)
     density = answer.density.float()
     weight = 1 + (_OCCUPIED_WEIGHT - 1) * occupied
-    found["occupied"] = 10 * functional.binary_cross_entropy_with_logits(density[:, 0], occupied, weight)
+    terms["occupied"] = 10 * functional.binary_cross_entropy_with_logits(density[:, 0], occupied, weight)
     scale = torch.tensor(_USER_SCALE, device=density.device)[None, :, None, None]
     off = functional.smooth_l1_loss(density[:, 1:] / scale, users / scale, reduction="none", beta=0.1).sum(1)
-    found["users"] = (off * occupied).sum() / occupied.sum().clamp(min=1)
-    found["stop_line"] = functional.binary_cross_entropy_with_logits(answer.stop_line[:, 0].float(), batch["stop_line"])
-    found["signal"] = functional.cross_entropy(answer.signal.float(), batch["signal"])
+    terms["users"] = (off * occupied).sum() / occupied.sum().clamp(min=1)
+    terms["stop_line"] = functional.binary_cross_entropy_with_logits(answer.stop_line[:, 0].float(), batch["stop_line"])
+    terms["signal"] = functional.cross_entropy(answer.signal.float(), batch["signal"])
     helping = HELPING if isinstance(answer, FusionAnswer) else 1.0
     leading = ("waypoints", "target_speed")
-    return {name: value * WEIGHTS[name] * (1 if name in leading else helping) for name, value in found.items()}
+    return {name: value * WEIGHTS[name] * (1 if name in leading else helping) for name, value in terms.items()}
 
 
 def places_at(trajectory: Tensor, times_s: tuple[float, ...]) -> Tensor:

@@ -30,7 +30,7 @@ CARLA_WEIGHT = 2.0
 """CARLA's towns are driven in so much more often than a generated one."""
 CHUNK = 24
 FOCUS = 3
-"""So many times as many cases are drawn of scenarios in focus."""
+"""Factor on the number of cases that are drawn of scenarios in focus."""
 DRAW_SEED = 5_000_000
 """Seeds of drawn cases begin here; bundled files and examples have small ones."""
 STARTS, BURSTS = 0.5, 0.65
@@ -73,14 +73,14 @@ def drawn_cases(
         name = file.stem if file.parent == folder else file.parent.name
         if name.startswith("scenario"):
             files[name.removeprefix("scenario")].append(file)
-    found: dict[str, list[str]] = defaultdict(list)
+    by_scenario: dict[str, list[str]] = defaultdict(list)
     for family, members in sorted(files.items()):
         each = -(-count // len(members))
         for file in sorted(members):
             out = work / "cases" / f"{file.parent.name}_{file.stem}.foresee"
             names = _write_cases(file, out, each * (FOCUS if file.stem in focus else 1), DRAW_SEED + seed)
-            found[family] += [f"{out.as_posix()}::{name}" for name in names]
-    return dict(found)
+            by_scenario[family] += [f"{out.as_posix()}::{name}" for name in names]
+    return dict(by_scenario)
 
 
 def _write_cases(file: Path, out: Path, count: int, seed: int) -> list[str]:
@@ -97,8 +97,8 @@ def _write_cases(file: Path, out: Path, count: int, seed: int) -> list[str]:
     for k, case in enumerate(drawn):
         values = dict(values_of(scenario, case))
         values |= {name: templates[k % len(templates)][name] for name in kept}
-        given = tuple(m.Assignment(name=name, value=value) for name, value in values.items())
-        cases.append(m.Case(name=f"drawn_{k:03d}", values=given))
+        assignments = tuple(m.Assignment(name=name, value=value) for name, value in values.items())
+        cases.append(m.Case(name=f"drawn_{k:03d}", values=assignments))
     body = tuple(m.Add(item=case) for case in cases)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, m.Extension(name=f"drawn_{file.stem}", parent=file.resolve().as_posix(), body=body))
@@ -109,14 +109,14 @@ def town_drives(work: Path, count: int, seed: int, carla: Path | None) -> dict[s
     """Write scenarios of drives through all towns, and return their files by town; `count`: in all."""
     towns = town_names(carla)
     weights = np.array([CARLA_WEIGHT if town.startswith("Town") else 1.0 for town in towns])
-    found: dict[str, list[str]] = {}
+    by_town: dict[str, list[str]] = {}
     for k, town in enumerate(towns):
         net = net_of(town, work / "towns", carla, seed=100 + k)
         rng = np.random.Generator(np.random.PCG64([seed, k]))
         each = round(count * float(weights[k] / weights.sum()))
         drives = (drive(net, f"{town.lower()}_{n:04d}", work / "towns" / town, rng) for n in range(each))
-        found[town] = [file.as_posix() for file in drives]
-    return found
+        by_town[town] = [file.as_posix() for file in drives]
+    return by_town
 
 
 def plan(

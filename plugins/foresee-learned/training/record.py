@@ -129,13 +129,13 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--name", default="round0", help="what the files' names begin with")
     parser.add_argument("--carla", type=Path, default=CARLA, help="folder of CARLA's maps")
-    given = parser.parse_args()
-    work = given.out / "work"
-    carla = given.carla if given.carla.is_dir() else None
-    pieces = plan(given.hours, given.seed, work, carla=carla)
+    options = parser.parse_args()
+    work = options.out / "work"
+    carla = options.carla if options.carla.is_dir() else None
+    pieces = plan(options.hours, options.seed, work, carla=carla)
     bundled = bundled_meanings()
-    jobs = [Job(items, given.out / f"{given.name}_{k:03d}.npz", bundled) for k, items in enumerate(pieces)]
-    record_all(jobs, given.jobs)
+    jobs = [Job(items, options.out / f"{options.name}_{k:03d}.npz", bundled) for k, items in enumerate(pieces)]
+    record_all(jobs, options.jobs)
 
 
 if __name__ == "__main__":

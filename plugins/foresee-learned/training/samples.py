@@ -77,9 +77,9 @@ class Labels(NamedTuple):
 
     def at(self, times_s: Sequence[float] | FloatArray) -> FloatArray:
         """Return the trajectory at other times, [T, 2]."""
-        known = np.arange(POINTS + 1) * POINT_S
+        marks_s = np.arange(POINTS + 1) * POINT_S
         points = np.vstack([(0.0, 0.0), self.trajectory])
-        return np.stack([np.interp(times_s, known, points[:, axis]) for axis in (0, 1)], axis=1)
+        return np.stack([np.interp(times_s, marks_s, points[:, axis]) for axis in (0, 1)], axis=1)
 
 
 class RecordedNetwork:
@@ -142,8 +142,8 @@ class RecordedRun:
     def past(self, k: int, back_s: float) -> int | None:
         """Return the frame that lies so long before a frame; None: it is not there (the run had not begun)."""
         wanted = int(self.frames[k, 0]) - round(back_s / FRAME_S)
-        found = int(np.searchsorted(self.frames[:, 0], wanted))
-        return found if found < len(self.frames) and self.frames[found, 0] == wanted else None
+        index = int(np.searchsorted(self.frames[:, 0], wanted))
+        return index if index < len(self.frames) and self.frames[index, 0] == wanted else None
 
     def observation(self, k: int) -> Observation:
         """Return what the driver saw at a frame; `views` draws the same pictures."""
@@ -207,11 +207,11 @@ class RecordedRun:
 
     @cached_property
     def _sizes(self) -> FloatArray:
-        return np.array([(one.length_m, one.width_m) for one in self.shapes[1:]]).reshape(-1, 2)
+        return np.array([(shape.length_m, shape.width_m) for shape in self.shapes[1:]]).reshape(-1, 2)
 
     @cached_property
     def _groups(self) -> IntArray:
-        return np.array([GROUP_OF[one.kind] for one in self.shapes[1:]], dtype=np.int64)
+        return np.array([GROUP_OF[shape.kind] for shape in self.shapes[1:]], dtype=np.int64)
 
 
 def read(path: Path) -> tuple[RecordedRun, ...]:

@@ -1,7 +1,7 @@
-"""The expert in the shadow of whoever drives: `pdm` with ideal sensors, and what it would do in the next 3 s.
+"""The expert beside the driving driver: `pdm` with ideal sensors, and its plan for the next 3 s.
 
-It sees the others as they are, at once and through walls, up to 80 m (`sensing.IDEAL`). Signals it knows as the
-standard sensors do: what hides a signal hides it from the pupil as well.
+It sees the others exactly, without latency and through walls, up to 80 m (`sensing.IDEAL`). It sees signals like the
+standard sensors: a body that hides a signal from the pupil hides it from the expert too.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ def decide_in_full(
     rolled, offset = np.empty((count, FRAMES), ROLLED), np.empty(count)
     allowed = proposals.allowed_speeds(ego, route, wall_s)
     acceleration = proposals.roll(ego, leaders, offsets, allowed, rolled, offset)
-    found = find_conflicts(egos, actors, predicted, rolled, offset, route)
+    conflicts = find_conflicts(egos, actors, predicted, rolled, offset, route)
     score, collides = np.empty(count), np.empty(count, np.int64)
-    rate(ego, route, rolled, found, offset, acceleration, score, collides)
+    rate(ego, route, rolled, conflicts, offset, acceleration, score, collides)
     best = best_proposal(score, collides, rolled)
     chosen[0] = rolled[best]
     proposals.place_footprints(ego, route, chosen)

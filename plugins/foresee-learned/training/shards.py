@@ -79,10 +79,10 @@ def read_shard(path: Path) -> Iterator[RecordedRun]:
     networks = {
         key: RecordedNetwork(
             key,
-            GroundMap(arrays[f"ground_{key}"], known["west_m"], known["north_m"], known["m_per_px"]),
-            tuple(tuple((x, y) for x, y in outline) for outline in known["buildings"]),
+            GroundMap(arrays[f"ground_{key}"], entry["west_m"], entry["north_m"], entry["m_per_px"]),
+            tuple(tuple((x, y) for x, y in outline) for outline in entry["buildings"]),
         )
-        for key, known in about["networks"].items()
+        for key, entry in about["networks"].items()
     }
     tables = {name: _columns(arrays, name, exact) for name in _COLUMNS}
     points = np.stack([_points(arrays, name, exact) for name in ("ahead", "left")], axis=2)
@@ -93,10 +93,10 @@ def read_shard(path: Path) -> Iterator[RecordedRun]:
         at[name] += count
         return tables[name][at[name] - count : at[name]]
 
-    for known in about["runs"]:
-        counts = known["counts"]
+    for entry in about["runs"]:
+        counts = entry["counts"]
         first, labels = at["ego"], at["labels"]
-        mission, ego = _mission(take("line", counts["line"]), known), take("ego", counts["ego"])
+        mission, ego = _mission(take("line", counts["line"]), entry), take("ego", counts["ego"])
         if not exact:
             ego = np.column_stack((ego[:, :7], ego[:, 7:] + ego[:, :3]))
         when = frames[first : first + counts["ego"]]
@@ -105,12 +105,12 @@ def read_shard(path: Path) -> Iterator[RecordedRun]:
         colours = arrays["colours"][at["colours"] : at["colours"] + size].reshape(len(mission.junctions), -1).T
         at["colours"] += size
         yield RecordedRun(
-            about=known["about"],
+            about=entry["about"],
             mission=mission,
-            vehicle=VehicleLimits(**known["vehicle"]),
-            network=networks[known["network"]],
-            shapes=tuple(Shape(*one) for one in known["shapes"]),
-            range_m=known["range_m"],
+            vehicle=VehicleLimits(**entry["vehicle"]),
+            network=networks[entry["network"]],
+            shapes=tuple(Shape(*shape) for shape in entry["shapes"]),
+            range_m=entry["range_m"],
             frames=np.column_stack((when, when - age)).astype(np.int64),
             ego=ego,
             colours=colours.reshape(counts["ego"], len(mission.junctions)),
@@ -129,7 +129,7 @@ def _about(run: RecordedRun) -> dict[str, Any]:
                    "labels": len(run.given)},
         "vehicle": asdict(run.vehicle),
         "network": run.network.key,
-        "shapes": [(one.kind, one.length_m, one.width_m, one.height_m) for one in run.shapes],
+        "shapes": [(shape.kind, shape.length_m, shape.width_m, shape.height_m) for shape in run.shapes],
         "range_m": run.range_m,
         "start_s": m.start_s,
         "goal_s": m.goal_s,
@@ -143,17 +143,17 @@ def _line(mission: Mission) -> FloatArray:
     return np.column_stack((m.centreline, m.s, m.speed_limit_mps, m.left_m, m.right_m))
 
 
-def _mission(line: FloatArray, known: dict[str, Any]) -> Mission:
+def _mission(line: FloatArray, entry: dict[str, Any]) -> Mission:
     return Mission(
         centreline=line[:, :2].copy(),
         s=line[:, 2].copy(),
         speed_limit_mps=line[:, 3].copy(),
         left_m=line[:, 4].copy(),
         right_m=line[:, 5].copy(),
-        start_s=known["start_s"],
-        goal_s=known["goal_s"],
-        junctions=tuple(JunctionPassage(*one) for one in known["junctions"]),
-        step_s=known["step_s"],
+        start_s=entry["start_s"],
+        goal_s=entry["goal_s"],
+        junctions=tuple(JunctionPassage(*passage) for passage in entry["junctions"]),
+        step_s=entry["step_s"],
     )
 
 

@@ -149,9 +149,9 @@ def _model(
         helper.make_tensor_value_info("forward", TensorProto.UINT8, (1, *FORWARD_SHAPE)),
         helper.make_tensor_value_info("vector", TensorProto.FLOAT, (1, len(VECTOR))),
     ]
-    found = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in outputs.items()]
+    value_infos = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in outputs.items()]
     kept = [numpy_helper.from_array(np.ascontiguousarray(value), name) for name, value in constants.items()]
-    graph = helper.make_graph(nodes, "by_hand", inputs, found, kept)
+    graph = helper.make_graph(nodes, "by_hand", inputs, value_infos, kept)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())

@@ -1,6 +1,6 @@
 """Towns that no bundled case uses: generated ones and CARLA's, and drives through them with traffic drawn from a seed.
 
-Held out are Town10HD, altogether, and Town02: nobody trains on them, `training.evaluate` drives there.
+Town10HD and Town02 are held out: no driver is trained on them, and `training.evaluate` drives there.
 """
 
 from __future__ import annotations
@@ -106,8 +106,8 @@ def _roads(net_file: Path) -> tuple[RoadNetwork, _Streets]:
     onward = {
         edge: tuple(
             sorted(
-                {(one.to_edge, one.turn, one.tls is not None)
-                 for one in roads.movements_from(edge) if one.turn != "back" and one.to_edge in lanes}
+                {(movement.to_edge, movement.turn, movement.tls is not None)
+                 for movement in roads.movements_from(edge) if movement.turn != "back" and movement.to_edge in lanes}
             )
         )
         for edge in lanes
@@ -159,7 +159,7 @@ def _way(roads: RoadNetwork, streets: _Streets, rng: np.random.Generator) -> tup
         edges, signals = [starts[int(rng.integers(len(starts)))]], 0
         length, wanted = 0.5 * streets.lengths[edges[0]], rng.uniform(SHORTEST_M, LONGEST_M)
         while length < wanted:
-            ways = [one for one in streets.onward[edges[-1]] if one[0] not in edges]
+            ways = [street for street in streets.onward[edges[-1]] if street[0] not in edges]
             if not ways:
                 break
             weights = np.array([1.0 if turn == "straight" else 1.6 for _, turn, _ in ways])
@@ -179,7 +179,7 @@ def _way(roads: RoadNetwork, streets: _Streets, rng: np.random.Generator) -> tup
 
 
 def _others(roads: RoadNetwork, rng: np.random.Generator) -> list[m.ScenarioItem]:
-    found: list[m.ScenarioItem] = []
+    items: list[m.ScenarioItem] = []
     vehicles = [name for name in _VEHICLES if not name.startswith("bicycle") or _any(roads, "bicycle")]
     for name, counts, models, within_m in (
         ("others", _TRAFFIC, vehicles, 140),
@@ -188,7 +188,7 @@ def _others(roads: RoadNetwork, rng: np.random.Generator) -> list[m.ScenarioItem
         count = int(rng.choice([n for n, _ in counts], p=[share for _, share in counts]))
         if count == 0 or (name == "walkers" and not _walked(roads)):
             continue
-        found.append(
+        items.append(
             m.Traffic(
                 name=name,
                 count=m.Quantity.of(count, "count", 0),
@@ -197,7 +197,7 @@ def _others(roads: RoadNetwork, rng: np.random.Generator) -> list[m.ScenarioItem
                 seed=m.Quantity.of(int(rng.integers(1, 10_000_000)), "count", 0),
             )
         )
-    return found
+    return items
 
 
 def _any(roads: RoadNetwork, kind: str) -> bool:
@@ -218,7 +218,7 @@ def net_of(town: str, folder: Path, carla: Path | None, seed: int) -> Path:
     """Return the network file of a town by its name."""
     if town in GENERATED:
         return generate(town, folder, seed)
-    known = {**CARLA_TRAINED, **CARLA_HELD_OUT}
-    if carla is None or town not in known:
+    files = {**CARLA_TRAINED, **CARLA_HELD_OUT}
+    if carla is None or town not in files:
         raise ValueError(f"there is no town {town!r}")
-    return carla / "maps" / known[town]
+    return carla / "maps" / files[town]

@@ -43,7 +43,7 @@ class Average:
 
     @torch.no_grad()
     def take(self, network: nn.Module) -> None:
-        """Take in the weights after a step; what is no weight is copied."""
+        """Average the weights after a step; other values are copied."""
         self._steps += 1
         keep = min(_AVERAGE, (1 + self._steps) / (10 + self._steps))
         mine, new = self.network.state_dict(), network.state_dict()
@@ -102,9 +102,9 @@ def measures(network: nn.Module, data: Data, most: int = 16384) -> dict[str, flo
             add("target_speed_mps_braking", error, brakes)
             add("target_speed_mps_starting", error, starts)
         occupied, _ = density_maps(batch)
-        said = answer.density[:, 0] > 0
-        add("density_recall", said, occupied > 0)
-        add("density_precision", occupied, said)
+        predicted = answer.density[:, 0] > 0
+        add("density_recall", predicted, occupied > 0)
+        add("density_precision", occupied, predicted)
         add("stop_line_right", (answer.stop_line[:, 0] > 0) == (batch["stop_line"] > 0.5))
         add("signal_right", answer.signal.argmax(1) == batch["signal"])
     return {name: float(total / counts[name].clamp(min=1)) for name, total in sums.items()}

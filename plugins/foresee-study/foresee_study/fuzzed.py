@@ -57,18 +57,18 @@ class Fuzzed:
 def fuzzed(result: FuzzResult, cases: dict[str, TestCase], *, repetition: int, iteration: int) -> Fuzzed:
     """Return what a study keeps; `cases`: the seeds by address."""
     settings = result.settings
-    seeds = tuple(sorted((_seed(one, cases[one.test_case]) for one in result.seeds), key=lambda seed: seed.name))
+    seeds = tuple(sorted((_seed(entry, cases[entry.test_case]) for entry in result.seeds), key=lambda seed: seed.name))
     return Fuzzed(settings.driver, repetition, iteration, settings.cycles, settings.mutations, __version__, seeds)
 
 
-def _seed(found: SeedFuzz, case: TestCase) -> FuzzedSeed:
+def _seed(result: SeedFuzz, case: TestCase) -> FuzzedSeed:
     return FuzzedSeed(
         name=case_name(case),
-        family=found.family,
+        family=result.family,
         half=half_of(case.id),
-        plain=found.verdict,
-        failed=found.failed.verdict if found.failed is not None else None,
-        runs=len(found.every),
-        simulated_s=round(sum(run.duration_s for run in found.every), 2),
-        wall_s=round(sum(run.outcome.wall_s for run in found.every), 4),
+        plain=result.verdict,
+        failed=result.failed.verdict if result.failed is not None else None,
+        runs=len(result.every),
+        simulated_s=round(sum(run.duration_s for run in result.every), 2),
+        wall_s=round(sum(run.outcome.wall_s for run in result.every), 4),
     )

@@ -32,7 +32,7 @@ def of_half(cases: Iterable[TestCase], half: Half) -> tuple[TestCase, ...]:
 
 
 def sample(cases: Sequence[TestCase], count: int | None) -> tuple[TestCase, ...]:
-    """Return so many test cases from all families, in their order: those with the smallest hashes; None: all."""
+    """Return up to `count` test cases from all families, in their order: those with the smallest hashes; None: all."""
     chosen = sorted(cases, key=lambda case: _digest(case.id))[:count]
     kept = {case.id for case in chosen}
     return tuple(case for case in cases if case.id in kept)

@@ -18,8 +18,7 @@ from foresee_study.settings import EXHAUSTIVE
 
 
 class Counted(StrEnum):
-    """What is counted: raw failures, the different stories that these tell, or those of the stories that somebody
-    avoids."""
+    """The kind of result that is counted: collisions, their different stories (findings), or avoidable findings."""
 
     COLLISIONS = "collisions"
     FINDINGS = "findings"
@@ -29,8 +28,8 @@ class Counted(StrEnum):
 AVOIDERS: Mapping[str, str] = MappingProxyType(
     {"d": "another driver", "b": "R157's driver", "a": "the anticipating driver"}
 )
-"""Who may avoid a failure: a reference driver, who passes the unmutated clip as well; UN R157's careful driver, who
-brakes; the one who anticipates."""
+"""The judges that may avoid a failure, by letter: a reference driver that also passes the unmutated clip; UN R157's
+careful driver, which brakes; the anticipating driver."""
 
 
 class Child(NamedTuple):
@@ -189,7 +188,7 @@ class Measured:
 
 
 def avoided(measured: Measured, who: str) -> int:
-    """Return of how many findings somebody (of `AVOIDERS`) avoids at least one failure."""
+    """Return the number of findings of which a judge (of `AVOIDERS`) avoids at least one failure."""
     children = measured.children_run
     return len({child.story for child in children if child.verdict.is_collision and who in child.avoided_by})
 

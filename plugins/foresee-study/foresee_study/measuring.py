@@ -1,4 +1,4 @@
-"""From a store to what a study keeps of a campaign."""
+"""Measures a campaign from its store; a study keeps the result."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from foresee_study.measured import AVOIDERS, Child, Measured, MeasuredCase, Meas
 def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
     """Return what the store has of a campaign; steps that are missing are left out."""
     settings = stages.settings
-    found = assemble(stages, stages.out)
+    result = assemble(stages, stages.out)
     wall_s = {(node.step.kind, node.step.name): row.wall_s for node, row in stages.walk() if row is not None}
     names = {node.case.id: node.step.name for node in stages.seeds}
     clips: dict[str, list[ClipOutcome]] = {}
-    for clip in found.clips:  # by test case and rank
+    for clip in result.clips:  # by test case and rank
         clips.setdefault(clip.seed, []).append(clip)
     cases = (
         MeasuredCase(
@@ -33,7 +33,7 @@ def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
             story=_story(seed.story, seed.family),
             clips=tuple(_clip(k, clip, wall_s) for k, clip in enumerate(clips.get(seed.id, ()))),
         )
-        for seed in found.seeds
+        for seed in result.seeds
     )
     return Measured(
         group=group,

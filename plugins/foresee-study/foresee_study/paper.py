@@ -33,9 +33,9 @@ class Unit(StrEnum):
 
     def __new__(cls, value: str, neutral: float) -> Unit:
         """Make a member."""
-        made = str.__new__(cls, value)
-        made._value_, made.neutral = value, neutral
-        return made
+        unit = str.__new__(cls, value)
+        unit._value_, unit.neutral = value, neutral
+        return unit
 
     MORE = "% more", 0.0
     TIMES = "times", 1.0
@@ -93,10 +93,10 @@ def _in_common(results: Results, driver: str, ranker: str, clip_s: float) -> tup
     return tuple(tuple(m for m in side if (m.driver, m.repetition) in common) for side in sides)
 
 
-def _by_case(found: Iterable[Measured], value: Callable[[MeasuredCase], float]) -> dict[str, float]:
+def _by_case(campaigns: Iterable[Measured], value: Callable[[MeasuredCase], float]) -> dict[str, float]:
     """Return a value of each test case, summed over campaigns."""
     sums: dict[str, float] = {}
-    for case in (case for measured in found for case in measured.usable):
+    for case in (case for measured in campaigns for case in measured.usable):
         sums[case.name] = sums.get(case.name, 0.0) + value(case)
     return sums
 
@@ -115,8 +115,8 @@ def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results,
     """Return a function that computes collisions a risky point."""
 
     def ours(results: Results, driver: str) -> Ours | None:
-        found = _campaigns(results, driver, ranker, clip_s, points)
-        return _ratio(_by_case(found, _collisions), _by_case(found, lambda case: float(len(case.clips))))
+        campaigns = _campaigns(results, driver, ranker, clip_s, points)
+        return _ratio(_by_case(campaigns, _collisions), _by_case(campaigns, lambda case: float(len(case.clips))))
 
     return ours
 
@@ -132,10 +132,10 @@ def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
         own: dict[str, float] = {}
         everything: dict[str, float] = {}
         for name in _drivers(results, driver):
-            found, searched = (_campaigns(results, name, ranker, clip_s) for ranker in ("foresee", EXHAUSTIVE))
-            if not found or not searched:
+            ranked, searched = (_campaigns(results, name, ranker, clip_s) for ranker in ("foresee", EXHAUSTIVE))
+            if not ranked or not searched:
                 continue
-            for sums, campaigns in ((own, found), (everything, searched)):
+            for sums, campaigns in ((own, ranked), (everything, searched)):
                 for case, number in _by_case(campaigns, _collisions).items():
                     sums[case] = sums.get(case, 0.0) + number / len(campaigns)
         return _scaled(_ratio(own, everything), 100)
@@ -162,9 +162,9 @@ def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
         searched = {m.driver for m in everything}
         own = tuple(m for m in _campaigns(results, driver, "foresee", clip_s) if m.driver in searched)
         rates = []
-        for found in (own, everything):
-            hours = sum(m.simulated_s for m in found) / 3600
-            rates.append(sum(map(_collisions, found)) / hours if hours else 0.0)
+        for campaigns in (own, everything):
+            hours = sum(m.simulated_s for m in campaigns) / 3600
+            rates.append(sum(map(_collisions, campaigns)) / hours if hours else 0.0)
         return Ours(100 * (rates[0] / rates[1] - 1)) if all(rates) else None
 
     return ours
@@ -180,50 +180,50 @@ def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
         ]  # fmt: skip
         if not both:
             return None
-        found, _ = compared_areas([a for a, _ in both], [b for _, b in both])
-        return None if math.isnan(found.ratio) else Ours(found.ratio, found.interval)
+        areas, _ = compared_areas([a for a, _ in both], [b for _, b in both])
+        return None if math.isnan(areas.ratio) else Ours(areas.ratio, areas.interval)
 
     return ours
 
 
 def of_drivefuzz(results: Results, driver: str) -> Ours | None:
     """Return foresee's additional failing test cases, % of DriveFuzz's."""
-    both = [one for name in _drivers(results, driver) for pair in iterations(results, name) for one in pair]
+    both = [iteration for name in _drivers(results, driver) for pair in iterations(results, name) for iteration in pair]
     ours: dict[str, float] = {}
     theirs: dict[str, float] = {}
-    for one in both:
-        for case in one.forecast.cases:
-            ours[case.name] = ours.get(case.name, 0.0) + (case.name in one.found.forecast)
-            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in one.found.fuzzed)
+    for iteration in both:
+        for case in iteration.forecast.cases:
+            ours[case.name] = ours.get(case.name, 0.0) + (case.name in iteration.split.forecast)
+            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in iteration.split.fuzzed)
     return _scaled(_ratio(ours, theirs), 100)
 
 
 def children_of_drivefuzz(results: Results, driver: str) -> Ours | None:
     """Return foresee's failing children on what DriveFuzz did not bring to fail, % of DriveFuzz's test cases."""
-    both = [one for name in _drivers(results, driver) for pair in iterations(results, name) for one in pair]
+    both = [iteration for name in _drivers(results, driver) for pair in iterations(results, name) for iteration in pair]
     ours: dict[str, float] = {}
     theirs: dict[str, float] = {}
-    for one in both:
-        for case in one.forecast.cases:
-            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in one.found.fuzzed)
-        for case in one.asked.cases:
+    for iteration in both:
+        for case in iteration.forecast.cases:
+            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in iteration.split.fuzzed)
+        for case in iteration.forecast_on_rest.cases:
             ours[case.name] = ours.get(case.name, 0.0) + sum(child.verdict.is_failure for child in case.children)
     return _scaled(_ratio(ours, theirs), 100)
 
 
 def weather_collisions(results: Results, driver: str) -> Ours | None:
     """Return the share of clips that collide in heavy weather, %."""
-    found = tuple(m for name in _drivers(results, driver)
+    campaigns = tuple(m for name in _drivers(results, driver)
                   for m in results.of_campaign(name, "foresee", preset=HEAVY_WEATHER))  # fmt: skip
-    children = _by_case(found, lambda case: float(len(list(case.children))))
-    return _scaled(_ratio(_by_case(found, _collisions), children), 100)
+    children = _by_case(campaigns, lambda case: float(len(list(case.children))))
+    return _scaled(_ratio(_by_case(campaigns, _collisions), children), 100)
 
 
-def _scaled(found: Ours | None, by: float, *, less: float = 0.0) -> Ours | None:
-    if found is None:
+def _scaled(ours: Ours | None, by: float, *, less: float = 0.0) -> Ours | None:
+    if ours is None:
         return None
-    ends = Interval(*(end * by - less for end in found.interval)) if found.interval is not None else None
-    return Ours(found.value * by - less, ends)
+    ends = Interval(*(end * by - less for end in ours.interval)) if ours.interval is not None else None
+    return Ours(ours.value * by - less, ends)
 
 
 def _both(interfuser: float, transfuser: float, together: float | None = None) -> Mapping[str, float]:
@@ -285,9 +285,9 @@ def children_colliding(results: Results, driver: str, ranker: str) -> tuple[floa
     """Return the shares of foresee's and of another ranker's children that collide, with clips of the chosen length, of
     the drivers and repetitions that both have; None where one of them has no child."""
     shares = []
-    for found in _in_common(results, driver, ranker, CHOSEN_S):
-        children = sum(len(m.children_run) for m in found)
+    for pairs in _in_common(results, driver, ranker, CHOSEN_S):
+        children = sum(len(m.children_run) for m in pairs)
         if not children:
             return None
-        shares.append(sum(map(_collisions, found)) / children)
+        shares.append(sum(map(_collisions, pairs)) / children)
     return shares[0], shares[1]

@@ -1,4 +1,4 @@
-"""What a study would run, before anything runs."""
+"""The plan of a study, computed before anything runs."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, stor
         counts: Counter[str] = Counter()
         seconds = 0.0
         wanted, _ = watched(wanted_by([name], settings))
-        for one in (w for w in wanted if w not in planned):
-            planned.add(one)
-            stages = Stages(cases[one.group], one.campaign(), store, Path())
-            each_s = store.mean_wall_s(one.driver) if store is not None else {}
+        for campaign in (w for w in wanted if w not in planned):
+            planned.add(campaign)
+            stages = Stages(cases[campaign.group], campaign.campaign(), store, Path())
+            each_s = store.mean_wall_s(campaign.driver) if store is not None else {}
             for node, row in stages.walk():
                 if row is None:  # what follows from a run may be another campaign's as well, but not from its forecast
-                    clips, children = _following(node, one)
+                    clips, children = _following(node, campaign)
                     counts["more"] += clips + children
                     seconds += clips * each_s.get("clip", _CLIP_S) + children * each_s.get("child", _CHILD_S)
                 if node.step.drives and node.step.key not in seen:

@@ -43,8 +43,8 @@ def campaigns(
     repetitions: int | None = None,
 ) -> Iterator[Wanted]:
     """Yield a campaign for each combination and repetition."""
-    asked = settings.drivers if drivers is None else drivers
-    for group, driver, ranker, clip_s in product(groups, asked, rankers, clips_s):
+    names = settings.drivers if drivers is None else drivers
+    for group, driver, ranker, clip_s in product(groups, names, rankers, clips_s):
         for repetition in range(settings.repetitions if repetitions is None else repetitions):
             seed = settings.seed + repetition
             yield Wanted(group, driver, ranker, clip_s, repetition, seed, settings.preset,

@@ -62,10 +62,10 @@ def write_report(folder: StudyFolder, half: Half | None = None, page: Path | Non
     if not any(measured.cases for measured in results.campaigns):
         where = "" if results.half is Half.ALL else f" of the {results.half} half: name another --half"
         raise ForeseeError(f"the study in {folder.at} has run no test case{where}")
-    asked = folder.read().asked or TABLES  # where none was answered to the end, all that there is
-    tables = {name: found for name in TABLES if name in asked and (found := tables_of(name, results))}
-    for found in tables.values():
-        write_tables(found, folder)
+    questions = folder.read().asked or TABLES  # where none was answered to the end, all that there is
+    tables = {name: own for name in TABLES if name in questions and (own := tables_of(name, results))}
+    for own in tables.values():
+        write_tables(own, folder)
     notes: tuple[str, ...] = ()
     figures: tuple[str, ...] = ()
     try:
@@ -102,16 +102,16 @@ def write_page(
         Part(
             QUESTIONS[name],
             in_words(results, name, headlines=True),
-            tuple(table for table in found if not table.name.endswith(WALL)),
+            tuple(table for table in own if not table.name.endswith(WALL)),
             tuple(figures_of(name, figures)),
         )
-        for name, found in tables.items()
-        if found
+        for name, own in tables.items()
+        if own
     ]
-    shown = [name for part in parts for name, _ in part.figures]
-    if not inside and shown:
+    drawn = [name for part in parts for name, _ in part.figures]
+    if not inside and drawn:
         (page.parent / pictures).mkdir(parents=True, exist_ok=True)
-        for name in shown:
+        for name in drawn:
             shutil.copyfile(folder.figures / f"{name}.svg", page.parent / pictures / f"{name}.svg")
     if not inside:
         for table in (table for part in parts for table in part.tables):
@@ -135,16 +135,16 @@ def write_page(
 
 def _took(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
     """Yield a line for each question: what its campaigns cost, shared ones counted in each."""
-    known = {(m.group, m.driver, m.ranker, m.clip_s, m.seed, m.preset): m for m in results.campaigns}
-    for name, took in sorted(record.asked.items()):
+    campaigns = {(m.group, m.driver, m.ranker, m.clip_s, m.seed, m.preset): m for m in results.campaigns}
+    for name, cost in sorted(record.asked.items()):
         wanted = wanted_by([name], record.settings)
-        found = [known.get((w.group, w.driver, w.ranker, w.clip_s, w.seed, w.preset)) for w in wanted]
-        there = [m for m in found if m is not None]
+        own = [campaigns.get((w.group, w.driver, w.ranker, w.clip_s, w.seed, w.preset)) for w in wanted]
+        there = [m for m in own if m is not None]
         if not there:
             continue
         runs = sum(m.clips + len(m.children_run) for m in there)
         yield (
             name, str(len(there)), f"{runs:,}", f"{sum(m.simulated_s for m in there) / 3600:.1f} h",
             f"{sum(m.wall_s for m in there) / 60:.0f} min",
-            "in parts" if took.wall_s is None else f"{took.wall_s / 60:.0f} min on {took.jobs} workers",
+            "in parts" if cost.wall_s is None else f"{cost.wall_s / 60:.0f} min on {cost.jobs} workers",
         )  # fmt: skip

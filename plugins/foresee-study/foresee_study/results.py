@@ -1,4 +1,4 @@
-"""What the campaigns of a study gave, read from its folder, for tables and figures."""
+"""The results of a study's campaigns, read from its folder, for tables and figures."""
 
 from __future__ import annotations
 
@@ -81,24 +81,24 @@ class Results:
         preset: str = "",
         second: bool = False,
     ) -> tuple[Measured, ...]:
-        """Return a campaign's repetitions, with so many risky points at most, of one family or of all.
+        """Return a campaign's repetitions, with at most `points` risky points, of one family or of all.
 
         `preset`: by default the study's. `second`: those of rq4's second iteration.
         """
-        found = (
+        campaigns = (
             m.only(family=family) if ranker == EXHAUSTIVE else m.only(family=family).first_points(points)
             for m in self.campaigns
             if (m.driver, m.ranker, m.clip_s, m.group) == (driver, ranker, clip_s, group)
             and m.preset == (preset or self.preset)
             and (m.seed - m.repetition >= SECOND_ITERATION) == second
         )
-        return tuple(sorted(found, key=lambda m: m.repetition))
+        return tuple(sorted(campaigns, key=lambda m: m.repetition))
 
     def pairs(self, driver: str, first: str, second: str, what: Counted, clip_s: float = CHOSEN_S,
               points: int = POINTS) -> list[Pair]:  # fmt: skip
         """Return the units of two rankers with one driver, or with all: usable test cases, in each repetition."""
-        asked = self.drivers if driver == TOGETHER else (driver,)
-        return [pair for name in asked for pair in self._pairs(name, first, second, what, clip_s, points)]
+        names = self.drivers if driver == TOGETHER else (driver,)
+        return [pair for name in names for pair in self._pairs(name, first, second, what, clip_s, points)]
 
     def _pairs(self, driver: str, first: str, second: str, what: Counted, clip_s: float, points: int) -> Iterator[Pair]:
         sides = [
@@ -106,9 +106,9 @@ class Results:
             for r in (first, second)
         ]
         for repetition in sorted(sides[0].keys() & sides[1].keys()):
-            one, other = sides[0][repetition], sides[1][repetition]
-            for name in sorted(one.keys() & other.keys()):
-                yield Pair(name, repetition, one[name].count(what), other[name].count(what))
+            own, other = sides[0][repetition], sides[1][repetition]
+            for name in sorted(own.keys() & other.keys()):
+                yield Pair(name, repetition, own[name].count(what), other[name].count(what))
 
 
 def paired(first: Sequence[Measured], second: Sequence[Measured]) -> tuple[list[Measured], list[Measured]]:
@@ -135,8 +135,8 @@ def _of_half(measured: Measured, half: Half) -> Measured:
 
 def mean(values: Iterable[float]) -> float | None:
     """Return the mean; None of no values."""
-    found = list(values)
-    return sum(found) / len(found) if found else None
+    numbers = list(values)
+    return sum(numbers) / len(numbers) if numbers else None
 
 
 def mean_count(campaigns: Sequence[Measured], what: Counted) -> float | None:
@@ -151,8 +151,8 @@ def mean_count(campaigns: Sequence[Measured], what: Counted) -> float | None:
 
 def total(values: Iterable[float | None]) -> float | None:
     """Return the sum of the values that are not None; None where there is no such value."""
-    found = [value for value in values if value is not None]
-    return sum(found) if found else None
+    present = [value for value in values if value is not None]
+    return sum(present) if present else None
 
 
 def _ordered(names: Iterable[str], first: Sequence[str]) -> tuple[str, ...]:

@@ -34,10 +34,10 @@ Cases = Mapping[str, Sequence[TestCase]]
 
 @dataclass(frozen=True)
 class StudyRun:
-    """How it went.
+    """The result of a study run.
 
     Attributes:
-        asked: the questions that are answered wholly, with what they took. broken: what could not be run at all.
+        asked: the questions that are answered completely, with their costs. broken: what could not be run at all.
     """
 
     asked: dict[str, Cost]
@@ -51,10 +51,10 @@ def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
     Raises:
         ForeseeError: no driver, or no ranker, is left.
     """
-    known = ranker_names()
-    rankers = tuple(name for name in settings.rankers if name in known)
+    installed = ranker_names()
+    rankers = tuple(name for name in settings.rankers if name in installed)
     notes = [f"ranker {name}: left out, as none of that name is installed" for name in settings.rankers
-             if name not in known]  # fmt: skip
+             if name not in installed]  # fmt: skip
     drivers = []
     for driver in settings.drivers:
         try:
@@ -72,14 +72,14 @@ def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
 def watched(wanted: Iterable[Wanted]) -> tuple[tuple[Wanted, ...], tuple[str, ...]]:
     """Return the campaigns whose ranker knows their driver, and which pairs are left out, in words."""
     kept, notes = [], {}
-    for one in wanted:
-        ranker = load_ranker(one.ranker)
+    for campaign in wanted:
+        ranker = load_ranker(campaign.ranker)
         try:
             if isinstance(ranker, Learned):
-                ranker.weights_hash(one.driver)
-            kept.append(one)
+                ranker.weights_hash(campaign.driver)
+            kept.append(campaign)
         except ForeseeError as err:
-            notes[one.ranker, one.driver] = f"{one.ranker} with {one.driver}: left out ({err})"
+            notes[campaign.ranker, campaign.driver] = f"{campaign.ranker} with {campaign.driver}: left out ({err})"
     return tuple(kept), tuple(notes.values())
 
 
@@ -133,8 +133,8 @@ class _Run:
         """Run what a question needs; return whether that was done to the end."""
         started = time.monotonic()
         wanted, _ = watched(wanted_by([name], self._settings))
-        for k, one in enumerate(wanted):
-            if self._campaign(one, self._cases[one.group], f"{name} {k + 1}/{len(wanted)}") is None:
+        for k, campaign in enumerate(wanted):
+            if self._campaign(campaign, self._cases[campaign.group], f"{name} {k + 1}/{len(wanted)}") is None:
                 return False
         if name == "rq4" and not complement(
             self._settings, self._cases[BUNDLED], fuzzes=self._fuzzed, forecasts=self._campaign
@@ -153,12 +153,12 @@ class _Run:
         ran = run_missing(stages, work=self._work, store=self._store, listeners=self._listeners,
                           options=self._time_left(), minimise=False)  # fmt: skip
         self.broken += ran.broken
-        found = measure(stages, group=wanted.group, repetition=wanted.repetition)
-        self._folder.keep(wanted, found)
+        measured = measure(stages, group=wanted.group, repetition=wanted.repetition)
+        self._folder.keep(wanted, measured)
         if ran.stopped:
             return None
-        self._done[wanted] = found
-        return found
+        self._done[wanted] = measured
+        return measured
 
     def _fuzzed(
         self, settings: FuzzSettings, cases: Sequence[TestCase], repetition: int, iteration: int
@@ -169,9 +169,9 @@ class _Run:
         result = fuzz(cases, settings, out=self._work / "fuzzed", store=self._store, listeners=self._listeners,
                       options=self._time_left())  # fmt: skip
         self.broken += result.broken
-        found = fuzzed(result, {case.id: case for case in cases}, repetition=repetition, iteration=iteration)
-        self._folder.keep_fuzzed(found)
-        return None if result.interrupted else found
+        record = fuzzed(result, {case.id: case for case in cases}, repetition=repetition, iteration=iteration)
+        self._folder.keep_fuzzed(record)
+        return None if result.interrupted else record
 
     def _time_left(self) -> RunOptions:
         if self._ends_s is None:

@@ -32,9 +32,9 @@ class StudySettings:
     """Settings of a study.
 
     Attributes:
-        drivers, rankers: those under test; of the drivers the first is searched exhaustively (`exhaustive_drivers`).
-        half: of the test cases. first: so many of them at most; None: all.
-        repetitions: each with a seed of its own, from `seed` on. exhaustive_repetitions: of the exhaustive search.
+        drivers, rankers: those under test; the exhaustive search uses the first driver (`exhaustive_drivers`).
+        half: of the test cases. first: the maximum number of test cases; None: all.
+        repetitions: each with its own seed, from `seed` on. exhaustive_repetitions: of the exhaustive search.
         preset: how clips are mutated; `paper` is comparable with the paper.
         children: mutated children of a clip.
         against: the reference drivers; None: those that come along.

@@ -37,8 +37,8 @@ def _stretch(slope: float, slope_down: float, dy: float, half: float) -> tuple[f
         down = _snapped(abs(slope_down) * dy)
         return (-np.inf, np.inf) if -half <= down < half else (np.inf, -np.inf)
     offset = slope_down * dy
-    one, other = (-half - offset) / slope, (half - offset) / slope
-    return min(one, other), max(one, other)
+    first, other = (-half - offset) / slope, (half - offset) / slope
+    return min(first, other), max(first, other)
 
 
 @compiled(TABLE, INT, INT, INT, INT)
@@ -72,11 +72,11 @@ def box_pixels(boxes: FloatArray, top: int, left: int, rows: int, columns: int) 
             spans[line, 0], spans[line, 1] = first, end
             line += 1
             pixels += end - first
-    found, line, pixel = np.empty((2, pixels), np.int64), 0, 0
+    pieces, line, pixel = np.empty((2, pixels), np.int64), 0, 0
     for k in range(len(boxes)):
         for row in range(first_row[k], end_row[k]):
             for column in range(spans[line, 0], spans[line, 1]):
-                found[0, pixel], found[1, pixel] = k, (row - top) * columns + column - left
+                pieces[0, pixel], pieces[1, pixel] = k, (row - top) * columns + column - left
                 pixel += 1
             line += 1
-    return found
+    return pieces

@@ -88,17 +88,17 @@ def aim(path: FloatArray, x: float, y: float, ahead_m: float) -> FloatArray:
         if off < nearest:
             nearest, foot = off, along[k] + share * np.sqrt(squared)
     xs, ys = path[:, 0], path[:, 1]
-    found = np.empty(3)
-    found[2] = whole
+    target = np.empty(3)
+    target[2] = whole
     s = foot + ahead_m
     if s <= whole:
-        found[0], found[1] = _at(s, along, xs), _at(s, along, ys)
-        return found
+        target[0], target[1] = _at(s, along, xs), _at(s, along, ys)
+        return target
     back = max(whole - 1.0, 0.0)
     back_x, back_y = _at(back, along, xs), _at(back, along, ys)
     share = (s - back) / (whole - back)
-    found[0], found[1] = back_x + share * (xs[-1] - back_x), back_y + share * (ys[-1] - back_y)
-    return found
+    target[0], target[1] = back_x + share * (xs[-1] - back_x), back_y + share * (ys[-1] - back_y)
+    return target
 
 
 @compiled(TABLE, TABLE, FLOATS, FLOATS, RULES)
@@ -114,15 +114,15 @@ def bounds(
         times_s: for which the others are placed. ends_s: of the bounds. rules: [1].
     """
     rule = rules[0]
-    found = np.full((others.shape[0], ends_s.shape[0]), np.inf)
+    limits = np.full((others.shape[0], ends_s.shape[0]), np.inf)
     places = _places(waypoints, rule["sample"])
     if places.shape[0] == 0:
-        return found
+        return limits
     blocked = np.empty(times_s.shape[0])
     for k in range(others.shape[0]):
         if _blocked(places, others[k], times_s, rule, blocked):
-            _bound(blocked, others[k], times_s, ends_s, rule, found[k])
-    return found
+            _bound(blocked, others[k], times_s, ends_s, rule, limits[k])
+    return limits
 
 
 @inner
@@ -183,7 +183,7 @@ def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: R
 
 @inner
 def _bound(
-    blocked: FloatArray, other: FloatArray, times_s: FloatArray, ends_s: FloatArray, rule: Record, found: FloatArray
+    blocked: FloatArray, other: FloatArray, times_s: FloatArray, ends_s: FloatArray, rule: Record, limits: FloatArray
 ) -> None:
     """Write how far along the ego may have come at the end of each step because of one of the others, m.
 
@@ -205,4 +205,4 @@ def _bound(
         if not near:
             # Beyond what is predicted it moves on along the way as fast as it moves ahead now.
             least = blocked[-1] + on_mps * (ends_s[k] - times_s[-1])
-        found[k] = max(least - rule["margin"], 0.0)
+        limits[k] = max(least - rule["margin"], 0.0)

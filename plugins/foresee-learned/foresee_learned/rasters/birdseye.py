@@ -153,6 +153,6 @@ class BirdsEye:
 
 def _velocity(speed_mps: FloatArray) -> NDArray[np.uint8]:
     # An absent actor (NaN) has no pixels, so the integers that its NaN becomes here are never used.
-    known = np.nan_to_num(speed_mps)
-    value: NDArray[np.uint8] = np.clip(np.rint(known * VELOCITY_PER_MPS) + VELOCITY_ZERO, 1, 255).astype(np.uint8)
+    finite = np.nan_to_num(speed_mps)
+    value: NDArray[np.uint8] = np.clip(np.rint(finite * VELOCITY_PER_MPS) + VELOCITY_ZERO, 1, 255).astype(np.uint8)
     return value

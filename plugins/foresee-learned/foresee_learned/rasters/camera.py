@@ -131,9 +131,9 @@ class Camera:
         if len(columns):
             at = nearest[columns]
             top, below = self._row(BUILDING_HEIGHT_M, at), self._row(0.0, at)
-            shown = (self._rows >= top) & (self._rows < below)
-            label[:, columns] = np.where(shown, np.uint8(_BUILDING), label[:, columns])
-            depth[:, columns] = np.where(shown, at, depth[:, columns])
+            visible = (self._rows >= top) & (self._rows < below)
+            label[:, columns] = np.where(visible, np.uint8(_BUILDING), label[:, columns])
+            depth[:, columns] = np.where(visible, at, depth[:, columns])
 
     def _draw_boxes(
         self,
@@ -167,9 +167,9 @@ class Camera:
             over = slice(max(int(top[k, across].min()), 0), max(int(below[k, across].max()), 0))
             rows, at = self._rows[over], entry[k, across]
             behind = depth[over, across]
-            shown = (rows >= top[k, across]) & (rows < below[k, across]) & (at < behind)
-            label[over, across][shown] = labels[box]
-            np.copyto(behind, at, where=shown, casting="same_kind")
+            visible = (rows >= top[k, across]) & (rows < below[k, across]) & (at < behind)
+            label[over, across][visible] = labels[box]
+            np.copyto(behind, at, where=visible, casting="same_kind")
 
     def _entered(
         self, boxes: FloatArray, ahead: FloatArray, left: FloatArray, turned: FloatArray
@@ -210,5 +210,5 @@ def _counter_clockwise(outline: Points) -> Points:
 def _stretch(middle: FloatArray, half: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the least and the greatest z with |step * z - middle| <= half, [K, W]."""
     safe = np.where(np.abs(step) < 1e-12, 1e-12, step)
-    one, other = (middle - half) / safe, (middle + half) / safe
-    return np.minimum(one, other), np.maximum(one, other)
+    first, other = (middle - half) / safe, (middle + half) / safe
+    return np.minimum(first, other), np.maximum(first, other)

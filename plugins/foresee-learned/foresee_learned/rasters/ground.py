@@ -119,10 +119,10 @@ class GroundMap:
             row[outside] = column[outside] = 0
         row *= width
         row += column
-        found: NDArray[np.uint8] = self.bits.reshape(-1)[row]
+        values: NDArray[np.uint8] = self.bits.reshape(-1)[row]
         if outside is not None:
-            found[outside] = 0
-        return found
+            values[outside] = 0
+        return values
 
     def _rings(self, shape: BaseGeometry) -> Iterator[FloatArray]:
         """Yield outlines and holes in the map's pixels, x right and y down."""

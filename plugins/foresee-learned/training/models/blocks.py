@@ -121,8 +121,8 @@ class Attention(nn.Module):
     def _of_one(self, queries: Tensor, tokens: Tensor) -> Tensor:
         """Return [Q, width] of one sample's [Q, width] and [T, width]: the heads as one operator of onnxruntime."""
         keys, values = self.key_value(tokens).chunk(2, 1)
-        asked = self.query(queries) * self.scale
-        mixed: Tensor = self.out(_Heads.apply(asked[None], keys[None], values[None], self.heads)[0])
+        scaled = self.query(queries) * self.scale
+        mixed: Tensor = self.out(_Heads.apply(scaled[None], keys[None], values[None], self.heads)[0])
         return mixed
 
 
@@ -200,11 +200,11 @@ class WaypointGru(nn.Module):
     def forward(self, features: Tensor, vector: Tensor) -> Tensor:
         """Return [B, count, 2] metres ahead and left."""
         hidden = torch.tanh(self.start(features))
-        given = self.goal(vector)
+        goal = self.goal(vector)
         place = torch.zeros_like(vector[:, :2])
         places = []
         for _ in range(self.count):
-            reset_in, update_in, new_in = (given + self.place(place)).chunk(3, 1)
+            reset_in, update_in, new_in = (goal + self.place(place)).chunk(3, 1)
             reset_state, update_state, new_state = self.state(hidden).chunk(3, 1)
             update = torch.sigmoid(update_in + update_state)
             new = torch.tanh(new_in + torch.sigmoid(reset_in + reset_state) * new_state)

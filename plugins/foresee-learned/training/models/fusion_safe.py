@@ -83,22 +83,22 @@ class FusionSafe(nn.Module):
         for layer in self.encoder:
             tokens = layer(tokens)
         tokens = self.norm(tokens)
-        asked = sample_of(self.queries.expand(vector.shape[0], -1, -1))
+        queries = sample_of(self.queries.expand(vector.shape[0], -1, -1))
         for layer in self.decoder:
-            asked = layer(asked, tokens)
-        asked = batch_of(self.asked(asked))
+            queries = layer(queries, tokens)
+        queries = batch_of(self.asked(queries))
         return FusionSafeAnswer(
-            self.waypoints(asked[:, 0], numbers),
+            self.waypoints(queries[:, 0], numbers),
             self._density(above, tokens),
-            self.stop_line(asked[:, 1]),
-            self.signal(asked[:, 2]),
+            self.stop_line(queries[:, 1]),
+            self.signal(queries[:, 2]),
         )
 
     def _density(self, above: Tensor, tokens: Tensor) -> Tensor:
         places = above[:, :, 2:14, 2:14].flatten(2).transpose(1, 2)
-        asked = sample_of(self.query_density(places) + self.places_density)
-        found = self.decoder_density(asked, tokens)
-        cells = batch_of(self.density(self.asked_density(found))).transpose(1, 2)
+        queries = sample_of(self.query_density(places) + self.places_density)
+        decoded = self.decoder_density(queries, tokens)
+        cells = batch_of(self.density(self.asked_density(decoded))).transpose(1, 2)
         return nn.functional.pixel_shuffle(cells.reshape(-1, 4 * len(DENSITY_CHANNELS), 12, 12), 2)
 
 

@@ -92,7 +92,7 @@ class Tally:
 
 
 def near_misses_of(trace: Trace) -> list[Event]:
-    """Return the events of a run in which the ego needed to brake hard for somebody."""
+    """Return the events of a run in which the ego needed to brake hard for an actor."""
     hard = np.zeros(trace.frames, np.bool_)
     for actor in range(1, len(trace.actors)):
         hard |= braking_needed(trace, actor) > NEAR_MISS_MPS2
@@ -101,13 +101,13 @@ def near_misses_of(trace: Trace) -> list[Event]:
 
 def events_of(frames: Iterable[int]) -> list[Event]:
     """Join frames that are near to each other."""
-    found: list[Event] = []
+    events: list[Event] = []
     for frame in sorted(frames):
-        if found and (frame - found[-1].last) * STEP_S <= APART_S:
-            found[-1] = Event(found[-1].first, frame)
+        if events and (frame - events[-1].last) * STEP_S <= APART_S:
+            events[-1] = Event(events[-1].first, frame)
         else:
-            found.append(Event(frame, frame))
-    return found
+            events.append(Event(frame, frame))
+    return events
 
 
 def _warns(segment: Segment, event: Event) -> bool:

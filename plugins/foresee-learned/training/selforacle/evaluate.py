@@ -51,7 +51,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--driver", default="pdm")
     parser.add_argument("--half", choices=list(HALVES), help="only test cases whose name's hash is even, or odd")
-    parser.add_argument("--every", type=int, default=1, help="only every so many of them")
+    parser.add_argument("--every", type=int, default=1, help="use only one in this number")
     parser.add_argument("--risky-points", type=int, default=1)
     parser.add_argument("--children", type=int, default=4)
     parser.add_argument("--jobs", type=int, default=1)
@@ -77,10 +77,15 @@ def main() -> None:
         threshold = watcher_of(ranker.name, options.driver).threshold
         segments = seen[ranker.name] = [ranker.within(_around(case)).segments(trace) for case, trace in passed]
         misses, children = Tally(), Tally()
-        for found, events, (moments, failing) in zip(segments, near, studied, strict=True):
-            misses.add(found, threshold, events)
-            children.add([s for s in found if _at_one_of(s, moments)], threshold, failing)
-        calm = [s.error > threshold for found, events in zip(segments, near, strict=True) if not events for s in found]
+        for run_segments, events, (moments, failing) in zip(segments, near, studied, strict=True):
+            misses.add(run_segments, threshold, events)
+            children.add([s for s in run_segments if _at_one_of(s, moments)], threshold, failing)
+        calm = [
+            s.error > threshold
+            for run_segments, events in zip(segments, near, strict=True)
+            if not events
+            for s in run_segments
+        ]
         _say(f"{ranker.name}, near misses: {misses.score()}")
         if results:
             _say(f"{ranker.name}, failures of children: {children.score()}")
@@ -114,7 +119,7 @@ def agreement(dense: Sequence[Sequence[Segment]], conv: Sequence[Sequence[Segmen
     for mine, other in zip(dense, conv, strict=True):
         if len(mine) > FIRST:
             alike.append(float(spearmanr([s.error for s in mine], [s.error for s in other]).statistic))
-            best = [sorted(found, key=lambda s: -s.error)[:FIRST] for found in (mine, other)]
+            best = [sorted(run_segments, key=lambda s: -s.error)[:FIRST] for run_segments in (mine, other)]
             common.append(len({s.first for s in best[0]} & {s.first for s in best[1]}) / FIRST)
             first += best[0][0].first == best[1][0].first
     return (

@@ -65,20 +65,22 @@ class _Graph:
 
     def layers(self, several: nn.Sequential, value: str) -> str:
         """Add layers, one after the other."""
-        for one in several:
-            value = self.layer(one, value)
+        for module in several:
+            value = self.layer(module, value)
         return value
 
-    def layer(self, one: nn.Module, value: str) -> str:
+    def layer(self, module: nn.Module, value: str) -> str:
         """Add a layer."""
-        match one:
+        match module:
             case nn.Linear():
-                weight = self.array(one.weight.detach().cpu().numpy().T.copy())
-                return self.add("Gemm", value, weight, self.array(one.bias.detach().cpu().numpy()))
+                weight = self.array(module.weight.detach().cpu().numpy().T.copy())
+                return self.add("Gemm", value, weight, self.array(module.bias.detach().cpu().numpy()))
             case nn.Conv2d() | nn.ConvTranspose2d():
-                kind = "Conv" if isinstance(one, nn.Conv2d) else "ConvTranspose"
-                weight, bias = (self.array(a.detach().cpu().numpy()) for a in (one.weight, one.bias))
-                return self.add(kind, value, weight, bias, strides=list(one.stride), pads=[*one.padding, *one.padding])
+                kind = "Conv" if isinstance(module, nn.Conv2d) else "ConvTranspose"
+                weight, bias = (self.array(a.detach().cpu().numpy()) for a in (module.weight, module.bias))
+                return self.add(
+                    kind, value, weight, bias, strides=list(module.stride), pads=[*module.padding, *module.padding]
+                )
             case nn.ReLU():
                 return self.add("Relu", value)
             case nn.Sigmoid():
@@ -86,6 +88,6 @@ class _Graph:
             case nn.Flatten():
                 return self.add("Flatten", value)
             case nn.Unflatten():
-                return self.add("Reshape", value, self.array(np.array([-1, *one.unflattened_size])))
+                return self.add("Reshape", value, self.array(np.array([-1, *module.unflattened_size])))
             case _:
-                raise TypeError(f"no such layer in a file: {one}")
+                raise TypeError(f"no such layer in a file: {module}")

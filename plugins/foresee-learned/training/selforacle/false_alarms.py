@@ -33,11 +33,11 @@ def main() -> None:
             continue
         rides += 1
         for kind, threshold in thresholds.items():
-            found = kind().within(ride.surroundings).segments(ride.result.trace)
-            alarms[kind] += sum(one.error > threshold for one in found)
-        segments += len(found)
-        told = ", ".join(f"{kind.name} {count / segments:.1%}" for kind, count in alarms.items())
-        print(f"{rides} rides, {segments} segments: {told}", flush=True)  # noqa: T201
+            ride_segments = kind().within(ride.surroundings).segments(ride.result.trace)
+            alarms[kind] += sum(segment.error > threshold for segment in ride_segments)
+        segments += len(ride_segments)
+        summary = ", ".join(f"{kind.name} {count / segments:.1%}" for kind, count in alarms.items())
+        print(f"{rides} rides, {segments} segments: {summary}", flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

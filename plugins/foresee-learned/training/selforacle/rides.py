@@ -1,7 +1,7 @@
-"""Nominal driving: a driver rides through the bundled town among ordinary traffic, where nobody does anything odd.
+"""Nominal drives: a driver drives through the bundled town in ordinary traffic, without unusual behaviour.
 
-A ride is a scenario on a random route with background traffic. It counts where the driver arrives and no braking
-harder than `NEAR_MISS_MPS2` was ever needed. Its pictures, twice a second, are what an autoencoder is trained on.
+A drive is a scenario on a random route with background traffic. It counts if the driver arrives and never needed to
+brake harder than `NEAR_MISS_MPS2`. The autoencoders are trained on its pictures, two per second.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class Pictures:
         return self.batches(every=max(len(self) // 20_000, 1))
 
     def batches(self, size: int = 512, every: int = 1) -> Iterator[Tensor]:
-        """Yield all pictures in batches, or every so many."""
+        """Yield all pictures, or each picture number divisible by `every`, in batches."""
         for which in torch.arange(0, len(self), every, device=self._classes.device).split(size):
             yield self.at(which)
 
@@ -98,17 +98,17 @@ def _thin(
     """Return the network with thin layers, and its errors; note how far they stray from the large network's."""
 
     def stray(name: str, small: Autoencoder) -> NDArray[np.float32]:
-        found = errors_of(small, pictures)
-        off = np.abs(found / errors - 1)
+        strayed = errors_of(small, pictures)
+        off = np.abs(strayed / errors - 1)
         about[f"strays_{name}"] = {
             "mean": float(off.mean()),
             "0.99": float(np.quantile(off, 0.99)),
             "most": float(off.max()),
         }
-        return found
+        return strayed
 
-    for tried in TRIED_RANKS:
-        stray(f"{tried[0]}_{tried[1]}", rounded(shrunk(network, pictures.some, *tried)))
+    for rank in TRIED_RANKS:
+        stray(f"{rank[0]}_{rank[1]}", rounded(shrunk(network, pictures.some, *rank)))
     small = shrunk(network, pictures.some, *ranks)
     for rate in POLISHING_RATES:
         order = trained_on[torch.randperm(len(trained_on), device=trained_on.device)]
@@ -135,7 +135,7 @@ def main() -> None:
     trained_on = torch.from_numpy(np.flatnonzero(rides.ride % HELD_OUT != 0)).to(device)
     print(f"{len(rides)} pictures, {len(trained_on)} to train on, on {device}", flush=True)  # noqa: T201
     options.out.mkdir(parents=True, exist_ok=True)
-    found: dict[str, NDArray[np.generic]] = {"ride": rides.ride, "segment": rides.segment}
+    arrays: dict[str, NDArray[np.generic]] = {"ride": rides.ride, "segment": rides.segment}
     about: dict[str, object] = {"pictures": len(rides), "trained_on": len(trained_on), "epochs": options.epochs,
                                 "batch": options.batch, "seed": options.seed}  # fmt: skip
     for name in options.networks:
@@ -143,16 +143,16 @@ def main() -> None:
         network = NETWORKS[name]().to(device)
         about[f"{name}_weights"] = sum(p.numel() for p in network.parameters())
         about[f"{name}_loss"] = train(network, pictures, trained_on, epochs=options.epochs, batch=options.batch)
-        found[name] = errors_of(network, pictures)
+        arrays[name] = errors_of(network, pictures)
         if name == "dense":
-            found["thin"], small = _thin(network, pictures, trained_on, tuple(options.ranks), about, found["dense"])
+            arrays["thin"], small = _thin(network, pictures, trained_on, tuple(options.ranks), about, arrays["dense"])
             write_onnx(small, options.out / f"selforacle_{options.driver}.onnx")
         else:
-            found[name] = errors_of(rounded(network), pictures)
+            arrays[name] = errors_of(rounded(network), pictures)
             write_onnx(network, options.out / f"selforacle_conv_{options.driver}.onnx")
     print(json.dumps(about, indent=1))  # noqa: T201
-    found["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
-    np.savez_compressed(options.out / f"training_{options.driver}.npz", **found)
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    np.savez_compressed(options.out / f"training_{options.driver}.npz", **arrays)
 
 
 if __name__ == "__main__":

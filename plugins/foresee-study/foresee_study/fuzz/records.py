@@ -182,7 +182,7 @@ class SeedFuzz:
 
     @property
     def worst(self) -> FuzzRun | None:
-        """Of those that pass, the parent that was chosen last: the worst drive that is no failure yet."""
+        """The last chosen parent among the passing drives: the worst drive without a failure."""
         chosen = [run for cycle in self.cycles for run in cycle.runs if run.number == cycle.chosen]
         return next((run for run in reversed(chosen) if run.verdict is Verdict.PASS), None)
 
@@ -234,13 +234,13 @@ class FuzzResult:
     @property
     def by_cycle(self) -> list[CycleMean]:
         """Of each cycle: how many seeds came to it, and the mean of their lowest scores."""
-        found = []
+        summaries = []
         for number in range(1, self.settings.cycles + 1):
             best = [cycle.best for seed in self.seeds for cycle in seed.cycles if cycle.number == number]
             failed = sum(1 for seed in self.seeds if seed.failed is not None and seed.failed.cycle == number)
             if best:
-                found.append(CycleMean(number, len(best), failed, sum(best) / len(best)))
-        return found
+                summaries.append(CycleMean(number, len(best), failed, sum(best) / len(best)))
+        return summaries
 
 
 @dataclass(frozen=True)

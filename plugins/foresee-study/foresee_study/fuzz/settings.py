@@ -31,7 +31,7 @@ its lane; DriveFuzz's linear cars point anywhere."""
 LINEAR_M, LINEAR_LEAST_M = 100.0, 10.0
 """Longest and shortest path of a vehicle that drives straight on, m (ours: it ends beside the road, or there)."""
 WALK_M = 30.0
-"""How far somebody walks straight on, m. Ours: over the widest street and onto its other sidewalk."""
+"""Length of a pedestrian's straight path, m. Ours: across the widest street and onto the other sidewalk."""
 ROAMS_S = 60.0
 """An actor that follows lanes or sidewalks has a way for this many seconds: the longest run without an `end`."""
 ROOM_M = 1.0

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 _CALLED = {Verdict.PASS: "passed", Verdict.INVALID: "impossible", Verdict.CRASH: "broke the driver"}
-"""How the headline calls what is no failure."""
+"""Names of outcomes other than failures in the headline."""
 
 
 class FuzzProgress(Listener):
@@ -71,25 +71,25 @@ class FuzzProgress(Listener):
 
 def print_fuzz(console: Console, result: FuzzResult, out: Path) -> None:
     """Print the failures, how the scores fell, and where the files are."""
-    tried = [seed for seed in result.seeds if seed.usable]
+    usable = [seed for seed in result.seeds if seed.usable]
     every = [run for seed in result.seeds for run in seed.every]
     counts = Counter(run.verdict for run in every)
-    told = ", ".join(f"{counts[kind]} {_CALLED.get(kind, kind.value)}" for kind in Verdict if counts[kind])
+    summary = ", ".join(f"{counts[kind]} {_CALLED.get(kind, kind.value)}" for kind in Verdict if counts[kind])
     style = "bold red" if result.failures else "bold green"
-    line = f"{counted(len(every), 'mutation')}: {told}" if every else "no mutation was run"
+    line = f"{counted(len(every), 'mutation')}: {summary}" if every else "no mutation was run"
     console.print(Text.assemble((f"{safe(result.settings.driver)}: ", "bold"), (line, style)), soft_wrap=True)
     for seed in result.seeds:
         _print_seed(console, seed, out)
     if result.by_cycle:
-        rows = [(one.cycle, one.seeds, one.failures, f"{one.mean_best:.2f}") for one in result.by_cycle]
+        rows = [(cycle.cycle, cycle.seeds, cycle.failures, f"{cycle.mean_best:.2f}") for cycle in result.by_cycle]
         console.print()
         console.print(plain_table(("cycle", "seeds", "failures", "mean lowest score"), rows))
     waiting = sum(seed.plain is None for seed in result.seeds)
-    aside = len(result.seeds) - len(tried) - waiting
+    aside = len(result.seeds) - len(usable) - waiting
     left_out = f", {counted(aside, 'does', 'do')} not pass unmutated" if aside else ""
     left_out += f", {counted(waiting, 'has', 'have')} not been driven yet" if waiting else ""
     console.print(
-        f"\n{result.failures} of {len(tried)} seeds fail after {len(every)} mutations{left_out}; "
+        f"\n{result.failures} of {len(usable)} seeds fail after {len(every)} mutations{left_out}; "
         f"{duration(result.simulated_s)} simulated in {duration(result.wall_s)}",
         soft_wrap=True,
     )

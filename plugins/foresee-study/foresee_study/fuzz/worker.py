@@ -55,19 +55,19 @@ def run_job(job: Job) -> Outcome:
     if not job.cycle:
         return _run(job, seed, "", "", started)
     parent = _case(job.seed, job.parent, job.folder)
-    refused, told = 0, "no mutation was possible"
+    refused, last_reason = 0, "no mutation was possible"
     while refused < s.TRIES:
         rng = _generator(job, refused)
         mutator = Mutator(parent, seed, lines_of(job.parent), compile_test_case(parent), rng)
         mutated = mutator.all_changes() if job.settings.together else mutator.one_change()
         if mutated is not None:
-            found = _tried(job, mutated, started)
-            if isinstance(found, Outcome):
-                return replace(found, refused=refused)
-            told = found
+            outcome = _tried(job, mutated, started)
+            if isinstance(outcome, Outcome):
+                return replace(outcome, refused=refused)
+            last_reason = outcome
         refused += 1
-    wall_s, reason = time.perf_counter() - started, f"invalid: {told}"
-    return Outcome("", told, Verdict.INVALID, "", reason, 0.0, 0.0, wall_s, Quality(), refused)
+    wall_s, reason = time.perf_counter() - started, f"invalid: {last_reason}"
+    return Outcome("", last_reason, Verdict.INVALID, "", reason, 0.0, 0.0, wall_s, Quality(), refused)
 
 
 def _tried(job: Job, mutated: Mutated, started: float) -> Outcome | str:
@@ -78,12 +78,12 @@ def _tried(job: Job, mutated: Mutated, started: float) -> Outcome | str:
         compile_test_case(case)
     except InputError as err:
         return err.diagnostics[0].message
-    found = _run(job, case, text, mutated.what, started)
-    if found.verdict is Verdict.INVALID:
-        return found.reason
-    if found.with_ in mutated.added and found.time_s < s.FIRST_S:
-        return f"{found.with_} was hit after {found.time_s:.2f} s, too early to be avoided"
-    return found
+    outcome = _run(job, case, text, mutated.what, started)
+    if outcome.verdict is Verdict.INVALID:
+        return outcome.reason
+    if outcome.with_ in mutated.added and outcome.time_s < s.FIRST_S:
+        return f"{outcome.with_} was hit after {outcome.time_s:.2f} s, too early to be avoided"
+    return outcome
 
 
 def _run(job: Job, case: TestCase, text: str, what: str, started: float) -> Outcome:

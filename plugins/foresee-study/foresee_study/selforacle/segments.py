@@ -11,8 +11,8 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.trace import Trace, X, Y
 
 _BACK, _ON = 3, 30
-"""The next waypoint is looked for among so many behind and ahead of the last one. Ours: 6 m and 60 m of route, so that
-a route that comes back to a place is not cut short there."""
+"""Numbers of waypoints behind and ahead of the last one among which the next one is searched. Ours: 6 m and 60 m of
+route, so that a route that comes back to a place is not cut short there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +39,12 @@ def segments_of(trace: Trace, frames: NDArray[np.intp], errors: FloatArray) -> l
     changes = np.flatnonzero(np.diff(passed)) + 1
     starts = np.concatenate(([0], changes))
     ends = np.concatenate((changes - 1, [trace.frames - 1]))
-    found = []
+    segments = []
     for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
         inside = (frames >= first) & (frames <= last)
         if inside.any():
-            found.append(Segment(first, last, float(errors[inside].mean())))
-    return found
+            segments.append(Segment(first, last, float(errors[inside].mean())))
+    return segments
 
 
 def waypoints_passed(trace: Trace) -> NDArray[np.intp]:

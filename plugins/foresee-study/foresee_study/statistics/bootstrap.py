@@ -1,4 +1,4 @@
-"""Intervals by bootstrap over test cases: all repetitions of a test case are drawn together."""
+"""Bootstrap intervals over test cases: all repetitions of a test case are resampled together."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from foresee_dsl.kernels.arrays import FloatArray
 
 RESAMPLES = 10_000
-"""Draws with replacement (ours: the ends of an interval then move by less than 1 % from seed to seed)."""
+"""Number of resamples (ours: the ends of an interval then vary by less than 1 % between seeds)."""
 SHARE = 0.95
 SEED = 20_26
-"""The seed of the draws: the same results give the same intervals."""
+"""Seed of the resamples: equal results give equal intervals."""
 
 
 class Interval(NamedTuple):
-    """The middle 95 % of what the resamples gave; NaN where too many have no value."""
+    """The middle 95 % of the resamples' values; NaN if too many have no value."""
 
     low: float
     high: float
@@ -33,12 +33,12 @@ def resampled_ratios(numerators: Sequence[float], denominators: Sequence[float])
     """Return the ratio of the sums in each resample of the test cases; infinite or NaN over a sum of 0."""
     weights = resamples(len(numerators))
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: FloatArray = (weights @ np.asarray(numerators, float)) / (weights @ np.asarray(denominators, float))
-    return found
+        ratios: FloatArray = (weights @ np.asarray(numerators, float)) / (weights @ np.asarray(denominators, float))
+    return ratios
 
 
 def resamples(count: int) -> FloatArray:
-    """Return how often each of so many test cases is drawn, a row a resample."""
+    """Return how often each of `count` test cases is drawn, one row per resample."""
     rng = np.random.default_rng(SEED)
     if not count:
         return np.zeros((RESAMPLES, 0))
@@ -47,8 +47,8 @@ def resamples(count: int) -> FloatArray:
 
 def percentiles(values: FloatArray) -> Interval:
     """Return the middle 95 % of the values; an infinite end is infinite, and NaN where a twentieth are NaN."""
-    known = np.sort(values[~np.isnan(values)])
-    if len(known) < 0.95 * len(values) or not len(known):
+    ordered = np.sort(values[~np.isnan(values)])
+    if len(ordered) < 0.95 * len(values) or not len(ordered):
         return Interval(math.nan, math.nan)
-    ends = [known[round(share * (len(known) - 1))] for share in ((1 - SHARE) / 2, (1 + SHARE) / 2)]
+    ends = [ordered[round(share * (len(ordered) - 1))] for share in ((1 - SHARE) / 2, (1 + SHARE) / 2)]
     return Interval(*map(float, ends))

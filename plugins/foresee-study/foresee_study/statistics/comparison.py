@@ -1,4 +1,4 @@
-"""Two techniques compared on the same units, with everything that a row of a table says of them; exact tests."""
+"""Compares two techniques on the same units, with all figures of a table's row; the tests are exact."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FEWEST_CASES = 6
 
 @dataclass(frozen=True)
 class Pair:
-    """One unit, a test case in one repetition: what each of two techniques counts there."""
+    """One unit, a test case in one repetition, with the counts of both techniques."""
 
     case: str
     repetition: int
@@ -29,7 +29,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class NotTested:
-    """Why there is no p value."""
+    """The reason why there is no p value."""
 
     reason: str
 
@@ -64,15 +64,15 @@ class Comparison:
 
     @property
     def change_percent(self) -> float:
-        """By how much the first is more than the second, %."""
+        """Difference of the first sum to the second, as a share of the second, %."""
         return (self.ratio - 1) * 100
 
 
 def compare(pairs: Sequence[Pair]) -> Comparison:
-    """Compare two techniques; fewer than six test cases are not tested, however many repetitions there are.
+    """Compare two techniques; with fewer than six test cases there is no test, regardless of the repetitions.
 
-    Repetitions of one test case are no independent units: three against three that are wholly apart give p = 0.10
-    exactly, and the normal approximation's 0.0495 is an artefact.
+    Repetitions of one test case are not independent units: three against three that do not overlap give exactly p =
+    0.10, and the normal approximation's 0.0495 is an artefact.
     """
     first, second = [p.first for p in pairs], [p.second for p in pairs]
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])

@@ -30,27 +30,27 @@ class Compared:
 
     heading: str
     label: str
-    found: Comparison
+    comparison: Comparison
 
 
 def comparison_table(name: str, title: str, compared: Sequence[Compared]) -> Table:
     """Return comparisons as a table; p values that there are get corrected together."""
-    ranks = _corrected([one.found.signed_rank for one in compared])
-    flips = _corrected([one.found.flips for one in compared])
+    ranks = _corrected([pair.comparison.signed_rank for pair in compared])
+    flips = _corrected([pair.comparison.flips for pair in compared])
     rows: list[Row] = []
     untested: Counter[str] = Counter()
     heading = None
-    for one, by_rank, by_flips in zip(compared, ranks, flips, strict=True):
-        if one.heading != heading:
-            rows.append(Row(one.heading, kind=RowKind.HEADING))
-        heading, found = one.heading, one.found
-        if isinstance(found.signed_rank, NotTested):
-            untested[found.signed_rank.reason] += 1
+    for pair, by_rank, by_flips in zip(compared, ranks, flips, strict=True):
+        if pair.heading != heading:
+            rows.append(Row(pair.heading, kind=RowKind.HEADING))
+        heading, comparison = pair.heading, pair.comparison
+        if isinstance(comparison.signed_rank, NotTested):
+            untested[comparison.signed_rank.reason] += 1
         rows.append(
-            Row(one.label, (
-                found.first, found.second, found.change_percent, found.ratio, *found.interval, found.a12,
-                a12_size(found.a12), found.d, _p(found.signed_rank), by_rank, _p(found.flips), by_flips, found.pairs,
-                found.cases,
+            Row(pair.label, (
+                comparison.first, comparison.second, comparison.change_percent, comparison.ratio, *comparison.interval,
+                comparison.a12, a12_size(comparison.a12), comparison.d, _p(comparison.signed_rank), by_rank,
+                _p(comparison.flips), by_flips, comparison.pairs, comparison.cases,
             ))
         )  # fmt: skip
     notes = (f"Not tested ({count} of {len(compared)} rows): {reason}." for reason, count in untested.items())

@@ -1,4 +1,4 @@
-"""rq4: failing test cases that DriveFuzz and the forecast add, over two iterations."""
+"""The tables of rq4: failing test cases that DriveFuzz and the forecast add, over two iterations."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from foresee_study.tables.table import Column, Row, RowKind, Table, Value, famil
 
 @dataclass(frozen=True)
 class Iteration:
-    """One iteration of one repetition: what was run, and who found what."""
+    """One iteration of one repetition: the runs of both techniques, and the failing test cases of each."""
 
     fuzzing: Fuzzed
     forecast: Measured
-    found: Split
+    split: Split
 
     @property
-    def asked(self) -> Measured:
-        """Return the forecast on the test cases that it is asked about: those that DriveFuzz did not make fail."""
-        return self.forecast.only(self.found.left | self.found.forecast)
+    def forecast_on_rest(self) -> Measured:
+        """The forecast on the test cases in which DriveFuzz found no failure."""
+        return self.forecast.only(self.split.left | self.split.forecast)
 
     @property
     def failing_children(self) -> int:
-        """Return how many children of those fail."""
-        return sum(child.verdict.is_failure for child in self.asked.children_run)
+        """Number of failing children of these test cases."""
+        return sum(child.verdict.is_failure for child in self.forecast_on_rest.children_run)
 
 
 def iterations(results: Results, driver: str) -> tuple[tuple[Iteration, Iteration], ...]:
@@ -45,7 +45,7 @@ def iterations(results: Results, driver: str) -> tuple[tuple[Iteration, Iteratio
             if forecast is None or fuzzing is None:
                 break
             both.append(Iteration(fuzzing, forecast, split(names, fuzzing, forecast)))
-            names = list(both[-1].found.left)
+            names = list(both[-1].split.left)
         if len(both) == 2:
             done.append((both[0], both[1]))
     return tuple(done)
@@ -88,8 +88,8 @@ def _numbers(done: tuple[tuple[Iteration, Iteration], ...], family: str) -> Iter
     names = frozenset(case.name for m in firsts for case in m.cases if case.family == family)
     yield mean(sum(case.verdict.is_failure for case in m.cases if case.family == family) for m in firsts)
     for k in (0, 1):
-        yield mean(len(both[k].found.fuzzed & names) for both in done)
-        yield mean(len(both[k].found.forecast & names) for both in done)
+        yield mean(len(both[k].split.fuzzed & names) for both in done)
+        yield mean(len(both[k].split.forecast & names) for both in done)
 
 
 def _with_shares(line: tuple[float | None, ...]) -> tuple[Value, ...]:
@@ -115,27 +115,28 @@ def _costs(results: Results) -> Table:
     for driver in results.drivers:
         lines = []
         for k, number in enumerate(("Iteration 1", "Iteration 2")):
-            found = [both[k] for both in iterations(results, driver)]
-            if found:
-                lines.append(Row(number, tuple(_cost(found))))
+            own = [both[k] for both in iterations(results, driver)]
+            if own:
+                lines.append(Row(number, tuple(_cost(own))))
         if lines:
             rows += [Row(driver, kind=RowKind.HEADING), *lines]
     note = "Of foresee the clips and children of the test cases that it was asked about. Means of the repetitions."
     return Table("rq4_costs", "RQ4: what it cost", columns, tuple(rows), notes=(note,))
 
 
-def _cost(found: list[Iteration]) -> Iterator[Value]:
-    asked = [one.asked for one in found]
+def _cost(repetitions: list[Iteration]) -> Iterator[Value]:
+    forecasts = [iteration.forecast_on_rest for iteration in repetitions]
     sides = (
-        ([sum(s.runs for s in one.fuzzing.seeds) for one in found],
-         [sum(s.simulated_s for s in one.fuzzing.seeds) for one in found], [len(one.found.fuzzed) for one in found]),
-        ([m.clips + len(m.children_run) for m in asked], [m.simulated_s for m in asked],
-         [len(one.found.forecast) for one in found]),
+        ([sum(s.runs for s in iteration.fuzzing.seeds) for iteration in repetitions],
+         [sum(s.simulated_s for s in iteration.fuzzing.seeds) for iteration in repetitions],
+         [len(iteration.split.fuzzed) for iteration in repetitions]),
+        ([m.clips + len(m.children_run) for m in forecasts], [m.simulated_s for m in forecasts],
+         [len(iteration.split.forecast) for iteration in repetitions]),
     )  # fmt: skip
     for runs, seconds, failing in sides:
         hours = sum(seconds) / 3600
         yield mean(runs)
-        yield hours / len(found)
+        yield hours / len(repetitions)
         yield mean(failing)
         yield sum(failing) / hours if hours else None
-    yield mean(one.failing_children for one in found)
+    yield mean(iteration.failing_children for iteration in repetitions)

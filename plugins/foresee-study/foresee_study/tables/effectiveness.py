@@ -63,8 +63,8 @@ def _configurations(results: Results, driver: str, family: str, clip_s: float) -
     yield mean(m.count(Counted.COLLISIONS) for m in results.of_campaign(driver, EXHAUSTIVE, clip_s, family=family))
 
 
-def _pair(found: tuple[Measured, ...]) -> tuple[float | None, float | None]:
-    return mean(m.clips for m in found), mean(m.count(Counted.COLLISIONS) for m in found)
+def _pair(campaigns: tuple[Measured, ...]) -> tuple[float | None, float | None]:
+    return mean(m.clips for m in campaigns), mean(m.count(Counted.COLLISIONS) for m in campaigns)
 
 
 def _ranking(results: Results, clip_s: float) -> Table:
@@ -103,9 +103,9 @@ def _rates(results: Results) -> Table:
         lines = []
         for ranker in ("foresee", "proximity"):
             for n in POINTS:
-                found = results.of_campaign(driver, ranker, clip_s, points=n)
-                if found:
-                    lines.append(Row(f"{ranker}, n_rp {n}", tuple(_shares(found, everything))))
+                campaigns = results.of_campaign(driver, ranker, clip_s, points=n)
+                if campaigns:
+                    lines.append(Row(f"{ranker}, n_rp {n}", tuple(_shares(campaigns, everything))))
         if everything:
             lines.append(Row("exhaustive", tuple(_shares(everything, everything))))
         if lines:
@@ -118,10 +118,10 @@ def _rates(results: Results) -> Table:
                  tuple(rows), "ranking", (note,))  # fmt: skip
 
 
-def _shares(found: tuple[Measured, ...], everything: tuple[Measured, ...]) -> Iterator[Value]:
-    points = mean(m.clips for m in found)
+def _shares(campaigns: tuple[Measured, ...], everything: tuple[Measured, ...]) -> Iterator[Value]:
+    points = mean(m.clips for m in campaigns)
     for what in Counted:
-        number = mean_count(found, what)
+        number = mean_count(campaigns, what)
         most = mean_count(everything, what)
         yield number
         yield number / points if points and number is not None else None

@@ -39,13 +39,13 @@ def _an_hour(results: Results, clock: Clock) -> Table:
         slowest = _rate(everything, Counted.COLLISIONS, clock)
         lines = []
         for ranker in (*shown_rankers(results), EXHAUSTIVE):
-            found = results.of_campaign(driver, ranker, clip_s)
-            if not found:
+            campaigns = results.of_campaign(driver, ranker, clip_s)
+            if not campaigns:
                 continue
-            rates = [_rate(found, what, clock) for what in Counted]
+            rates = [_rate(campaigns, what, clock) for what in Counted]
             more = 100 * (rates[0] / slowest - 1) if slowest and rates[0] is not None and ranker != EXHAUSTIVE else None
-            hours = mean(clock.of(m) / 3600 for m in found)
-            lines.append(Row(ranker, (mean(m.count(Counted.COLLISIONS) for m in found), hours, *rates, more)))
+            hours = mean(clock.of(m) / 3600 for m in campaigns)
+            lines.append(Row(ranker, (mean(m.count(Counted.COLLISIONS) for m in campaigns), hours, *rates, more)))
         if lines and (clip_s == CHOSEN_S or everything):
             rows += [Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING), *lines]
     note = "Time of clips and children, without the test cases' own runs; wall time is that of one core."
@@ -53,9 +53,9 @@ def _an_hour(results: Results, clock: Clock) -> Table:
                  (note,))  # fmt: skip
 
 
-def _rate(found: tuple[Measured, ...], what: Counted, clock: Clock) -> float | None:
-    hours = mean(clock.of(m) / 3600 for m in found)
-    number = mean_count(found, what)
+def _rate(campaigns: tuple[Measured, ...], what: Counted, clock: Clock) -> float | None:
+    hours = mean(clock.of(m) / 3600 for m in campaigns)
+    number = mean_count(campaigns, what)
     return number / hours if hours and number is not None else None
 
 
@@ -77,12 +77,12 @@ def _areas(results: Results, clock: Clock) -> Table:
             sides = paired(own, theirs)
             if not sides[0]:
                 continue
-            found, later = compared_areas(*sides, clock)
+            areas, later = compared_areas(*sides, clock)
             curves = [[curve(m, clock) for m in side] for side in sides]
-            read = [mean(one.at(share * found.end_s) for one in side) for side in curves for share in SHARES]
+            read = [mean(line.at(share * areas.end_s) for line in side) for side in curves for share in SHARES]
             lines.append(
                 Row(f"against {other}", (
-                    found.first, found.second, found.ratio, *found.interval, found.end_s / 3600, later.ratio, *read,
+                    areas.first, areas.second, areas.ratio, *areas.interval, areas.end_s / 3600, later.ratio, *read,
                 ))
             )  # fmt: skip
         if lines:

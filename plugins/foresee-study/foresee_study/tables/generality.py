@@ -37,16 +37,16 @@ def _towns(results: Results) -> Table:
 
 def _of_group(results: Results, group: str) -> Iterator[Row]:
     for driver in results.drivers:
-        found = results.of_campaign(driver, "foresee", group=group)
-        if found:
-            yield Row(driver, tuple(_counts(found)))
+        campaigns = results.of_campaign(driver, "foresee", group=group)
+        if campaigns:
+            yield Row(driver, tuple(_counts(campaigns)))
 
 
 def _weather(results: Results) -> Table:
     rows = [
-        Row(driver, tuple(_counts(found)))
+        Row(driver, tuple(_counts(campaigns)))
         for driver in results.drivers
-        if (found := results.of_campaign(driver, "foresee", preset=HEAVY_WEATHER))
+        if (campaigns := results.of_campaign(driver, "foresee", preset=HEAVY_WEATHER))
     ]
     if len(rows) > 1:
         sums: list[Value] = [total(_number(row.values[k]) for row in rows) for k in range(len(_COLUMNS) - 1)]
@@ -64,12 +64,12 @@ def _number(value: Value) -> float | None:
     return None if value is None or isinstance(value, str) else float(value)
 
 
-def _counts(found: tuple[Measured, ...]) -> Iterator[Value]:
-    children = mean(len(m.children_run) for m in found)
-    collided = mean(m.count(Counted.COLLISIONS) for m in found)
+def _counts(campaigns: tuple[Measured, ...]) -> Iterator[Value]:
+    children = mean(len(m.children_run) for m in campaigns)
+    collided = mean(m.count(Counted.COLLISIONS) for m in campaigns)
     yield children
-    yield from (mean(m.of_verdict(kind) for m in found) for kind in FAILURES)
-    yield mean(sum(m.of_verdict(kind) for kind in FAILURES) for m in found)
-    yield mean(m.count(Counted.FINDINGS) for m in found)
-    yield mean(m.count(Counted.AVOIDABLE) for m in found)
+    yield from (mean(m.of_verdict(kind) for m in campaigns) for kind in FAILURES)
+    yield mean(sum(m.of_verdict(kind) for kind in FAILURES) for m in campaigns)
+    yield mean(m.count(Counted.FINDINGS) for m in campaigns)
+    yield mean(m.count(Counted.AVOIDABLE) for m in campaigns)
     yield 100 * collided / children if children and collided is not None else None

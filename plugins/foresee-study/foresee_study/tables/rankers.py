@@ -51,8 +51,8 @@ def _kinds(results: Results, driver: str, family: str, rankers: tuple[str, ...])
     own = results.of_campaign(driver, "foresee", family=family)
     yield mean(len(m.children_run) for m in own)
     for ranker in rankers:
-        found = results.of_campaign(driver, ranker, family=family)
-        numbers = {kind: mean(m.of_verdict(kind) for m in found) for kind in FAILURES}
+        campaigns = results.of_campaign(driver, ranker, family=family)
+        numbers = {kind: mean(m.of_verdict(kind) for m in campaigns) for kind in FAILURES}
         yield from (numbers[kind] for kind in COLLISIONS)
         yield total(numbers[kind] for kind in COLLISIONS)
         yield numbers[Verdict.STUCK]
@@ -88,9 +88,9 @@ def _counted(results: Results) -> Table:
     rows: list[Row] = []
     for driver in results.drivers:
         lines = [
-            Row(ranker, tuple(_totals(found)))
+            Row(ranker, tuple(_totals(campaigns)))
             for ranker in shown_rankers(results)
-            if (found := results.of_campaign(driver, ranker))
+            if (campaigns := results.of_campaign(driver, ranker))
         ]
         if lines:
             rows += [Row(driver, kind=RowKind.HEADING), *lines]
@@ -98,16 +98,16 @@ def _counted(results: Results) -> Table:
     return Table("rq2_totals", "RQ2: what each ranker gives", columns, tuple(rows), "ranker", (note,))
 
 
-def _totals(found: tuple[Measured, ...]) -> Iterator[float | None]:
-    clips = mean(m.clips for m in found)
-    numbers = {what: mean(m.count(what) for m in found) for what in Counted}
+def _totals(campaigns: tuple[Measured, ...]) -> Iterator[float | None]:
+    clips = mean(m.clips for m in campaigns)
+    numbers = {what: mean(m.count(what) for m in campaigns) for what in Counted}
     yield clips
-    yield mean(len(m.children_run) for m in found)
+    yield mean(len(m.children_run) for m in campaigns)
     yield from numbers.values()
     yield from (n / clips if clips and n is not None else None for n in numbers.values())
     stories, avoidable = numbers[Counted.FINDINGS], numbers[Counted.AVOIDABLE]
     yield 100 * avoidable / stories if stories and avoidable is not None else None
-    yield from (mean(avoided(m, who) for m in found) for who in AVOIDERS)
+    yield from (mean(avoided(m, who) for m in campaigns) for who in AVOIDERS)
 
 
 def _statistics(results: Results) -> Table:

@@ -1,4 +1,4 @@
-"""A table: values with columns in groups, which the terminal, Markdown, CSV and LaTeX show alike."""
+"""A table of values with groups of columns, which the terminal, Markdown, CSV and LaTeX all show."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from foresee_dsl.files import templates
 from foresee_study.results import total
 
 PAGE_WIDTH = 120
-"""Characters that a page shows beside each other. Ours: what a code host's page shows without a scroll bar."""
+"""Maximum width of a table on a page, characters. Ours: what a code host's page shows without a scroll bar."""
 Value = str | int | float | None
 
 
@@ -32,7 +32,7 @@ class Column:
     """A column.
 
     Attributes:
-        title: its own heading. groups: those above it, from the outermost. digits: behind the point, at most.
+        title: its own heading. groups: headings above it, from the outermost. digits: maximum number of decimals.
     """
 
     title: str
@@ -45,7 +45,7 @@ class Column:
         return ", ".join(part for part in (*self.groups, self.title) if part)
 
     def text(self, value: Value) -> str:
-        """Return a value as it is shown: a dash where there is none, no zeros at the end."""
+        """Return a value as text: a dash without a value, and without trailing zeros."""
         if value is None:
             return "-"
         if not isinstance(value, float):
@@ -54,9 +54,9 @@ class Column:
             return "-"
         if math.isinf(value):
             return "inf" if value > 0 else "-inf"
-        shown = f"{value:.{self.digits}f}"
-        shown = shown.rstrip("0").rstrip(".") if "." in shown else shown
-        return "0" if shown in ("-0", "") else shown
+        text = f"{value:.{self.digits}f}"
+        text = text.rstrip("0").rstrip(".") if "." in text else text
+        return "0" if text in ("-0", "") else text
 
 
 @dataclass(frozen=True)
@@ -72,11 +72,11 @@ def family_rows(
     heading: str,
     families: Sequence[str],
     lines: Sequence[Sequence[float | None]],
-    shown: Callable[[tuple[float | None, ...]], tuple[Value, ...]] = tuple,
+    values_of: Callable[[tuple[float | None, ...]], tuple[Value, ...]] = tuple,
 ) -> list[Row]:
-    """Return a heading, a row for each family, and their sum. `shown`: makes the row's values of a line."""
-    rows = [Row(f"Scenario{f}", shown(tuple(line))) for f, line in zip(families, lines, strict=True)]
-    sums = shown(tuple(map(total, zip(*lines, strict=True))))
+    """Return a heading, a row for each family, and their sum; `values_of`: returns the row's values from a line."""
+    rows = [Row(f"Scenario{f}", values_of(tuple(line))) for f, line in zip(families, lines, strict=True)]
+    sums = values_of(tuple(map(total, zip(*lines, strict=True))))
     return [Row(heading, kind=RowKind.HEADING), *rows, Row("Σ", sums, RowKind.SUM)]
 
 
@@ -116,8 +116,8 @@ class Table:
         depth = max((len(column.groups) for column in self.columns), default=0)
         return tuple(
             tuple(
-                (key[-1] if key else "", len(list(found)))
-                for key, found in groupby(self.columns, key=lambda column, level=level: column.groups[: level + 1])  # type: ignore[misc]
+                (key[-1] if key else "", len(list(group)))
+                for key, group in groupby(self.columns, key=lambda column, level=level: column.groups[: level + 1])  # type: ignore[misc]
             )
             for level in range(depth)
         )
@@ -159,8 +159,8 @@ class Table:
         return tuple(ShownRow(row.label, row.kind, self.texts(row)) for row in self.rows)
 
     def parts(self, width: int, *, gap: int = 1, wraps: bool = False) -> tuple[Table, ...]:
-        """Return the table as several where it is wider than so many characters: groups of columns are kept together,
-        and a part with one group alone has it in its title. The notes are below the last part.
+        """Return the table split into parts of at most `width` characters: groups of columns stay together, and a part
+        with only one group has it in its title. The notes are below the last part.
 
         Args:
             gap: characters between columns. wraps: whether headings are wrapped between words, as a page does it.
@@ -168,8 +168,8 @@ class Table:
         labels = max(map(len, (self.first, *(row.label for row in self.rows))))
         parts: list[list[int]] = [[]]
         left = width - labels
-        for _, found in groupby(range(len(self.columns)), key=lambda k: self.columns[k].groups[:1] or k):
-            group = list(found)
+        for _, indices in groupby(range(len(self.columns)), key=lambda k: self.columns[k].groups[:1] or k):
+            group = list(indices)
             needed = sum(gap + self._width(k, wraps=wraps) for k in group)
             if parts[-1] and needed > left:
                 parts.append([])
@@ -228,29 +228,29 @@ class Table:
 
     def as_latex(self) -> str:
         """Return the table as LaTeX, as the paper sets its tables: booktabs, groups over their columns."""
-        made = templates(str(Path(__file__).parents[1] / "templates"), markup=False)
-        made.filters["tex"] = _escaped
-        return made.get_template("table.tex.j2").render(table=self, rules=tuple(self._rules()))
+        environment = templates(str(Path(__file__).parents[1] / "templates"), markup=False)
+        environment.filters["tex"] = _escaped
+        return environment.get_template("table.tex.j2").render(table=self, rules=tuple(self._rules()))
 
     def _rules(self) -> Iterator[tuple[tuple[int, int], ...]]:
         """Yield the first and last column under each group, a tuple a line; the labels are column 1."""
         for line in self.spans:
-            at, found = 2, []
+            at, rules = 2, []
             for title, width in line:
                 if title:
-                    found.append((at, at + width - 1))
+                    rules.append((at, at + width - 1))
                 at += width
-            yield tuple(found)
+            yield tuple(rules)
 
 
 def _sections(rows: Sequence[Row]) -> list[list[Row]]:
     """Divide rows before each heading."""
-    found: list[list[Row]] = []
+    sections: list[list[Row]] = []
     for row in rows:
-        if not found or row.kind is RowKind.HEADING:
-            found.append([])
-        found[-1].append(row)
-    return found
+        if not sections or row.kind is RowKind.HEADING:
+            sections.append([])
+        sections[-1].append(row)
+    return sections
 
 
 def _known(row: Row) -> bool:
