@@ -1,4 +1,4 @@
-"""What `change X.Y: WAS => NOW` may change: how each property is read and written, and which values it takes."""
+"""Applies `change X.Y: WAS => NOW`: reads and writes each property, and checks its values."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ def changed_body(
     place: str = "the clip",
     parameters: Container[str] = (),
 ) -> tuple[m.ScenarioItem, ...]:
-    """Return a scenario's statements with one `change` line applied; every other one is the same object.
+    """Return a scenario's statements with one `change` line applied; all other statements are the same objects.
 
-    Where nothing has that name, a WAS is not so or a NOW does not fit, `findings` takes the error, and the statements
-    come back as they were.
+    If the name is unknown, WAS is not the present value or NOW does not fit, `findings` gets the error and the
+    statements come back unchanged.
 
-    `models`: every model that may be named; None where another checks them. `place`: what is changed, in words.
-    `parameters`: their names, where NOW may be one.
+    `models`: every model that may be named; None if the caller checks models. `place`: the changed file, in words.
+    `parameters`: the names that NOW may refer to.
     """
     named = isinstance(change.now, str) and change.now in parameters
     now: _Value = m.Ref(name=str(change.now)) if named else change.now
@@ -83,12 +83,12 @@ def weakened(before: tuple[m.ScenarioItem, ...], after: tuple[m.ScenarioItem, ..
 
 
 def value_of(actor: Participant, name: str) -> _Value | None:
-    """Return what a property of an actor (one of `PROPERTIES`) is before any change; None where it has none."""
+    """Return an actor's value of a property (one of `PROPERTIES`) before any change; None if it has no value."""
     return _had(actor, name, m.PROPERTIES[name])
 
 
 class _RefusedError(Exception):
-    """A change that cannot be made: which of its fields is at fault, and why."""
+    """A change that cannot be applied: the wrong field of the change, and the reason."""
 
     def __init__(self, field: str, code: str, message: str, help: HelpText = "") -> None:
         super().__init__(message)
@@ -100,12 +100,12 @@ def _label(change: m.Change) -> str:
 
 
 def _mixed(now: m.Expression, body: tuple[m.ScenarioItem, ...]) -> tuple[str, HelpText] | None:
-    """Return what is wrong with the dimensions of an expression: message and help."""
+    """Return the message and the help if the dimensions of an expression do not fit; otherwise None."""
     from foresee_dsl.language.arithmetic.dimensions import Dimensions
 
     dimensions = Dimensions({item.name: item.type for item in body if isinstance(item, m.Param)})
     dimensions.of(now)
-    return next(((found.message, found.help) for found in dimensions.mismatches), None)
+    return next(((mismatch.message, mismatch.help) for mismatch in dimensions.mismatches), None)
 
 
 def _check_was(change: m.Change, has: _Value, place: str) -> None:
@@ -127,7 +127,7 @@ def _of_actor(
     actors = {item.name: item for item in body if isinstance(item, m.Ego | m.Actor)}
     if change.actor not in actors:
         help = did_you_mean(change.actor, actors)
-        raise _RefusedError("actor", UNKNOWN_ACTOR, f"no actor '{change.actor}'", help)
+        raise _RefusedError("actor", UNKNOWN_ACTOR, f"there is no actor '{change.actor}'", help)
     actor, rule = actors[change.actor], m.PROPERTIES.get(change.property)
     if rule is None:
         help = did_you_mean(change.property, m.PROPERTIES)
@@ -138,7 +138,7 @@ def _of_actor(
     has = _had(actor, change.property, rule)
     if has is None:
         message = f"{actor.name} has no {change.property} that could change"
-        help = f"write its statement anew: `change {actor.kind} {actor.name}: ...`" if models is None else ""
+        help = f"replace its whole statement: `change {actor.kind} {actor.name}: ...`" if models is None else ""
         raise _RefusedError("property", BAD_CHANGE, message, help)
     _check_was(change, has, place)
     if isinstance(now, m.Quantity) and change.property != "model" and not rule.accepts(now.si):
@@ -147,7 +147,7 @@ def _of_actor(
 
 
 def _at_its_own_pace(actor: Participant, was: m.VehicleModel | None, now: m.VehicleModel | None) -> Participant:
-    """Return a clip's actor whose model was swapped with the cruise speed that the new model makes of the old one.
+    """Return a clip's actor, after a change of model, with a cruise speed in proportion to the new model's.
 
     A clip states every actor's cruise speed, which its model determined: a pedestrian who walked 10 % faster than the
     old model's cruise speed walks 10 % faster than the new one's, at most at the new model's top speed. A scenario
@@ -165,17 +165,17 @@ def _at_its_own_pace(actor: Participant, was: m.VehicleModel | None, now: m.Vehi
     return _replaced(actor, m.CruiseSpeed(speed=m.Quantity.of(wanted, "speed", 4)))
 
 
-# ---- what is no actor's ---------------------------------------------------------------------------------------------
+# ---- statements other than actors -----------------------------------------------------------------------------------
 
 
 def _of_scenario(
     change: m.Change, now: _Value, body: tuple[m.ScenarioItem, ...], place: str
 ) -> tuple[m.ScenarioItem | None, m.ScenarioItem]:
-    """Return a statement before (None: there was none) and after a change."""
-    found = _owner(change, body)
-    if found is None and change.actor != "weather":
+    """Return a statement before a change (None if the change adds it) and after it."""
+    item = _owner(change, body)
+    if item is None and change.actor != "weather":
         raise _not_there(change, body, place)
-    has = _read(change, found)
+    has = _read(change, item)
     if has is None:
         message = f"'{change.property}' does not compare with one single value"
         help = f"write it anew in a scenario that extends this one: `change expect {change.property}: ...`"
@@ -187,15 +187,15 @@ def _of_scenario(
     if isinstance(has, m.Quantity | str) and isinstance(now, m.Quantity | str) and not same_kind(has, now):
         message = f"{_label(change)} is {value_text(has)}, so it cannot be {value_text(now)}"
         raise _RefusedError("now", BAD_CHANGE, message, "give it a value of the same kind")
-    return found, _written(change, now, found)
+    return item, _written(change, now, item)
 
 
 def _not_there(change: m.Change, body: tuple[m.ScenarioItem, ...], place: str) -> _RefusedError:
     if change.actor == "end":
         return _RefusedError("property", NOT_IN_PARENT, f"{place} has no `end`", "write " + write("add end after 60 s"))
     if change.actor == "param":
-        known = [item.name for item in body if isinstance(item, m.Param)]
-        help = did_you_mean(change.property, known) or "it has no parameters"
+        names = [item.name for item in body if isinstance(item, m.Param)]
+        help = did_you_mean(change.property, names) or "it has no parameters"
         return _RefusedError("property", NOT_IN_PARENT, f"{place} has no parameter '{change.property}'", help)
     named = [item.name for item in body if isinstance(item, m.Expect) and item.name is not None]
     help = did_you_mean(change.property, named) or "give it a name where it stands: `expect safe: ...`"
@@ -212,35 +212,35 @@ def _owner(change: m.Change, body: tuple[m.ScenarioItem, ...]) -> m.ScenarioItem
     return None
 
 
-def _read(change: m.Change, found: m.ScenarioItem | None) -> _Value | None:
-    if isinstance(found, m.Expect):
-        compared = [part for part in parts(found.condition) if isinstance(part, m.Comparison)]
+def _read(change: m.Change, item: m.ScenarioItem | None) -> _Value | None:
+    if isinstance(item, m.Expect):
+        compared = [part for part in parts(item.condition) if isinstance(part, m.Comparison)]
         return compared[0].right if len(compared) == 1 else None
-    has: _Value | None = getattr(found, _field(change), None)
+    has: _Value | None = getattr(item, _field(change), None)
     return has if has is not None else m.Quantity(value=Decimal(0))
 
 
-def _written(change: m.Change, now: _Value, found: m.ScenarioItem | None) -> m.ScenarioItem:
-    if found is None:
+def _written(change: m.Change, now: _Value, item: m.ScenarioItem | None) -> m.ScenarioItem:
+    if item is None:
         return m.Weather.model_validate({change.property: now})
-    if isinstance(found, m.Expect):
-        new = mapped(found.condition, lambda part: _with(part, right=now) if isinstance(part, m.Comparison) else part)
-        return _with(found, condition=new)
-    return _with(found, **{_field(change): now})
+    if isinstance(item, m.Expect):
+        new = mapped(item.condition, lambda part: _with(part, right=now) if isinstance(part, m.Comparison) else part)
+        return _with(item, condition=new)
+    return _with(item, **{_field(change): now})
 
 
 def _field(change: m.Change) -> str:
-    """The field of the statement, other than an expectation, whose value a change replaces."""
+    """Return the field of a statement, other than an expectation, that a change replaces."""
     return {"param": "default", "end": "after"}.get(change.actor, change.property)
 
 
 def _with(item: _ItemT, /, **fields: object) -> _ItemT:
-    """Copy with other fields, validated (`model_copy` does not validate)."""
+    """Return a validated copy with other fields (`model_copy` does not validate)."""
     same = {name: getattr(item, name) for name in type(item).model_fields}
     return type(item).model_validate(same | fields)
 
 
-# ---- what is an actor's ---------------------------------------------------------------------------------------------
+# ---- actors ---------------------------------------------------------------------------------------------------------
 
 
 def _item_of(actor: Participant, kind: type[_T]) -> _T | None:
@@ -252,16 +252,16 @@ def _replaced(actor: Participant, item: m.ActorItem) -> Participant:
 
 
 def _had(actor: Participant, name: str, rule: m.Property) -> _Value | None:
-    """Return what an actor's property is before a change; None where it has none."""
+    """Return the value of an actor's property before a change; None if it has no value."""
     if rule.statement is None:
         return _value(getattr(actor, name))
     if name == "speed" and actor.state is not None:
         return _value(actor.state.speed)
     kind, field = rule.statement
-    found = _item_of(actor, kind)
-    if rule.words and found is None:
+    item = _item_of(actor, kind)
+    if rule.words and item is None:
         return rule.words[0]
-    return _value(getattr(found, field)) if found is not None else rule.default
+    return _value(getattr(item, field)) if item is not None else rule.default
 
 
 def _changed(actor: Participant, change: m.Change, now: _Value, rule: m.Property) -> Participant:
@@ -276,5 +276,5 @@ def _changed(actor: Participant, change: m.Change, now: _Value, rule: m.Property
     return _replaced(actor, cast(m.ActorItem, kind.model_validate({field: now} | times)))
 
 
-def _value(found: object) -> _Value | None:
-    return found if isinstance(found, str | m.Quantity | m.Ref | m.Expression) else None
+def _value(value: object) -> _Value | None:
+    return value if isinstance(value, str | m.Quantity | m.Ref | m.Expression) else None

@@ -1,7 +1,7 @@
-"""Every word of the language in one table: what it is, what it means in a line, and how it is written.
+"""Every word of the language in one table: its group, its meaning in one line, and an example.
 
-Messages, the editor's help, the highlighters and the TextMate grammar all read it. The words are those of the model's
-classes, and the few below that several classes share. Units are in `language.units`.
+Messages, the editor's help, the highlighters and the TextMate grammar read it. The words come from the model's
+classes, and from the few below that several classes share. Units are in `language.units`.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ def keywords_in(words: str) -> Iterator[Keyword]:
 _ALL = tuple(keyword for words in (_SHARED, *(kind.words for kind in m.ITEMS)) for keyword in keywords_in(words))
 
 KEYWORDS = MappingProxyType({keyword.word: keyword for keyword in _ALL})
-"""Every word of the language, by itself."""
+"""The entry of every word of the language, by word."""
 
 USAGE = MappingProxyType(
     {k.word: k.example for k in _ALL if k.group in ("definition", "statement") or k.word in ("wait", "then")}
 )
-"""How each statement is written, by its first word."""
+"""An example of each statement, by its first word."""
 
 
 def words_of(*groups: Group) -> tuple[str, ...]:

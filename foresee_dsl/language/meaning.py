@@ -1,4 +1,4 @@
-"""What a file means, as a hash: comments, layout, `doc`, tags, units and file names do not change it."""
+"""The meaning of a file as a hash, which comments, layout, `doc`, tags, units and file names do not change."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.project.document import TestCase
 
 VERSION = 1
-"""Goes into every hash: raised when the meaning of the language itself changes, so that old pins show as stale."""
+"""Part of every hash: raised when the meaning of the language itself changes, so that old pins become stale."""
 
 SIGNIFICANT_DIGITS = 9
-"""SI values are compared to this many digits (ours): far finer than any unit's step, coarse enough for the rounding of
-a conversion (`50 km/h` is 13.888888888... m/s)."""
+"""Significant digits to which SI values are compared (ours): far finer than any unit's step, coarse enough for the
+rounding of a conversion (`50 km/h` is 13.888888888... m/s)."""
 
 _HASH_DIGITS = 12
 _NO_MEANING = (
@@ -37,25 +37,25 @@ _NO_MEANING = (
     m.Cases,
     m.Require,
 )
-"""Statements of a scenario or clip that its own part of the hash leaves out (the network and models enter apart)."""
+"""Statements of a scenario or clip that its part of the hash omits (the network and models have parts of their own)."""
 
 ORDERED: Mapping[type[m.Item], str] = {m.Ego: "ego", m.Actor: "actors", m.Traffic: "traffic", m.When: "whens"}
-"""Statements whose order among their like counts, with their key in the hash: it gives the actors their ids and the
-triggers their turn."""
+"""Statements whose order among their kind matters, with their key in the hash: the order gives the actors their ids
+and the triggers their turn."""
 
 _Json = object
 _T = TypeVar("_T")
 _CACHE_SIZE = 1000
 _CACHE: dict[int, tuple[object, _Json]] = {}
-"""The content of items by identity (they are never changed): the children of a clip share nearly all of theirs."""
+"""The content of items by identity (items are immutable): the children of a clip share nearly all of their items."""
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
 def meaning_hash(scenario: m.Scenario, network: m.Network | Path, models: Mapping[str, m.VehicleModel]) -> str:
-    """Return the hash of what a concrete scenario means: `sha256:` and 12 hexadecimal digits.
+    """Return the hash of a concrete scenario's meaning: `sha256:` and 12 hexadecimal digits.
 
-    Of a network in the language the name and `doc` do not count; of a foreign one the file's bytes count. Of the models
-    only those count that the scenario names.
+    The name and `doc` of a network in the language do not count; for a foreign network the file's bytes count. Only
+    the models that the scenario names count.
     """
     named = sorted(models_named(scenario))
     used = {name: _cached(models[name], _model) if name in models else None for name in named}
@@ -63,12 +63,13 @@ def meaning_hash(scenario: m.Scenario, network: m.Network | Path, models: Mappin
 
 
 def clip_pin(clip: m.Clip, parent_meaning: str) -> str:
-    """Return what a mutant pins: the clip's meaning (without risk, fidelity, doc and name) over its parent's."""
+    """Return the pin for a mutant of this clip: the clip's meaning (without risk, fidelity, doc and name) and its
+    parent's."""
     return _digest({"clip": _body(clip.body), "parent": parent_meaning})
 
 
 def pin_of(case: TestCase) -> str:
-    """Return what a child of this test case pins: a scenario's or mutant's meaning, or the clip's pin."""
+    """Return the pin for a child of this test case: a scenario's or mutant's meaning, or the clip's pin."""
     if case.clip is not None and case.mutant is None:
         return clip_pin(case.clip, case.clip.pin)
     return case.meaning
@@ -80,9 +81,9 @@ def models_named(scenario: m.Scenario) -> frozenset[str]:
     return frozenset(own.union(*(traffic.models for traffic in scenario.all(m.Traffic))))
 
 
-def same_value(one: object, other: object) -> bool:
+def same_value(first: object, second: object) -> bool:
     """Return whether two values mean the same: quantities by their SI value and dimension, the rest by equality."""
-    return one is other or _canonical(one) == _canonical(other)
+    return first is second or _canonical(first) == _canonical(second)
 
 
 def content_key(value: object) -> str:
@@ -108,7 +109,7 @@ def _sort_key(content: _Json) -> str:
 
 
 def _canonical(value: object) -> _Json:
-    """Return a value as JSON in which equal meaning is equal content."""
+    """Return a value as JSON that is equal for values of equal meaning."""
     if type(value) in _PLAIN:
         return value
     if isinstance(value, m.Quantity):
@@ -127,7 +128,7 @@ def _plain(value: object) -> _Json:
 
 
 def _expression(value: m.Expression) -> _Json:
-    """Return an expression's content: of one without parameters its value's, of `1 * gap` that of `gap`."""
+    """Return an expression's content: its value if it has no parameters; `1 * gap` has the content of `gap`."""
     from foresee_dsl.language.arithmetic.evaluate import evaluate
     from foresee_dsl.language.arithmetic.normal import normal_form
 
@@ -144,12 +145,12 @@ def _expression(value: m.Expression) -> _Json:
 
 def _cached(item: _T, make: Callable[[_T], _Json]) -> _Json:
     """Return the content of an item, computed once; callers must not change it."""
-    known = _CACHE.get(id(item))
-    if known is None or known[0] is not item:
+    entry = _CACHE.get(id(item))
+    if entry is None or entry[0] is not item:
         if len(_CACHE) >= _CACHE_SIZE:
             _CACHE.clear()
-        known = _CACHE[id(item)] = item, make(item)
-    return known[1]
+        entry = _CACHE[id(item)] = item, make(item)
+    return entry[1]
 
 
 def _of_actor(actor: m.Ego | m.Actor) -> _Json:
@@ -158,7 +159,7 @@ def _of_actor(actor: m.Ego | m.Actor) -> _Json:
 
 
 def _unlabelled(item: m.When | m.Expect) -> dict[str, _Json]:
-    """A label is for people, and `once` is what a trigger does anyway."""
+    """Return the content without the label, which is for people, and without `once`, the default of a trigger."""
     fields = _fields(item)
     fields.pop("name", None)
     if fields.get("repeat") == "once":

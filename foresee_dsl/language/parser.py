@@ -40,11 +40,11 @@ _MAX_RECOVERED = 200_000
 
 _NESTED = re.compile(r"[-(][-(\s]*")
 _MOST_NESTED = 1000
-"""So many brackets or minus signs in a row are refused before they are parsed, which would take seconds (ours: 25 times
-what is refused afterwards as nested too deeply)."""
+"""Number of brackets or minus signs in a row that is refused before parsing, which would take seconds (ours: 25 times
+the depth that is refused after parsing)."""
 
 _SMALL = 10_000
-"""Shorter texts are not counted: no limit can be passed in them (a part of a condition takes three characters)."""
+"""Shorter texts, in characters, are not counted: they cannot exceed a limit (a part of a condition takes three)."""
 _UNCOUNTED = re.compile(r'"[^"\n]*"|#[^\n]*')
 _COUNTED = (
     ("conditions", re.compile(r"\b(?:and|or|not)\b"), "conditions of {} parts (`and`, `or`, `not`)"),
@@ -87,8 +87,8 @@ def parse(text: str, path: str) -> Document:
         from foresee_dsl.language.messages.own_names import with_own_names
         from foresee_dsl.language.syntax.partial import with_certain
 
-        found = with_certain(_diagnostics(errors, text, path), nodes, text, path, load)
-        raise InputError(with_own_names(found, text))
+        diagnostics = with_certain(_diagnostics(errors, text, path), nodes, text, path, load)
+        raise InputError(with_own_names(diagnostics, text))
     model = models[0]
     if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
@@ -103,10 +103,10 @@ def plain(text: str) -> str:
 
 
 def _check_size(text: str, path: str) -> None:
-    """Make sure that a text can be parsed in seconds.
+    """Check that a text can be parsed in seconds.
 
     Raises:
-        InputError: it cannot; the message has the option that allows it nevertheless.
+        InputError: it cannot; the message names the option that allows it nevertheless.
     """
     if len(text) < _SMALL:
         return
@@ -114,10 +114,10 @@ def _check_size(text: str, path: str) -> None:
     if counted.count("-") + counted.count("(") >= _MOST_NESTED:
         _check_nesting(counted, text, path)
     for name, pattern, what in _COUNTED:
-        found, allowed = len(pattern.findall(counted)), most(name)
-        if found > allowed:
-            message = f"the file has {what.format(f'{found:,}')}, more than {allowed:,.0f}"
-            help = f"divide it into several files; {raised_by(name, found)}"
+        count, allowed = len(pattern.findall(counted)), most(name)
+        if count > allowed:
+            message = f"the file has {what.format(f'{count:,}')}, more than {allowed:,.0f}"
+            help = f"divide it into several files; {raised_by(name, count)}"
             raise InputError((Diagnostic("FS002", message, help, path),))
 
 
@@ -135,14 +135,14 @@ def load(path: Path, shown_as: str | None = None) -> Document:
     """Read a file; `shown_as`: how messages call it (as the user named it), the path itself when absent.
 
     Raises:
-        InputError: the file is missing, is a folder, too large, no UTF-8 text, or has errors.
+        InputError: the file is missing, is a folder, is too large, is not UTF-8 text, or has errors.
     """
     name = shown_as if shown_as is not None else str(path)
     text = read_text(path, name)
     place = disk_cache.entry("documents", (name, text, pydantic.VERSION))
-    known = disk_cache.load(place)
-    if known is not None:
-        stored: tuple[Document, Iterable[tuple[object, str, _Numbers]]] = known
+    cached = disk_cache.load(place)
+    if cached is not None:
+        stored: tuple[Document, Iterable[tuple[object, str, _Numbers]]] = cached
         document, spans = stored  # which are keyed by the items' identity
         return replace(document, spans={(id(item), field): Span(*numbers) for item, field, numbers in spans})
     document = parse(text, name)
@@ -164,7 +164,7 @@ def read_text(path: Path, name: str) -> str:
     """Return a file's text, byte order mark and newlines as they are; `name` is how messages call it.
 
     Raises:
-        InputError: the file is missing, is a folder, too large, or no UTF-8 text.
+        InputError: the file is missing, is a folder, is too large, or is not UTF-8 text.
     """
     try:
         with open_outside(path) as file:
@@ -175,7 +175,7 @@ def read_text(path: Path, name: str) -> str:
 
 
 def decode(content: bytes, name: str) -> str:
-    """Return the text that a file's bytes are; `name` is how it is called in messages."""
+    """Return a file's bytes as text; `name`: the file's name in messages."""
     if len(content) > MAX_BYTES:
         help = f"files of the language have at most {MAX_BYTES // 1_000_000} MB"
         raise InputError((Diagnostic("FS002", "the file is too large", help, name),))
@@ -202,7 +202,8 @@ def format_text(text: str, path: str) -> str:
     again = parse(result, path)
     if again.model != document.model or _comment_texts(again) != _comment_texts(document):
         message = "formatting would have changed what this file says, so it was left as it is"
-        raise InputError((Diagnostic("FS020", message, "an error in foresee-dsl: report it with the file", path),))
+        help = "this is an error in foresee-dsl: please report it with the file"
+        raise InputError((Diagnostic("FS020", message, help, path),))
     return result
 
 
@@ -229,7 +230,7 @@ def _wrong_version(header: Tree[Token]) -> Iterable[TextError]:
 
 
 def _nameless(nodes: Sequence[Node], path: str) -> Iterable[TextError]:
-    """A network of its own needs a name (inside a scenario it needs none)."""
+    """Report a network without a name in a file of its own (inside a scenario it needs no name)."""
     for node in nodes:
         if node.kind is Network and "name" not in node.places:
             place = Span(node.span.line, node.span.column, node.span.line, node.span.column + len("network"))
@@ -240,13 +241,13 @@ def _nameless(nodes: Sequence[Node], path: str) -> Iterable[TextError]:
 
 def _diagnostics(errors: Iterable[TextError], text: str, path: str) -> tuple[Diagnostic, ...]:
     lines = text.split("\n")
-    found: dict[tuple[int, int, str], Diagnostic] = {}
+    by_place: dict[tuple[int, int, str], Diagnostic] = {}
     for error in errors:
         span = error.span
         source = lines[span.line - 1] if span.line <= len(lines) else ""
         diagnostic = Diagnostic.of(error.code, error.message, error.help, path, span, source)
-        found.setdefault((span.line, span.column, error.message), diagnostic)
-    return tuple(found[key] for key in sorted(found))
+        by_place.setdefault((span.line, span.column, error.message), diagnostic)
+    return tuple(by_place[key] for key in sorted(by_place))
 
 
 def _unreadable(path: Path, name: str, error: Exception) -> Diagnostic:
@@ -255,8 +256,8 @@ def _unreadable(path: Path, name: str, error: Exception) -> Diagnostic:
         if path.parent.is_dir():
             from foresee_dsl.language.messages.suggest import closest
 
-            found = closest(path.name, sorted(p.name for p in path.parent.iterdir()))
-            near = meant_word(found, path.name) if found else ""
+            nearest = closest(path.name, sorted(p.name for p in path.parent.iterdir()))
+            near = meant_word(nearest, path.name) if nearest else ""
         return Diagnostic.of("FS001", "there is no such file", near, name)
     if isinstance(error, IsADirectoryError):
         return Diagnostic("FS001", "this is a folder", "name a file in it", name)
@@ -269,8 +270,8 @@ def _unreadable(path: Path, name: str, error: Exception) -> Diagnostic:
 
 
 def _comment_texts(document: Document) -> list[str]:
-    found: list[str] = []
+    texts: list[str] = []
     for comments in document.comments.values():
         around = (comments.after, comments.after_end)
-        found += [text for text in (*comments.before, *comments.at_end, *around) if text]
-    return sorted(found)
+        texts += [text for text in (*comments.before, *comments.at_end, *around) if text]
+    return sorted(texts)

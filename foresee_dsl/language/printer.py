@@ -1,6 +1,7 @@
-"""Model to text, by the patterns of the classes. The printer is the formatter: one canonical layout, with comments.
+"""Prints a model as text, by the patterns of its classes. The printer is the formatter: one canonical layout, with
+comments.
 
-Layout depends on the structure only, never on how long a value is: a change of one value is one changed line.
+The layout depends only on the structure, never on the length of a value: a change of one value is one changed line.
 """
 
 from __future__ import annotations
@@ -36,17 +37,17 @@ def print_model(model: m.Definition, comments: Mapping[Key, Comments] | None = N
 
 
 def remarked(model: m.Definition, remarks: Mapping[int, Sequence[str]]) -> Mapping[Key, Comments]:
-    """Return comments for `print_model` that stand before statements of a definition, by their places in its body.
+    """Return comments for `print_model`: `remarks` before the statements of a definition, by their index in its body.
 
     Blank lines are those of a file that the tool writes.
     """
-    found: dict[Key, Comments] = {}
+    comments: dict[Key, Comments] = {}
     previous: m.Item | str | None = None
     for place, (key, item) in enumerate(layout(model, _NO_NAMES).inside or ()):
         blank = previous is not None and (_group(previous) != _group(item) or place in remarks)
-        found[key] = Comments(before=tuple(remarks.get(place, ())), blank_before=blank)
+        comments[key] = Comments(before=tuple(remarks.get(place, ())), blank_before=blank)
         previous = item
-    return found
+    return comments
 
 
 def print_item(item: m.Item) -> str:
@@ -117,7 +118,7 @@ class _Writer:
         return depth == 0 and _group(previous) != _group(item)
 
     def _remarked(self, key: Key, shape: Layout, around: Comments) -> bool:
-        """Whether something inside has a comment, so that it cannot be one line."""
+        """Return whether a comment inside the statement forbids printing it on one line."""
         inner = [self._around((*key, *inner_key)) for inner_key, _ in shape.inside or ()]
         texts = [text for c in inner for text in (*c.before, c.after) if text]
         return bool(texts or around.at_end or around.after_end)
@@ -143,7 +144,7 @@ def _group(item: m.Item | str) -> type:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A statement to print: its head, and what is in its braces.
+    """A statement to print: its head, and the statements in its braces.
 
     `inside` is None for a statement without braces; otherwise the key of each inner statement in the model's path,
     and the item or (for a setting) its text. `inline`: in one line when nothing in it has a comment.
@@ -155,7 +156,7 @@ class Layout:
 
 
 def layout(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> Layout:
-    """Return how a statement is written; an id that is called like one of the parameters is quoted."""
+    """Return the layout of a statement; an id with the name of a parameter is quoted."""
     if isinstance(item, m.Add | m.Replace):
         return _held("add" if isinstance(item, m.Add) else "change", item.item, parameters)
     pattern = read_pattern(item.own_pattern())
@@ -171,7 +172,7 @@ def layout(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> Layout:
 
 
 def _held(word: str, item: m.Item, parameters: frozenset[str]) -> Layout:
-    """A statement with a word in front of it."""
+    """Return the layout of a statement with a word in front of it."""
     shape = layout(item, parameters)
     head = "network" if isinstance(item, m.Network) and item.name == "here" else shape.head
     inside = None if shape.inside is None else [(("item", *key), inner) for key, inner in shape.inside]
@@ -181,8 +182,8 @@ def _held(word: str, item: m.Item, parameters: frozenset[str]) -> Layout:
 def written(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> str:
     """Return a part of a statement as text: `50 km/h`, `20 m along ego.route`, `time > 5 s and not arrived(ego)`.
 
-    Digits are the author's, and a condition has no more brackets than it needs. Of a statement, it is what stands
-    before its braces. An id that is called like one of the parameters is quoted.
+    Digits are the author's, and a condition has no more brackets than it needs. For a statement, the text is the part
+    before its braces. An id with the name of a parameter is quoted.
     """
     if isinstance(item, m.Quantity) and not isinstance(item, m.Calculated):
         return f"{item.value:f} {item.unit}" if item.unit else f"{item.value:f}"
@@ -190,7 +191,7 @@ def written(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> str:
 
 
 def identifier(text: str, parameters: frozenset[str] = _NO_NAMES) -> str:
-    """Return a name, or a string when it is no name, or would be taken for one of the scenario's parameters."""
+    """Return a name; in quotes if it is not a valid name, or is also the name of a parameter."""
     return text if _NAME.fullmatch(text) and text not in parameters else f'"{text}"'
 
 
@@ -224,7 +225,7 @@ def _phrase(parts: Parts, item: m.Item, parameters: frozenset[str]) -> str:
 
 
 def _is_given(item: m.Item, field: str) -> bool:
-    """Whether a field that may be left out is written: a default is, where the author wrote it."""
+    """Return whether an optional field is printed: if it differs from its default, or the author wrote it."""
     value = getattr(item, field)
     if value is None:
         return False

@@ -1,4 +1,4 @@
-"""Going through a model: everything in an item, the parts of a condition, the actions of a trigger; concrete values."""
+"""Walks through a model: all items in an item, the parts of a condition, the actions of a trigger; concrete values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TypeGuard, get_args
 from foresee_dsl.language import model as m
 
 PLAIN = frozenset({str, bool, int, float, Decimal, type(None)})
-"""Types of most values of fields, which hold no items: asked first, as `isinstance` of a pydantic class is slow."""
+"""Types of fields that hold no items: tested first, because `isinstance` of a pydantic class is slow."""
 _KINDS: tuple[type[m.Item], ...] = get_args(get_args(m.Condition)[0])
 
 
@@ -44,7 +44,7 @@ def fields_of(item: m.Item) -> Iterator[tuple[str, m.Item]]:
 
 
 def is_condition(value: object) -> TypeGuard[m.Condition]:
-    """Whether a value is a condition, of whatever class."""
+    """Return whether a value is a condition of any class."""
     return isinstance(value, _KINDS)
 
 
@@ -71,7 +71,7 @@ def mapped(condition: m.Condition, change: Callable[[m.Condition], m.Condition])
 
 
 def mentioned(condition: m.Condition) -> frozenset[str]:
-    """Return every name (of an actor, a junction or an edge) in a condition; parameters are no names."""
+    """Return every name of an actor, a junction or an edge in a condition, without the names of parameters."""
     return frozenset(name for part in parts(condition) for name in _names(part))
 
 

@@ -19,7 +19,7 @@ class Unit:
     to_si: float
 
 
-_ALL = (  # of each dimension the unit of generated files first
+_ALL = (  # for each dimension, the unit of generated files first
     Unit("s", "time", 1.0),
     Unit("ms", "time", 1e-3),
     Unit("min", "time", 60.0),
@@ -38,7 +38,8 @@ _ALL = (  # of each dimension the unit of generated files first
 )
 
 UNITS = MappingProxyType({unit.word: unit for unit in _ALL})
-"""Every unit word that the language knows. A bare number has the dimension `ratio` or `count`, as its place asks."""
+"""Every unit of the language. A number without a unit has the dimension `ratio` or `count`, whichever its place
+needs."""
 
 _ALSO_WRITTEN = {
     "s": "sec secs second seconds",
@@ -50,9 +51,9 @@ _ALSO_WRITTEN = {
     "deg": "degree degrees °",
 }
 OTHER_WORDS = MappingProxyType({other: unit for unit, others in _ALSO_WRITTEN.items() for other in others.split()})
-"""What people write instead of a unit word, so that a message can name the right one."""
+"""Common other spellings of units, so that a message can name the right one."""
 
 SI_WORD: MappingProxyType[Dimension, str] = MappingProxyType(
-    {known: next((unit.word for unit in _ALL if unit.dimension == known), "") for known in get_args(Dimension)}
+    {kind: next((unit.word for unit in _ALL if unit.dimension == kind), "") for kind in get_args(Dimension)}
 )
 """The unit that generated files use for each dimension: SI, but degrees for angles (what people read)."""

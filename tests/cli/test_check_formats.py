@@ -115,7 +115,8 @@ def test_github_escapes():
 def test_what_is_not_there_is_reported_in_the_same_form(write):
     folder = write(MIXED)
     done = foresee("check", "--format", "concise", "mian.foresee", cwd=folder, expect=1)
-    assert done.stdout == "mian.foresee: error FS130: no file or folder 'mian.foresee' (did you mean 'main.foresee'?)\n"
+    message = "there is no file or folder 'mian.foresee' (did you mean 'main.foresee'?)"
+    assert done.stdout == f"mian.foresee: error FS130: {message}\n"
 
 
 @pytest.mark.parametrize("form", ["concise", "github"])

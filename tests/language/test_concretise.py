@@ -101,9 +101,9 @@ def test_a_case_of_a_scenario_without_cases() -> None:
 @pytest.mark.parametrize(
     ("values", "code", "message"),
     [
-        ({"gpa": q("1 s")}, UNKNOWN_PARAMETER, "no parameter 'gpa'"),
+        ({"gpa": q("1 s")}, UNKNOWN_PARAMETER, "has no parameter 'gpa'"),
         ({"gap": q("1 m")}, MISFIT, "needs time, but 1 m is length"),
-        ({"gap": "soon"}, MISFIT, "parameter 'gap' is time, but soon is not"),
+        ({"gap": "soon"}, MISFIT, "parameter 'gap' is of type time, but soon is not"),
         ({"way": "up"}, MISFIT, "parameter 'way' (up) does not fit here"),
         ({"what": "sports"}, MISFIT, "parameter 'what' (sports) does not fit here"),
         ({"pace": q("3 s")}, MISFIT, "needs speed, but 3 s is time"),

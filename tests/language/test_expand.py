@@ -134,7 +134,7 @@ def test_a_window_that_ends_before_it_begins() -> None:
 
 def test_a_parameter_in_a_clip() -> None:
     slow = Actor(kind="vehicle", name="slow", model="car.sedan", body=(CruiseSpeed(speed=Ref(name="pace")),))
-    with pytest.raises(InputError, match="'pace' is no parameter") as caught:
+    with pytest.raises(InputError, match="'pace' is not a parameter") as caught:
         expand_clip(clip_of(PARENT.meaning, body=(*CLIP.body, slow)), PARENT, source=Path("c.foresee"))
     assert caught.value.diagnostics[0].code == UNKNOWN_PARAMETER
 
@@ -222,7 +222,7 @@ def test_a_wrong_was_says_what_the_clip_has(target: str, was: str, now: str, has
         ("runner.speed", "17.22 m/s", "-1 m/s", BAD_CHANGE, "zero or more"),
         ("runner.speed", "17.22 m/s", "1 m", BAD_CHANGE, "needs speed, but 1 m is length"),
         ("runner.model", "car.compact", "car.sprots", UNKNOWN_MODEL, "no model 'car.sprots'"),
-        ("runner.model", "car.compact", "bicycle.city", WRONG_CLASS, "a vehicle cannot be a 'bicycle.city'"),
+        ("runner.model", "car.compact", "bicycle.city", WRONG_CLASS, "a vehicle cannot have the model 'bicycle.city'"),
     ],
 )
 def test_changes_that_cannot_be(target: str, was: str, now: str, code: str, message: str) -> None:

@@ -152,7 +152,7 @@ def test_two_spellings_of_one_value(one: str, other: str, same: bool):
     [
         ("end after gap + 3 m", "FS062", "`gap` is a time, but `3 m` is a length: only", "`2.5 s`"),
         ("end after gap - 3", "FS062", "`3` has no unit", "did you mean `3 s`?"),
-        ("end after 2 gap", "FS060", "between `2` and 'gap' the sign is missing", "did you mean `2 * gap`?"),
+        ("end after 2 gap", "FS060", "the sign between `2` and 'gap' is missing", "did you mean `2 * gap`?"),
         ("end after width * pace", "FS062", "is in m^2/s, but a time is needed here", "did you mean `width / pace`?"),
         ("end after min(gap, width)", "FS062", "only values of one kind are compared", ""),
         ("end after gap * kind", "FS062", "'kind' is of type model, a word", ""),
@@ -162,10 +162,10 @@ def test_two_spellings_of_one_value(one: str, other: str, same: bool):
         ("weather rain 3 * share", "FS043", "is 1.5 (share is 0.5), too large for `rain`", "use at most `1`"),
         ("require gap + 1 s < width", "FS062", "`gap + 1 s` is a time, but `width` is a length", ""),
         ("require gap < 2 * gap - 2 s", "FS053", "by default gap is 1.5 s", ""),
-        ("expect never 3 s < time", "FS061", "what is measured while it runs stands on the left", "`time > 3 s`"),
-        ("expect never distance(ego, x) > ego.speed", "FS061", "both sides of this are measured", ""),
-        ("expect never gap + 1 s > 3 s", "FS052", "'gap + 1 s' is nothing that happens in the world", ""),
-        ("case a { gap = 3 * gap }", "FS063", "'gap' is worked out of itself: gap -> gap", ""),
+        ("expect never 3 s < time", "FS061", "a quantity that is measured in the run belongs", "`time > 3 s`"),
+        ("expect never distance(ego, x) > ego.speed", "FS061", "both sides of this comparison are measured", ""),
+        ("expect never gap + 1 s > 3 s", "FS052", "'gap + 1 s' does not change during the run", ""),
+        ("case a { gap = 3 * gap }", "FS063", "'gap' depends on itself: gap -> gap", ""),
         ("case a { gap = 2 * width }", "FS062", "`2 * width` is a length, but a time is needed here", ""),
         ("case a { gap = 3 * 2 s }", "FS033", "`6 s` is outside the range of 'gap'", ""),
         ("case a { kind = 2 * gap }", "FS034", "'kind' is of type model, not a number", ""),
@@ -277,11 +277,11 @@ def test_what_is_stated_by_expressions_is_written_as_it_was():
     [
         ("param far: length = 2 * wdth", "FS031", "unknown parameter 'wdth'"),
         ("param far: time = gap + width", "FS062", "`gap` is a time, but `width` is a length"),
-        ("param far: time = far * 2", "FS063", "'far' is worked out of itself: far -> far"),
+        ("param far: time = far * 2", "FS063", "'far' depends on itself: far -> far"),
         ("param far: time = 1 s in 0 s..gap / (gap - 1.5 s)", "FS063", "divides by zero"),
         ("param far: speed = 2 * gap", "FS034", "`2 * gap` is a time, but a speed is needed here"),
         ("param far: time = 9 s in 0 s..2 * gap", "FS033", "`9 s` is outside the range of 'far', 0 s..2 * gap"),
-        ("cases 5 / 2 from seed 7", "FS010", "`5 / 2` is no whole number"),
+        ("cases 5 / 2 from seed 7", "FS010", "`5 / 2` is not a whole number"),
     ],
 )
 def test_what_is_stated_wrongly(line: str, code: str, message: str):
@@ -296,4 +296,4 @@ def test_results_of_drawn_cases_are_checked_before_they_run():
     )
     assert len(found) == 1 and found[0].code == "FS050"
     assert found[0].message.startswith("in case 'seed3_")
-    assert "such as by `max(gap - 2.5 s, 0 s)`" in found[0].help
+    assert "for example with `max(gap - 2.5 s, 0 s)`" in found[0].help

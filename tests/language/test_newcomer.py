@@ -66,7 +66,10 @@ def test_a_pipe_is_not_answered_with_its_own_name(tmp_path: Path, monkeypatch: p
     monkeypatch.chdir(tmp_path)
     os.mkfifo("pipe.foresee")
     Path("link.foresee").symlink_to("nowhere.foresee")
-    for name, reason in (("pipe.foresee", "not an ordinary file"), ("link.foresee", "leads nowhere")):
+    for name, reason in (
+        ("pipe.foresee", "not an ordinary file"),
+        ("link.foresee", "target of this link does not exist"),
+    ):
         with pytest.raises(InputError) as caught:
             check_paths([name])
         (found,) = caught.value.diagnostics

@@ -209,7 +209,7 @@ def test_a_changed_value_changes_the_meaning_and_makes_children_stale(
     assert found.code == STALE_PIN
     assert before in found.message and now in found.message
     assert underlined(found) == before
-    assert found.help == "the parent changed since: `foresee repin` shows what that does to this child"
+    assert found.help == "the parent has changed: run `foresee repin` to see the effect on this child"
     assert mistake(folder.mutant) == found
     assert load_test_case(folder.mutant, check_pin=False).mutant is not None
 
@@ -370,7 +370,7 @@ def test_a_folder_without_scenarios(folder: Folder) -> None:
 def test_an_unknown_case(folder: Folder) -> None:
     found = mistake(f"{folder.scenario}::fra")
     assert (found.code, found.help) == (UNKNOWN_CASE, "did you mean 'far'?")
-    assert mistake(f"{folder.scenario}::zzz").help == "known are near, far"
+    assert mistake(f"{folder.scenario}::zzz").help == "write one of near, far"
     assert mistake(f"{folder.clip}::near").code == UNKNOWN_CASE
 
 
@@ -394,7 +394,7 @@ def test_a_clip_of_an_unknown_case(folder: Folder) -> None:
 def test_a_missing_network(folder: Folder) -> None:
     folder.edit(folder.scenario, "networks/town", "networks/twon")
     found = mistake(f"{folder.scenario}::near")
-    assert (found.code, found.message) == (MISSING_FILE, "no file 'networks/twon.foresee'")
+    assert (found.code, found.message) == (MISSING_FILE, "there is no file 'networks/twon.foresee'")
     assert found.help == "did you mean 'town.foresee'?"
     assert underlined(found) == '"networks/twon.foresee"'
     folder.edit(folder.scenario, "networks/twon", "netwroks/town")
@@ -463,13 +463,13 @@ def test_a_model_of_the_traffic(folder: Folder) -> None:
     traffic = "  traffic others {\n" + "".join(f"    {line}\n" for line in statements) + "  }\n"
     folder.edit(folder.scenario, "  expect never", f"{traffic}  expect never")
     found = mistake(f"{folder.scenario}::near")
-    assert (found.code, found.message) == (UNKNOWN_MODEL, "no model 'car.sedn'")
+    assert (found.code, found.message) == (UNKNOWN_MODEL, "there is no model 'car.sedn'")
     assert found.span is not None
 
 
 def test_networks_are_no_test_cases(folder: Folder) -> None:
     found = mistake(folder.root / "networks/town.foresee")
-    assert (found.code, found.message) == (WRONG_KIND, "this holds a network, no test case")
+    assert (found.code, found.message) == (WRONG_KIND, "this holds a network, not a test case")
 
 
 def test_parents_of_the_wrong_kind(folder: Folder) -> None:

@@ -214,17 +214,17 @@ WHERE = "param where: arm = x in [x, y]"
     ("lines", "message"),
     [
         (f"{GAP} as normal(5 s, 1 s)", "the mean `5 s` is outside the range, 0 s..4 s"),
-        (f"{GAP} as normal(1 s, 0 s)", "a deviation of `0 s` draws nothing"),
+        (f"{GAP} as normal(1 s, 0 s)", "the standard deviation `0 s` is too small"),
         (f"{GAP} as normal(1 m, 1 s)", "`1 m` is a length, but a time is needed here"),
         (f"{GAP} as choice(1, 2)", "a choice needs options, and this parameter has a range"),
         (f"{WHERE} as choice(1, 2, 3)", "3 weights for 2 options"),
-        (f"{WHERE} as choice(1, 0)", "`0` is no weight"),
+        (f"{WHERE} as choice(1, 0)", "`0` is not a weight"),
         (f"{WHERE} as normal(1 s, 1 s)", "a normal distribution needs a range, and this parameter has options"),
         ("param gap: time = 1 s in 0 s..4 s as grid", "a grid needs steps, and this range has none"),
-        ("param gap: time = 1 s as uniform", "'gap' has nothing to be drawn from"),
+        ("param gap: time = 1 s as uniform", "'gap' has no range or options to draw from"),
         (f"{GAP}\ncases 0 from seed 1", "`0` is no number of cases that can be drawn"),
         (f"{GAP}\ncases 10001 from seed 1", "`10001` is no number of cases that can be drawn"),
-        (f"{GAP}\ncases 2.5 from seed 1", "`2.5` is no whole number"),
+        (f"{GAP}\ncases 2.5 from seed 1", "`2.5` is not a whole number"),
         (f"{GAP}\ncases 2 from seed 1\ncase seed1_02", "there are two cases called 'seed1_02'"),
         (f"{GAP}\ncases 2 from seed 1\ncases 30 from seed 1", "there are two cases called 'seed1_01'"),
         (f"{GAP}\nrequire gap < 3 s\ncase a {{ gap = 3 s }}", "in case 'a' gap is 3 s, but `require gap < 3 s`"),
@@ -234,12 +234,12 @@ WHERE = "param where: arm = x in [x, y]"
             "in case 'a' where is x and gap is 1 s, but `require where is y or gap > 2 s`",
         ),
         (f"{GAP}\nrequire ego.speed < 3 m/s", "`ego.speed < 3 m/s` is not known before the run"),
-        (f"{GAP}\nrequire gap is long", "'gap' is a time, and never a word"),
-        (f"{WHERE}\nrequire where < 3 s", "'where' is a word, which is neither less nor more"),
+        (f"{GAP}\nrequire gap is long", "'gap' is a time, not a word"),
+        (f"{WHERE}\nrequire where < 3 s", "'where' is a word, which cannot be less or more than another"),
         (f"{WHERE}\nrequire where is z", "'z' is not among the options of 'where'"),
         (f"{GAP}\nrequire gap < 3 m", "`3 m` is a length, but a time is needed here"),
         (f"{GAP}\nrequire gep < 3 s", "unknown parameter 'gep'"),
-        (f"{GAP}\nwhen gap < 3 s {{ ego stops }}", "'gap' is nothing that happens in the world"),
+        (f"{GAP}\nwhen gap < 3 s {{ ego stops }}", "'gap' does not change during the run"),
         ("param red: arm = x", "'red' is a word of the language"),
         ("param s: side = up", "unknown side 'up'"),
         ("param pace: speed = 1 m/s in [2 m/s, 3 m/s]", "`1 m/s` is not among the options of 'pace'"),
@@ -259,4 +259,4 @@ def test_parameters_stand_for_words_of_their_type() -> None:
     )
     assert mistakes(lines) == []
     wrong = mistakes(lines.replace("lane sd", "lane st"))
-    assert [found.message for found in wrong] == ["'st' is of type stage, which cannot stand here"]
+    assert [found.message for found in wrong] == ["'st' is of type stage, which does not fit here"]

@@ -1,4 +1,4 @@
-"""The parameters' values in a case, where some are worked out of others. Most scenarios need no more of expressions."""
+"""The parameters' values in a case, some of them calculated from others. Most scenarios need no more of expressions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.units import Dimension
 
 _NUMBERS = get_args(Dimension)
-"""The types of parameters that have a number."""
+"""The types of parameters that hold a number."""
 
 
 def references(value: m.Item) -> Iterator[m.Ref]:
@@ -34,30 +34,30 @@ def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamV
     """Return the value of every parameter in a case (None: the defaults), in the order of the file.
 
     Raises:
-        ExpressionError: a value that is worked out of others has none; `item` is its assignment, or a part of it.
+        ExpressionError: a calculated value has no result; `item` is its assignment, or a part of it.
     """
     params = scenario.all(m.Param)
     defaults = {param.name: plain(param.default) for param in params}
     if case is None:
         return defaults
     types = {param.name: param.type for param in params}
-    given = {assignment.name: assignment for assignment in case.values}
+    assignments = {assignment.name: assignment for assignment in case.values}
     for param in params:
-        if param.name not in given and isinstance(param.default, m.Calculated) and any(references(param.default)):
+        if param.name not in assignments and isinstance(param.default, m.Calculated) and any(references(param.default)):
             default = param.default.expression
             value = default.name if isinstance(default, m.Ref) else default
-            given[param.name] = m.Assignment(name=param.name, value=value)
-    found: dict[str, m.ParamValue] = {}
+            assignments[param.name] = m.Assignment(name=param.name, value=value)
+    results: dict[str, m.ParamValue] = {}
 
     def value_of(name: str, asking: tuple[str, ...]) -> m.ParamValue:
-        if name in found or name not in given:
-            return found.get(name, defaults[name])
-        assignment = given[name]
+        if name in results or name not in assignments:
+            return results.get(name, defaults[name])
+        assignment = assignments[name]
         needed = needed_by(assignment, types)
         for other in needed:
             if other.name in (*asking, name):
                 chain = " -> ".join((*asking, name, other.name)[(*asking, name).index(other.name) :])
-                raise ExpressionError(assignment, f"'{other.name}' is worked out of itself: {chain}")
+                raise ExpressionError(assignment, f"'{other.name}' depends on itself: {chain}")
         inner = {ref.name: value_of(ref.name, (*asking, name)) for ref in needed if ref.name in defaults}
         value = assignment.value
         if isinstance(value, m.EXPRESSIONS):
@@ -66,25 +66,25 @@ def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamV
             value = evaluate(value, inner)
         elif isinstance(value, str) and needed:
             value = inner[value]
-        found[name] = value
+        results[name] = value
         return value
 
     return {name: value_of(name, ()) for name in defaults} | {
         name: assignment.value
-        for name, assignment in given.items()
+        for name, assignment in assignments.items()
         if name not in defaults and not isinstance(assignment.value, m.EXPRESSIONS)
     }
 
 
 def plain(value: m.ParamValue) -> m.ParamValue:
-    """Return a parameter's value without how it is worked out."""
+    """Return a parameter's value without its expression."""
     return value.plain if isinstance(value, m.Calculated) else value
 
 
 def needed_by(assignment: m.Assignment, types: Mapping[str, m.ParamType]) -> tuple[m.Ref, ...]:
-    """Return the parameters that an assignment's value is worked out of; `types`: of all parameters.
+    """Return the parameters that an assignment's value depends on; `types`: of all parameters.
 
-    A bare word is a parameter where a number belongs and one is called so (`gap = other_gap`).
+    A bare word in the place of a number is a parameter if a parameter has this name (`gap = other_gap`).
     """
     value = assignment.value
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""Dimensions of expressions: a speed by a time is a length; a time and a length cannot be added."""
+"""Dimensions of expressions: a speed times a time is a length; a time and a length cannot be added."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from foresee_dsl.language.units import SI_WORD, Dimension
 
 
 class Powers(NamedTuple):
-    """A dimension as powers of what all others are made of."""
+    """A dimension as powers of the base dimensions."""
 
     length: int = 0
     time: int = 0
@@ -24,7 +24,7 @@ class Powers(NamedTuple):
 
     def times(self, other: Powers, sign: int = 1) -> Powers:
         """Return the dimension of a product (or, with the sign -1, of a quotient)."""
-        return Powers(*(one + sign * two for one, two in zip(self, other, strict=True)))
+        return Powers(*(left + sign * right for left, right in zip(self, other, strict=True)))
 
 
 POWERS: Mapping[Dimension, Powers] = MappingProxyType(
@@ -50,7 +50,7 @@ def named(powers: Powers) -> Dimension | None:
 
 
 def in_words(powers: Powers) -> str:
-    """Return what a value of a dimension is: `a speed`, or `in m^2/s^2`."""
+    """Return a dimension for a message, behind `is`: `a speed`, or `in m^2/s^2`."""
     dimension = named(powers)
     if dimension is not None:
         return NOUNS[dimension]
@@ -65,7 +65,7 @@ def _power(symbol: str, n: int) -> str:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """Two values that cannot be calculated with each other: the part that is at fault, and what to write instead."""
+    """Two values that cannot be calculated with each other: the wrong part, the message and the help."""
 
     item: m.Item
     message: str
@@ -73,8 +73,8 @@ class Mismatch:
 
 
 class Dimensions:
-    """Finds the dimensions of expressions, and what is wrong with them; `types` are those of the parameters, `needed`
-    is the dimension that their place asks for, where it is known."""
+    """Computes the dimensions of expressions and collects their mismatches. `types`: of the parameters; `needed`: the
+    dimension that the place of the expression needs, if known."""
 
     def __init__(self, types: Mapping[str, m.ParamType], needed: Powers | None = None) -> None:
         self._types = types
@@ -82,7 +82,7 @@ class Dimensions:
         self.mismatches: list[Mismatch] = []
 
     def of(self, value: m.AnyValue) -> Powers | None:
-        """Return a value's dimension; None where that is unknown, because of a mistake that is reported."""
+        """Return a value's dimension; None if an error, which is reported, makes it unknown."""
         match value:
             case m.Quantity():
                 return POWERS[value.dimension]
@@ -93,10 +93,10 @@ class Dimensions:
             case m.Extreme(values=values):
                 return self._same(value, values)
             case m.Product(left=left, op=op, right=right):
-                needed, self._needed = self._needed, None  # what the place asks for is the product's dimension
-                one, other = self.of(left), self.of(right)
+                needed, self._needed = self._needed, None  # the place needs the product's dimension, not its parts'
+                first, second = self.of(left), self.of(right)
                 self._needed = needed
-                return None if one is None or other is None else one.times(other, 1 if op == "*" else -1)
+                return None if first is None or second is None else first.times(second, 1 if op == "*" else -1)
             case m.Negative(value=inner):
                 return self.of(inner)
             case _:
@@ -106,37 +106,37 @@ class Dimensions:
         type_ = self._types.get(reference.name)
         dimension: Dimension | None = next((d for d in POWERS if d == type_), None)
         if type_ is not None and dimension is None:
-            message = f"'{reference.name}' is of type {type_}, a word: nothing can be calculated with it"
-            numbers = [name for name, known in self._types.items() if any(d == known for d in POWERS)]
+            message = f"'{reference.name}' is of type {type_}, a word, so a calculation cannot use it"
+            numbers = [name for name, word in self._types.items() if any(d == word for d in POWERS)]
             which = ": " + one_of(numbers) if 0 < len(numbers) <= 8 else ", such as one of type " + write("time")
             self._add(reference, message, "use a parameter that holds a number" + which)
         return POWERS[dimension] if dimension is not None else None
 
     def _same(self, whole: m.Sum | m.Extreme, values: tuple[m.AnyValue, ...]) -> Powers | None:
-        """Return the one dimension that all of some values have."""
+        """Return the dimension that all values share; None if they differ, which is reported."""
         powers = [self.of(value) for value in values]
         first = next((p for p in powers if p is not None), None)
-        for value, found in zip(values, powers, strict=True):
-            if found is None or first is None or found == first:
+        for value, dimension in zip(values, powers, strict=True):
+            if dimension is None or first is None or dimension == first:
                 continue
-            one = values[powers.index(first)]
-            if found == self._needed:  # then the first is the odd one
-                self._unlike(whole, value, found, one, first)
+            example = values[powers.index(first)]
+            if dimension == self._needed:  # then the first is the odd one
+                self._unlike(whole, value, dimension, example, first)
             else:
-                self._unlike(whole, one, first, value, found)
+                self._unlike(whole, example, first, value, dimension)
             return None
         return first if None not in powers else None
 
-    def _unlike(self, whole: m.Item, one: m.Item, first: Powers, other: m.Item, second: Powers) -> None:
+    def _unlike(self, whole: m.Item, left: m.Item, first: Powers, right: m.Item, second: Powers) -> None:
         what = "are compared" if isinstance(whole, m.Extreme) else "are added"
         if isinstance(whole, m.Sum) and whole.op == "-":
             what = "are subtracted"
-        message = f"`{written(one)}` is {in_words(first)}, but `{written(other)}` {_is(other, second)}"
-        help: HelpText = _instead(one, first, other, second)
+        message = f"`{written(left)}` is {in_words(first)}, but `{written(right)}` {_is(right, second)}"
+        help: HelpText = _instead(left, first, right, second)
         needed = named(self._needed) if self._needed is not None else None
         if needed is not None and first != self._needed:
             help = f"write {NOUNS[needed]} such as " + instead(EXAMPLES[needed], written(whole))
-        self._add(other, f"{message}: only values of one kind {what}", help)
+        self._add(right, f"{message}: only values of one kind {what}", help)
 
     def _add(self, item: m.Item, message: str, help: HelpText) -> None:
         self.mismatches.append(Mismatch(item, message, help))
@@ -147,17 +147,17 @@ def _is(value: m.Item, powers: Powers) -> str:
     return "has no unit" if bare else f"is {in_words(powers)}"
 
 
-def _instead(one: m.Item, first: Powers, other: m.Item, second: Powers) -> HelpText:
-    """Say what to write for the second of two values, so that it is of the first one's kind."""
+def _instead(left: m.Item, first: Powers, right: m.Item, second: Powers) -> HelpText:
+    """Return the help that gives the second value the dimension of the first."""
     needed = named(first)
-    if isinstance(other, m.Quantity) and not other.unit and needed is not None and SI_WORD[needed]:
-        unit = one.unit if isinstance(one, m.Quantity) else SI_WORD[needed]
-        return meant_code(f"{written(other)} {unit}")
-    if isinstance(one, m.Quantity) and not one.unit and (meant := named(second)) is not None and SI_WORD[meant]:
-        return "give it a unit too: " + instead(f"{written(one)} {SI_WORD[meant]}", written(one))
+    if isinstance(right, m.Quantity) and not right.unit and needed is not None and SI_WORD[needed]:
+        unit = left.unit if isinstance(left, m.Quantity) else SI_WORD[needed]
+        return meant_code(f"{written(right)} {unit}")
+    if isinstance(left, m.Quantity) and not left.unit and (meant := named(second)) is not None and SI_WORD[meant]:
+        return "give it a unit too: " + instead(f"{written(left)} {SI_WORD[meant]}", written(left))
     if needed is None:
-        return "give both the same kind"
-    return f"write {NOUNS[needed]} such as " + instead(EXAMPLES[needed], written(other))
+        return "use two values of the same kind"
+    return f"write {NOUNS[needed]} such as " + instead(EXAMPLES[needed], written(right))
 
 
 def turned(value: m.Item) -> m.Product | None:

@@ -20,16 +20,16 @@ from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.units import UNITS
 
 _DIGITS = 12
-"""Significant digits of a value that no decimal number is, such as a third (ours: below a float's own, and three more
-than meanings are compared by)."""
+"""Significant digits of a value without an exact decimal form, such as a third (ours: fewer than a float has, and
+three more than meanings are compared by)."""
 _NO_VALUES: Mapping[str, m.ParamValue] = MappingProxyType({})
 
 
 def evaluate(value: m.AnyValue, values: Mapping[str, m.ParamValue] = _NO_VALUES) -> m.Quantity:
     """Return a value as a quantity, with the parameters' values.
 
-    A sum has the unit of its first part, a multiple the unit of what is multiplied; what is made of two dimensions has
-    the unit of generated files (`20 km/h * 1.8 s` is `10 m`).
+    A sum has the unit of its first part, a multiple the unit of the value that is multiplied. A product of two
+    dimensions has the unit of generated files (`20 km/h * 1.8 s` is `10 m`).
 
     Raises:
         ExpressionError: a division by zero, a result that is too large, values that do not fit each other.
@@ -41,15 +41,18 @@ def evaluate(value: m.AnyValue, values: Mapping[str, m.ParamValue] = _NO_VALUES)
     number = _number(value, values)
     dimension = named(number.powers)
     if dimension is None:
-        raise ExpressionError(value, f"`{written(value)}` is {in_words(number.powers)}, which is no kind of value")
+        message = f"`{written(value)}` is {in_words(number.powers)}, which is not a kind of value of the language"
+        raise ExpressionError(value, message)
     unit = number.unit if number.unit is not None else {"angle": "deg", "angular_rate": "deg/s"}.get(dimension)
     if unit is None:
-        unit = next((word for word, known in UNITS.items() if known.dimension == dimension and known.to_si == 1), "")
-    found = number.amount / (factor(unit) if number.unit is None else 1)
+        unit = next(
+            (word for word, candidate in UNITS.items() if candidate.dimension == dimension and candidate.to_si == 1), ""
+        )
+    result = number.amount / (factor(unit) if number.unit is None else 1)
     try:
-        return m.Quantity(value=as_decimal(found), unit=unit)
+        return m.Quantity(value=as_decimal(result), unit=unit)
     except ValidationError:
-        message = f"`{written(value)}` is {float(found):.3g} {unit}".rstrip() + ", more than any value can be"
+        message = f"`{written(value)}` is {float(result):.3g} {unit}".rstrip() + ", more than the largest value allowed"
         raise ExpressionError(value, message) from None
 
 
@@ -57,7 +60,7 @@ def _given(reference: m.Ref, values: Mapping[str, m.ParamValue]) -> m.Quantity:
     value = values.get(reference.name)
     if isinstance(value, m.Quantity):
         return value
-    what = f"is `{value_text(value)}`, which is no number" if value is not None else "has no value"
+    what = f"is `{value_text(value)}`, which is not a number" if value is not None else "has no value"
     raise ExpressionError(reference, f"'{reference.name}' {what}")
 
 
@@ -87,10 +90,10 @@ def _number(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> _Number:
         case m.Ref():
             return _number(_given(value, values), values)
         case m.Sum(left=left, op=op, right=right):
-            one, other = _alike(value, (_number(left, values), _number(right, values)))
-            unit = other.unit if not one.unit and other.unit else one.unit
-            added = other.within(unit)
-            return _Number(one.within(unit) + (added if op == "+" else -added), unit, one.powers)
+            augend, addend = _alike(value, (_number(left, values), _number(right, values)))
+            unit = addend.unit if not augend.unit and addend.unit else augend.unit
+            added = addend.within(unit)
+            return _Number(augend.within(unit) + (added if op == "+" else -added), unit, augend.powers)
         case m.Product(left=left, op=op, right=right):
             return _product(value, _number(left, values), op, _number(right, values))
         case m.Negative(value=inner):
@@ -106,25 +109,25 @@ def _number(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> _Number:
 def _alike(value: m.Item, numbers: tuple[_Number, ...]) -> tuple[_Number, ...]:
     if len({number.powers for number in numbers}) > 1:
         kinds = " and ".join(dict.fromkeys(in_words(number.powers) for number in numbers))
-        raise ExpressionError(value, f"`{written(value)}`: {kinds} do not go together")
+        raise ExpressionError(value, f"`{written(value)}`: {kinds} cannot be combined")
     return numbers
 
 
-def _product(whole: m.Product, one: _Number, op: str, other: _Number) -> _Number:
-    if op == "/" and other.amount == 0:
+def _product(whole: m.Product, left: _Number, op: str, right: _Number) -> _Number:
+    if op == "/" and right.amount == 0:
         raise ExpressionError(whole, f"`{written(whole)}` divides by zero: `{written(whole.right)}` is 0")
-    powers = one.powers.times(other.powers, 1 if op == "*" else -1)
-    if other.powers == Powers():  # twice something, half of it: its unit stays
-        return _Number(one.amount * other.amount if op == "*" else one.amount / other.amount, one.unit, powers)
-    if one.powers == Powers() and op == "*":
-        return _Number(one.amount * other.amount, other.unit, powers)
-    found = one.base * other.base if op == "*" else one.base / other.base
-    return _Number(found, "" if powers == Powers() else None, powers)
+    powers = left.powers.times(right.powers, 1 if op == "*" else -1)
+    if right.powers == Powers():  # twice something, half of it: its unit stays
+        return _Number(left.amount * right.amount if op == "*" else left.amount / right.amount, left.unit, powers)
+    if left.powers == Powers() and op == "*":
+        return _Number(left.amount * right.amount, right.unit, powers)
+    result = left.base * right.base if op == "*" else left.base / right.base
+    return _Number(result, "" if powers == Powers() else None, powers)
 
 
 @cache
 def factor(unit: str) -> Fraction:
-    """Return how many metres, seconds, degrees or kilogrammes (or what is made of them) a unit is, exactly."""
+    """Return the exact factor from a unit to metres, seconds, degrees, kilogrammes, or combinations of these."""
     if not unit:
         return Fraction(1)
     to_si = UNITS[unit].to_si
@@ -134,6 +137,6 @@ def factor(unit: str) -> Fraction:
 
 
 def as_decimal(number: Fraction) -> Decimal:
-    """Return a number with all its digits, or with 12 that matter."""
-    found = Context(prec=_DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator))
-    return found if found else Decimal(0)
+    """Return a number exactly, or with 12 significant digits if it has more."""
+    result = Context(prec=_DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator))
+    return result if result else Decimal(0)

@@ -1,6 +1,7 @@
-"""A form of expressions in which two that always have the same value are equal: `gap + gap` is `2 * gap`.
+"""Normal form of expressions: two expressions that always have the same value are equal in it, as `gap + gap` and
+`2 * gap`.
 
-A sum of products, with the units among the factors. `min`, `max` and what divides by a sum are factors of their own.
+The form is a sum of products, with the units among the factors. `min`, `max` and a division by a sum are factors.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from foresee_dsl.language.arithmetic.dimensions import POWERS
 from foresee_dsl.language.arithmetic.evaluate import factor
 
 _Factors = tuple[tuple[str, int], ...]
-"""Names of what is multiplied, each with its power, sorted."""
+"""Names of the factors, each with its power, sorted."""
 _Terms = Mapping[_Factors, Fraction]
 _UNITS = ("1 m", "1 s", "1 deg", "1 kg")
 _MOST_TERMS = 200
-"""More terms are not multiplied out (ours: nobody writes as many; the brackets of forty sums would make 2^40)."""
+"""Maximum number of terms that are multiplied out (ours: far more than people write; forty sums in brackets would
+give 2^40)."""
 _DIGITS = 9
 """As `meaning.SIGNIFICANT_DIGITS`."""
 
@@ -53,7 +55,7 @@ def _terms(value: m.AnyValue) -> _Terms:
 
 
 def _extreme(value: m.Extreme) -> _Terms:
-    """The order of what is compared does not count, nor does what stands there twice."""
+    """Return a minimum or maximum as one factor; the order and repetition of its values do not count."""
     parts = sorted({json.dumps(_json(_terms(part))) for part in _flat(value)})
     if len(parts) == 1:
         return _terms(value.values[0])
@@ -61,7 +63,7 @@ def _extreme(value: m.Extreme) -> _Terms:
 
 
 def _flat(extreme: m.Extreme) -> Iterator[m.AnyValue]:
-    """Return the values of a minimum with those of the minima in it."""
+    """Yield the values of a minimum and of the minima in it (the same for a maximum)."""
     for value in extreme.values:
         if isinstance(value, m.Extreme) and value.which == extreme.which:
             yield from _flat(value)
@@ -73,29 +75,29 @@ def _tidy(terms: _Terms) -> _Terms:
     return {tuple(sorted(key)): amount for key, amount in terms.items() if amount}
 
 
-def _sum(one: _Terms, other: _Terms, sign: int) -> _Terms:
-    found = dict(one)
-    for key, amount in other.items():
-        found[key] = found.get(key, Fraction(0)) + sign * amount
-    return _tidy(found)
+def _sum(first: _Terms, second: _Terms, sign: int) -> _Terms:
+    terms = dict(first)
+    for key, amount in second.items():
+        terms[key] = terms.get(key, Fraction(0)) + sign * amount
+    return _tidy(terms)
 
 
-def _product(one: _Terms, other: _Terms) -> _Terms:
-    if len(one) * len(other) > _MOST_TERMS:
-        return {tuple(sorted((json.dumps(_json(part)), 1) for part in (one, other))): Fraction(1)}
-    found: dict[_Factors, Fraction] = {}
-    for left, amount in one.items():
-        for right, times in other.items():
+def _product(first: _Terms, second: _Terms) -> _Terms:
+    if len(first) * len(second) > _MOST_TERMS:
+        return {tuple(sorted((json.dumps(_json(part)), 1) for part in (first, second))): Fraction(1)}
+    terms: dict[_Factors, Fraction] = {}
+    for left, amount in first.items():
+        for right, times in second.items():
             powers = dict(left)
             for name, n in right:
                 powers[name] = powers.get(name, 0) + n
             key = tuple(sorted((name, n) for name, n in powers.items() if n))
-            found[key] = found.get(key, Fraction(0)) + amount * times
-    return _tidy(found)
+            terms[key] = terms.get(key, Fraction(0)) + amount * times
+    return _tidy(terms)
 
 
 def _inverse(terms: _Terms) -> _Terms:
     if len(terms) == 1:
         ((key, amount),) = terms.items()
         return {tuple((name, -n) for name, n in key): 1 / amount}
-    return {((json.dumps(_json(terms)), -1),): Fraction(1)}  # of nothing too: a division by zero
+    return {((json.dumps(_json(terms)), -1),): Fraction(1)}  # also without terms, which is a division by zero

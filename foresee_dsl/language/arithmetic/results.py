@@ -1,4 +1,4 @@
-"""What expressions and parameters come to in each case: a division by zero, a result that its place does not take."""
+"""Results of expressions and parameters in each case: reports a division by zero and a result out of bounds."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from foresee_dsl.language.units import UNITS, Dimension
 
 Values = Mapping[str, m.ParamValue]
 _DIGITS = Decimal("0.0001")
-"""To so many digits a bound is shown (ours)."""
+"""Resolution with which a message shows a bound (ours)."""
 
 
 @dataclass(frozen=True)
 class Use:
-    """A value that is worked out, at its place: the item that has it, and its field."""
+    """A parameter or an expression at its place: the item that has it, and the field."""
 
     item: m.Item
     field: str
@@ -32,14 +32,14 @@ class Use:
 
     @property
     def limited(self) -> bool:
-        """Whether some results are mistakes."""
+        """True if some results would be errors."""
         form = form_of(type(self.item), self.field.partition(".")[0])
         return isinstance(self.value, m.EXPRESSIONS) or form.bounds is not None or form.dimension == "count"
 
 
 @dataclass(frozen=True)
 class Unfit:
-    """A use that has no fitting value in some case."""
+    """A use with an error or a value out of bounds in some case."""
 
     item: m.Item
     field: str
@@ -49,7 +49,7 @@ class Unfit:
 
 
 def uses(items: Iterable[m.Item]) -> Iterator[Use]:
-    """Return what is worked out in some statements (parameters and cases are not looked at)."""
+    """Yield the parameters and expressions used in some statements (other than parameters and cases)."""
     for root in items:
         if isinstance(root, m.Param | m.Case | m.Cases):
             continue
@@ -61,10 +61,10 @@ def uses(items: Iterable[m.Item]) -> Iterator[Use]:
                         yield use
 
 
-def unfit(found: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator[Unfit]:
-    """Return, for each use, the first case in which it comes to nothing that fits, and in how many more; cases with
-    their names, "" for a scenario that has none."""
-    for use in found:
+def unfit(places: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator[Unfit]:
+    """Yield each use with an error, for its first such case and with the number of further cases; `cases`: names and
+    values, the name "" for a scenario without cases."""
+    for use in places:
         needed = {ref.name for ref in references(use.value)}
         wrong = [
             (name, problem)
@@ -85,27 +85,25 @@ def _problem(use: Use, values: Values) -> _Problem | None:
     except ExpressionError as error:
         return error.item, "", c.NO_RESULT, error.message, not_by_zero(error.item, values)
     form = form_of(type(use.item), use.field.partition(".")[0])
-    shown = f"`{written(use.value)}` is {value_text(result)}{_with(use, values)}"
+    statement = f"`{written(use.value)}` is {value_text(result)}{_with(use, values)}"
     if form.dimension == "count" and (result.value != result.value.to_integral_value() or result.value < 0):
         return (
             use.item,
             use.field,
             c.MISFIT,
-            f"{shown}, but a whole number is needed here",
+            f"{statement}, but a whole number is needed here",
             "write one such as " + write("2"),
         )
     bounds = form.bounds
     if bounds is None or bounds.low <= result.si <= bounds.high:
         return None
-    message = (
-        f"{shown}, too {'small' if result.si < bounds.low else 'large'} for `{word_before(type(use.item), use.field)}`"
-    )
     small = result.si < bounds.low
+    message = f"{statement}, too {'small' if small else 'large'} for `{word_before(type(use.item), use.field)}`"
     kept = f"{'max' if small else 'min'}({written(use.value)}, {written(nearest(bounds, result))})"
     help = (
         f"use at {'least' if small else 'most'} "
         + write(written(nearest(bounds, result)))
-        + ", such as by "
+        + ", for example with "
         + write(kept)
     )
     return use.item, use.field, out_of_bounds(use.item), message, help
@@ -126,9 +124,9 @@ def nearest(bounds: m.Bounds, value: m.Quantity) -> m.Quantity:
     bound, up = (bounds.low, True) if value.si < bounds.low else (bounds.high, False)
     exact = Decimal(repr(bound / (UNITS[value.unit].to_si if value.unit else 1.0)))
     rounded = exact.quantize(_DIGITS, ROUND_HALF_EVEN)
-    found = m.Quantity(value=_shortest(rounded), unit=value.unit)
-    if bounds.low <= found.si <= bounds.high:
-        return found
+    result = m.Quantity(value=_shortest(rounded), unit=value.unit)
+    if bounds.low <= result.si <= bounds.high:
+        return result
     return m.Quantity(value=_shortest(rounded + (_DIGITS if up else -_DIGITS)), unit=value.unit)
 
 
@@ -149,7 +147,10 @@ def not_by_zero(item: m.Item, values: Values) -> HelpText:
     least = written(m.Quantity(value=Decimal("0.1"), unit=zero.unit))
     left = f"({written(item.left)})" if isinstance(item.left, m.Sum) else written(item.left)
     return (
-        "keep it from zero: " + write(f"{left} / max({written(item.right)}, {least})") + ", or by a " + write("require")
+        "keep the divisor above zero: "
+        + write(f"{left} / max({written(item.right)}, {least})")
+        + ", or with a "
+        + write("require")
     )
 
 
@@ -163,19 +164,21 @@ def _where(name: str, more: int) -> str:
 def _with(use: Use, values: Values) -> str:
     if isinstance(use.value, m.Ref):
         return ""
-    given = [f"{name} is {value_text(values[name])}" for name in dict.fromkeys(r.name for r in references(use.value))]
-    return f" ({', '.join(given)})" if given else ""
+    assignments = [
+        f"{name} is {value_text(values[name])}" for name in dict.fromkeys(r.name for r in references(use.value))
+    ]
+    return f" ({', '.join(assignments)})" if assignments else ""
 
 
 def _result(value: m.Ref | m.Expression, values: Values) -> m.Quantity:
-    given = values[value.name] if isinstance(value, m.Ref) else None
-    if isinstance(given, m.Quantity):
-        return given
+    parameter = values[value.name] if isinstance(value, m.Ref) else None
+    if isinstance(parameter, m.Quantity):
+        return parameter
     from foresee_dsl.language.arithmetic.evaluate import evaluate
 
     return evaluate(value, values)
 
 
 def is_number(type_: str) -> bool:
-    """Return whether a parameter of this type has a number, not a word."""
+    """Return whether parameters of this type hold a number, not a word."""
     return type_ in get_args(Dimension)

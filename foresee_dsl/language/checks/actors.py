@@ -1,4 +1,4 @@
-"""Checks of actors: their names, their models' classes, where they are, and the actors that other statements name."""
+"""Checks of actors: their names, their models' classes, their positions, and the actors that other statements name."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
 
 
 def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) -> None:
-    """Every actor is somewhere, and whatever moves has somewhere to go."""
+    """Report an actor without a position, and a moving actor without a route or path."""
     kinds = {item.kind for item in actor.body}
     moves = bool(kinds & set(_WAYS))
     if isinstance(actor, m.Ego):
@@ -62,17 +62,18 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) 
         return
     placed = actor.state is not None or moves or ("start_at" in kinds and actor.kind in ("obstacle", "pedestrian"))
     if not placed:
-        help = "add a way, such as " + write("path [(0 m, 0 m), (20 m, 0 m)]")
+        help = "add one, such as " + write("path [(0 m, 0 m), (20 m, 0 m)]")
         if actor.kind != "pedestrian":
             ways = [print_item(item) for item in ego.body if item.kind in _WAYS] if ego is not None else []
-            help = "add a way, such as " + write(ways[0] if ways else "route from south straight over j4")
+            help = "add one, such as " + write(ways[0] if ways else "route from south straight over j4")
         if actor.kind == "obstacle":
-            help = "add " + write("start at 20 m along ego.route") + ", or a position in front of the brace"
-        findings.add(actor, "", "FS042", f"'{actor.name}' is nowhere", help, head_only=True)
+            help = "add " + write("start at 20 m along ego.route") + ", or a position before the brace"
+        missing = {"obstacle": "position", "pedestrian": "path"}.get(actor.kind, "route or path")
+        findings.add(actor, "", "FS042", f"'{actor.name}' has no {missing}", help, head_only=True)
 
 
 def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
-    """Who joins the traffic comes from a path."""
+    """Report an actor that joins the traffic but has no path to come from."""
     for item in actor.body:
         if isinstance(item, m.Joins) and not any(isinstance(other, m.AnyPath) for other in actor.body):
             help = "write " + write("path [PLACE, PLACE]") + " before it, or `route [...]` instead"
@@ -80,7 +81,7 @@ def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
 
 
 def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
-    """A path has its line from the beginning to the end; the ego is its driver's."""
+    """Report times of a line along a path, and braking of the ego, which its driver controls."""
     on_path = any(isinstance(item, m.AnyPath) for item in actor.body)
     for item in actor.body:
         if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):
@@ -88,7 +89,11 @@ def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
             findings.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
         if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
             findings.add(
-                item, "", "FS042", "the ego's driver brakes", "say it of another actor, or " + remove("remove it")
+                item,
+                "",
+                "FS042",
+                "the ego cannot have `brakes`: its driver brakes",
+                "move it to another actor, or " + remove("remove it"),
             )
 
 
@@ -135,7 +140,7 @@ def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
 
 
 def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
-    """Recorded states are the ego's, and in the order of their times."""
+    """Report recorded states of an actor other than the ego, and states out of the order of their times."""
     before = 0.0
     for item in actor.body:
         if not isinstance(item, m.Recorded):
@@ -150,14 +155,15 @@ def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
             )
         elif isinstance(item.time, m.Quantity):
             if item.time.si <= before:
-                findings.add(item, "time", "FS056", "the states are not in the order of their times", "put it earlier")
+                message = "the recorded states are not in the order of their times"
+                findings.add(item, "time", "FS056", message, "move it before the later ones")
             before = item.time.si
 
 
 def _check_class(
     findings: Findings, actor: m.Ego | m.Actor, parameters: dict[str, m.Param], cases: Sequence[m.Case]
 ) -> None:
-    """The keyword and the model's class agree, for every model that a parameter can be."""
+    """Report a keyword that does not fit the model's class, for every model that a parameter can be."""
     for item, field, model in _models(actor, parameters, cases):
         if not _known_class(findings, item, field, model):
             continue
@@ -169,13 +175,16 @@ def _check_class(
             if isinstance(actor, m.Actor) and item is actor:
                 help = "write " + write(f"{keyword} {actor.name}: {model}") + ", or take a model of "
                 help += one_of(wanted, " or ")
-            findings.add(item, field, "FS038", f"'{actor.name}' is a {actor.kind}, but `{model}` is none", help)
+            kind = "vehicle" if isinstance(actor, m.Ego) else actor.kind
+            article = "an" if kind == "obstacle" else "a"
+            message = f"'{actor.name}' is {article} {kind}, but `{model}` is of class {class_}"
+            findings.add(item, field, "FS038", message, help)
 
 
 def _models(
     actor: m.Ego | m.Actor, parameters: dict[str, m.Param], cases: Sequence[m.Case]
 ) -> Iterator[tuple[m.Item, str, str]]:
-    """The models that an actor can have, each with the place that says so."""
+    """Yield the models that an actor can have, each with the item and the field where it is written."""
     if isinstance(actor.model, str):
         yield actor, "model", actor.model
         return
@@ -199,24 +208,24 @@ def _known_class(findings: Findings, item: m.Item, field: str, model: str) -> bo
         return True
     help = did_you_mean(class_, CLASSES)
     if closest(class_, CLASSES) is None:
-        help = f"classes are {', '.join(CLASSES)}: write one such as " + write("car.sedan")
+        help = f"classes are {', '.join(CLASSES)}: write a model such as " + write("car.sedan")
     findings.add(item, field, "FS012", f"unknown class of models '{class_}'", help)
     return False
 
 
 def door_of(action: m.Door) -> str:
-    """Return what the door is called that an action opens or shuts."""
+    """Return the name of the door that an action opens or shuts."""
     return m.door_name(action.actor, action.side if isinstance(action.side, str) else "left")
 
 
 def _check_mentions(
     findings: Findings, body: Sequence[m.Item], actors: set[str], groups: set[str], doors: set[str]
 ) -> None:
-    """Every actor that is named exists; one of the traffic is named `others_03`, an open door `van_door`."""
+    """Report names of actors that do not exist. An actor of the traffic is called `others_03`, a door `van_door`."""
     for root in body:
         for item in walk(root):
             place = isinstance(item, m.Measure) and item.what not in m.BETWEEN_ACTORS  # its `other` is a junction
-            fields = vars(item)  # what an item has not, pydantic looks for slowly
+            fields = vars(item)  # not `getattr`: pydantic is slow for a field that the class does not have
             named = [(field, fields.get(field)) for field in (("actor",) if place else ("actor", "other"))]
             for field, name in ((field, name) for field, name in named if isinstance(name, str)):
                 group = re.fullmatch(r"(.+)_[0-9]+", name)

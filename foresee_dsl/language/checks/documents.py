@@ -1,4 +1,4 @@
-"""Checks of a file that need no network: names, references, dimensions, what is missing or stands twice."""
+"""Checks of a file that need no network: names, references, dimensions, missing and repeated statements."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from foresee_dsl.language.project.document import Document
 
 
 def check_document(document: Document) -> tuple[Diagnostic, ...]:
-    """Return every mistake that shows in this file alone, in the order of their places."""
+    """Return every error that this file alone shows, in the order of the places."""
     findings = Findings(document)
     model = document.model
     match model:
@@ -99,7 +99,7 @@ def _check_expected(findings: Findings, model: m.Scenario | m.Clip | m.Mutant, c
         seen.add((item.driver, item.case))
         if item.case is not None and cases is not None and item.case not in cases:
             help = did_you_mean(item.case, cases) or "it has no cases: leave out " + write("in case")
-            findings.add(item, "case", "FS100", f"no case '{item.case}' here", help)
+            findings.add(item, "case", "FS100", f"there is no case '{item.case}'", help)
 
 
 # ---- clips ----------------------------------------------------------------------------------------------------------
@@ -112,10 +112,10 @@ def _check_clip(findings: Findings, clip: m.Clip) -> None:
         (m.Goal, "goal", "goal (118.30 m, 40.10 m)"),
     )
     for kind, word, usage in needed:
-        found = [item for item in clip.body if isinstance(item, kind)]
-        if not found:
+        items = [item for item in clip.body if isinstance(item, kind)]
+        if not items:
             findings.add(clip, "name", "FS044", f"clip '{clip.name}' has no `{word}`", "write it like " + write(usage))
-        findings.only_once(found)
+        findings.only_once(items)
     for item in clip.body:
         match item:
             case m.Window(start=m.Quantity() as start, end=m.Quantity() as end) if end.si <= start.si:
@@ -142,8 +142,8 @@ def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
         owner = m.OWNERS.get(change.actor)
         if owner is not None and owner.not_in_clips:
             others = " and ".join(f"`{name}`" for name, other in m.OWNERS.items() if not other.not_in_clips)
-            message = f"a clip {owner.not_in_clips}, so nothing of that can change"
-            findings.add(change, "property", "FS006", message, f"a mutant changes actors, {others}")
+            message = f"a clip {owner.not_in_clips}, so a mutant cannot change it"
+            findings.add(change, "property", "FS006", message, f"change a property of an actor, {others}")
 
 
 def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameters: bool) -> None:
@@ -168,10 +168,10 @@ def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameter
                         + write("line")
                         + " and "
                         + write("brakes")
-                        + " take times, such as "
+                        + " have times, such as "
                         + write("from 4.00 s for 1.00 s")
                     )
-                    findings.add(change, field, "FS124", f"'{'.'.join(path)}' has no times", help)
+                    findings.add(change, field, "FS124", f"'{'.'.join(path)}' cannot have times", help)
 
 
 def _check_changed(findings: Findings, change: m.Change, side: str, *, parameters: bool) -> None:
@@ -180,18 +180,20 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
         needed = m.OWNERS[change.actor].dimension
     elif change.property == "model":
         if not isinstance(value, str):
-            findings.add(change, side, "FS046", "the model of an actor is a name", "such as " + write("car.compact"))
+            message = "the model of an actor is written as a name"
+            findings.add(change, side, "FS046", message, "write one such as " + write("car.compact"))
         return
     else:
         rule = m.PROPERTIES.get(change.property)
         if rule is not None and rule.words and value not in rule.words:
-            findings.add(change, side, "FS046", f"`{change.property}` takes a word", f"one of {', '.join(rule.words)}")
+            message = f"the value of `{change.property}` is a word"
+            findings.add(change, side, "FS046", message, f"write one of {', '.join(rule.words)}")
         needed = rule.dimension if rule is not None and not rule.words else None
     if needed is None:
-        return  # of any kind: it is compared with what there is when the files are joined
+        return  # any kind of value: it is compared with the clip's value when the files are joined
     if isinstance(value, str):
         if parameters:
-            return  # the name of one, or else the joined scenario is refused
+            return  # the name of a parameter; if there is none, the joined scenario is refused
         help = "write " + findings.example(needed)
         findings.add(change, side, "FS046", f"`{value}` cannot be a value of `{change.property}`", help)
     elif isinstance(value, m.Quantity) and value.dimension != needed:
@@ -201,13 +203,13 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
 # ---- campaigns -------------------------------------------------------------------------------------------------------
 
 _SEVERAL: tuple[type[m.Item], ...] = (m.Doc, m.Seeds)
-"""What a campaign may have several of; every other statement stands once."""
+"""Statements that a campaign may have several times; every other statement is written once."""
 
 
 def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
-    """Check a campaign's file; whether its drivers, rankers and files exist is known where it is run."""
+    """Check a campaign's file. Whether its drivers, rankers and files exist is checked when it runs."""
     if not any(isinstance(item, m.Seeds) for item in campaign.body):
-        help = "say which test cases it runs: " + write('seeds "scenarios/**"')
+        help = "name the test cases to run: " + write('seeds "scenarios/**"')
         findings.add(campaign, "name", "FS057", f"campaign '{campaign.name}' has no `seeds`", help)
     for kind in {type(item) for item in campaign.body} - set(_SEVERAL):
         findings.only_once([item for item in campaign.body if isinstance(item, kind)])
@@ -215,7 +217,7 @@ def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
         names = item.names if isinstance(item, m.Drivers | m.Against | m.Rankers) else ()
         for k, name in enumerate(names):
             if name in names[:k]:
-                findings.add(item, f"names.{k}", "FS013", f"'{name}' stands twice", remove("keep one of the two"))
+                findings.add(item, f"names.{k}", "FS013", f"'{name}' is listed twice", remove("keep one of the two"))
 
 
 def check_catalogue(findings: Findings, catalogue: m.Catalogue) -> None:
@@ -240,16 +242,16 @@ def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
                 model, less, "FS055", message, "use at most " + write(written(high)) + ", or raise " + write(more)
             )
     parts = {name: getattr(model, name) for name in ("front_overhang", "wheelbase", "rear_overhang")}
-    given = {name: part for name, part in parts.items() if isinstance(part, m.Quantity)}
-    if not given or not isinstance(model.length, m.Quantity):
+    lengths = {name: part for name, part in parts.items() if isinstance(part, m.Quantity)}
+    if not lengths or not isinstance(model.length, m.Quantity):
         return
-    sum_m, length_m = sum(part.si for part in given.values()), model.length.si
+    sum_m, length_m = sum(part.si for part in lengths.values()), model.length.si
     over_m = sum_m - length_m
-    if over_m > SUM_SLACK_M or (len(given) == len(parts) and over_m < -SUM_SLACK_M):
-        message = f"{' + '.join(given)} is {sum_m:.2f} m, and the length is {length_m:.2f} m"
-        last = next(reversed(given))
-        left_m = length_m - (sum_m - given[last].si)
-        help = "write " + write(f"{last} {left_m:.2f} m") if left_m > 0 else "correct them, or the length"
+    if over_m > SUM_SLACK_M or (len(lengths) == len(parts) and over_m < -SUM_SLACK_M):
+        message = f"{' + '.join(lengths)} is {sum_m:.2f} m, and the length is {length_m:.2f} m"
+        last = next(reversed(lengths))
+        left_m = length_m - (sum_m - lengths[last].si)
+        help = "write " + write(f"{last} {left_m:.2f} m") if left_m > 0 else "correct these lengths, or `length`"
         findings.add(model, last, "FS055", message, help)
 
 
@@ -279,11 +281,12 @@ def check_network(findings: Findings, network: m.Network) -> None:
 def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:
     for field, name, other in (("start", road.start, road.end), ("end", road.end, road.start)):
         if name not in junctions:
-            help: HelpText = did_you_mean(name, [known for known in junctions if known != other])
+            help: HelpText = did_you_mean(name, [junction for junction in junctions if junction != other])
             findings.add(road, field, "FS040", f"unknown junction '{name}'", help)
     others = [name for name in dict.fromkeys(junctions) if name != road.start]
     if road.start == road.end:
-        help = "known are " + one_of(others) if others else "add " + write("junction b at (100 m, 0 m)")
+        add = "add " + write("junction b at (100 m, 0 m)")
+        help = "let it end at one of " + one_of(others) if others else add
         findings.add(road, "end", "FS050", "this road ends where it begins", "a road joins two junctions; " + help)
     if road.name.removesuffix("_back") in roads - {road.name}:
         other = road.name.removesuffix("_back")

@@ -1,4 +1,4 @@
-"""Checks of what is drawn: the distributions of parameters, and the names of the cases that are drawn from them."""
+"""Checks of random draws: the distributions of parameters, and the names of the cases that are drawn from them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def check_drawn(findings: Findings, scenario: m.Scenario) -> None:
 
 
 def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
-    """Report names of cases that are given twice; a `cases` statement whose names clash only once."""
+    """Report names that two cases have; for a `cases` statement with several such names only the first."""
     named: list[tuple[m.Item, str, str]] = [(case, "name", case.name) for case in scenario.all(m.Case)]
     drawn_cases = 0
     for cases in scenario.all(m.Cases):
@@ -57,7 +57,7 @@ def _check_cases(findings: Findings, cases: m.Cases) -> bool:
         value: m.Quantity = getattr(cases, field)
         if value.unit or value.value != value.value.to_integral_value():
             findings.add(
-                cases, field, "FS010", f"`{written(value)}` is no whole number", "write one such as " + write("20")
+                cases, field, "FS010", f"`{written(value)}` is not a whole number", "write one such as " + write("20")
             )
             sound = False
         elif not low <= value.value <= high:
@@ -79,7 +79,7 @@ def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.
             )
         else:
             help = "give it options: " + write(f"{_head(parameter)} in [{default}] as {written(distribution)}")
-        findings.add(distribution, "", "FS051", f"'{parameter.name}' has nothing to be drawn from", help)
+        findings.add(distribution, "", "FS051", f"'{parameter.name}' has no range or options to draw from", help)
     elif isinstance(distribution, m.Normal):
         _check_normal(findings, parameter, distribution)
     elif isinstance(distribution, m.Choice):
@@ -95,7 +95,7 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
     limits = parameter.range
     if limits is None:
         weights = ", ".join("1" for _ in parameter.options or ())
-        help = "options are drawn as " + write("uniform") + ", " + write(f"choice({weights})") + " or " + write("grid")
+        help = "draw options as " + write("uniform") + ", " + write(f"choice({weights})") + " or " + write("grid")
         findings.add(normal, "", "FS051", "a normal distribution needs a range, and this parameter has options", help)
         return
     needed = limits.low.dimension
@@ -112,13 +112,13 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
             normal, "mean", "FS051", message, "use one inside it, such as " + write(near) + ", or widen the range"
         )
     if normal.deviation.si <= 0:
-        message = f"a deviation of `{written(normal.deviation)}` draws nothing"
+        message = f"the standard deviation `{written(normal.deviation)}` is too small"
         findings.add(
             normal,
             "deviation",
             "FS051",
             message,
-            "a standard deviation is more than zero, such as " + write(written(_tenth(limits))),
+            "it must be more than zero, such as " + write(written(_tenth(limits))),
         )
 
 
@@ -131,20 +131,21 @@ def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> N
     if len(options) != len(weights):
         message = f"{len(weights)} weights for {len(options)} options"
         more = [m.Quantity(value=Decimal(1))] * max(len(options) - len(weights), 0)
-        given = ", ".join(written(weight) for weight in [*weights[: len(options)], *more])
-        findings.add(choice, "", "FS051", message, "give each option one, in their order: " + write(f"choice({given})"))
+        example = ", ".join(written(weight) for weight in [*weights[: len(options)], *more])
+        help = "write one weight for each option, in their order: " + write(f"choice({example})")
+        findings.add(choice, "", "FS051", message, help)
     for k, weight in enumerate(weights):
         if weight.unit:
             findings.add(
                 choice,
                 f"weights.{k}",
                 "FS051",
-                f"`{written(weight)}` is no weight",
+                f"`{written(weight)}` is not a weight",
                 "a weight has no unit: " + write(written(m.Quantity(value=weight.value))),
             )
         elif weight.value <= 0:
-            help = "a weight is more than zero, such as " + write("1") + "; leave out an option that is not to be drawn"
-            findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is no weight", help)
+            help = "a weight is more than zero, such as " + write("1") + "; remove an option that is not to be drawn"
+            findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is not a weight", help)
 
 
 def _head(parameter: m.Param) -> str:

@@ -1,4 +1,4 @@
-"""Expressions: that their dimensions fit each other and their place, and that a file of this kind may have them."""
+"""Checks of expressions: their dimensions fit each other and their place, and the file may have expressions."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from foresee_dsl.language.units import Dimension
 
 
 def refuse(findings: Findings, kind: str, item: m.Item, field: str, value: m.Expression) -> None:
-    """Report an expression in a file that holds values only."""
+    """Report an expression in a file that may hold only values."""
     try:
         help: HelpText = meant_code(written(evaluate(value)))
     except ExpressionError:
         help = "write its value"
-    message = f"{kind} holds values: `{written(value)}` is not worked out here"
+    message = f"{kind} holds values only: `{written(value)}` is not calculated here"
     findings.add(item, field, c.NO_EXPRESSION, message, help)
 
 
@@ -56,19 +56,19 @@ def _instead(value: m.Expression, needed: Dimension, dimensions: Dimensions, exa
     other = turned(value)
     if other is not None and dimensions.of(other) == POWERS[needed]:
         return meant_code(written(other))
-    return "write " + example + f", or work one out of others: {_RECIPES[needed]}"
+    return "write " + example + f", or calculate one: {_RECIPES[needed]}"
 
 
 _RECIPES: Mapping[Dimension, str] = {
-    "time": "a length by a speed (`/`), a time and a time (`+`)",
-    "length": "a speed times a time (`*`), a length and a length (`+`)",
-    "speed": "a length by a time (`/`), an acceleration times a time (`*`)",
-    "acceleration": "a speed by a time (`/`)",
+    "time": "a length divided by a speed (`/`), a time plus a time (`+`)",
+    "length": "a speed times a time (`*`), a length plus a length (`+`)",
+    "speed": "a length divided by a time (`/`), an acceleration times a time (`*`)",
+    "acceleration": "a speed divided by a time (`/`)",
     "angle": "a turning rate times a time (`*`)",
-    "angular_rate": "an angle by a time (`/`)",
+    "angular_rate": "an angle divided by a time (`/`)",
     "mass": "a plain number times a mass (`*`)",
-    "ratio": "a length by a length (`/`)",
-    "count": "whole numbers (`+`, `*`)",
+    "ratio": "a length divided by a length (`/`)",
+    "count": "from whole numbers (`+`, `*`)",
 }
 
 

@@ -1,4 +1,4 @@
-"""Checks of parameters: their ranges and options, and the cases that fix them."""
+"""Checks of parameters: their ranges and options, and the values that cases give them."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
     check_drawn(findings, scenario)
     by_name = {parameter.name: parameter for parameter in parameters}
     for case in scenario.all(m.Case):
-        before, given = len(findings), {assignment.name: None for assignment in case.values}
+        before, names = len(findings), {assignment.name: None for assignment in case.values}
         findings.unique(((a, "name", a.name) for a in case.values), f"values in case '{case.name}'")
         for assignment in case.values:
-            known = by_name.get(assignment.name)
-            if known is None:
-                left = [name for name in by_name if name not in given]
+            declared = by_name.get(assignment.name)
+            if declared is None:
+                left = [name for name in by_name if name not in names]
                 help = did_you_mean(assignment.name, left)
-                other = closest(assignment.name, [name for name in given if name in by_name])
+                other = closest(assignment.name, [name for name in names if name in by_name])
                 if closest(assignment.name, left) is None and other is not None:
-                    help = f"'{other}' is given beside it: " + remove("remove it")
+                    help = f"'{other}' already has a value in this case: " + remove("remove it")
                 findings.add(assignment, "name", "FS031", f"unknown parameter '{assignment.name}'", help)
             else:
-                _check_assignment(findings, known, assignment, by_name)
+                _check_assignment(findings, declared, assignment, by_name)
         if len(findings) == before:
             _check_worked_out(findings, scenario, case, by_name)
 
@@ -60,9 +60,9 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
 def _check_assignment(
     findings: Findings, parameter: m.Param, assignment: m.Assignment, parameters: dict[str, m.Param]
 ) -> None:
-    """Check a value that a case gives; of one that is worked out of others, its dimension."""
+    """Check a value that a case gives; for a calculated value, check its dimension."""
     value = assignment.value
-    types = {name: known.type for name, known in parameters.items()}
+    types = {name: declared.type for name, declared in parameters.items()}
     needed = needed_by(assignment, types)
     if isinstance(value, str) and needed:
         other = parameters[value]
@@ -88,17 +88,19 @@ def _check_assignment(
 
 
 def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, parameters: dict[str, m.Param]) -> None:
-    """Check what the values that are worked out of others come to: they lie in their parameters' ranges."""
-    types = {name: known.type for name, known in parameters.items()}
-    computed = [given for given in case.values if needed_by(given, types) or isinstance(given.value, m.EXPRESSIONS)]
-    given = {assignment.name for assignment in case.values}
+    """Check that the results of calculated values lie in their parameters' ranges."""
+    types = {name: parameter.type for name, parameter in parameters.items()}
+    computed = [
+        assigned for assigned in case.values if needed_by(assigned, types) or isinstance(assigned.value, m.EXPRESSIONS)
+    ]
+    assigned = {assignment.name for assignment in case.values}
     following = [
-        known
-        for name, known in parameters.items()
-        if name not in given
-        and isinstance(known.default, m.Calculated)
-        and any(references(known.default))
-        and known.default.dimension in (known.type, "ratio")
+        parameter
+        for name, parameter in parameters.items()
+        if name not in assigned
+        and isinstance(parameter.default, m.Calculated)
+        and any(references(parameter.default))
+        and parameter.default.dimension in (parameter.type, "ratio")
     ]
     if not computed and not following:
         return
@@ -114,8 +116,8 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
         return
     for assignment in computed:
         _check_value(findings, parameters[assignment.name], assignment, "value", values[assignment.name])
-    for known in following:
-        _check_value(findings, known, case, "name", values[known.name])
+    for parameter in following:
+        _check_value(findings, parameter, case, "name", values[parameter.name])
 
 
 def _check_parameter(findings: Findings, parameter: m.Param) -> None:
@@ -131,7 +133,7 @@ def _check_parameter(findings: Findings, parameter: m.Param) -> None:
             findings.add(limits, "", "FS039", "this range ends before it begins", help)
             sound = False
         elif sound and limits.step is not None and limits.step.si <= 0:
-            findings.add(limits, "step", "FS050", "a step is more than zero", "use a positive step, or none")
+            findings.add(limits, "step", "FS050", "a step must be more than zero", "use a positive step, or no step")
             sound = False
     for k, option in enumerate(parameter.options or ()):
         sound &= _check_type(findings, parameter, parameter, f"options.{k}", option)
@@ -151,8 +153,8 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
         return
     if parameter.options is not None and not any(same_value(value, option) for option in parameter.options):
         message = f"`{written(value)}` is not among the options of '{parameter.name}'"
-        known = one_of(written(option) for option in parameter.options if isinstance(option, m.Quantity))
-        findings.add(item, field, "FS033", message, "options are " + known)
+        options = one_of(written(option) for option in parameter.options if isinstance(option, m.Quantity))
+        findings.add(item, field, "FS033", message, "options are " + options)
         return
     limits = parameter.range
     if limits is None or limits.low.si > limits.high.si:
@@ -200,7 +202,7 @@ def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str
         findings.add(item, field, "FS034", f"unknown turn '{value}'", did_you_mean(value, _TURNS))
     elif type_ == "model" and _MODEL.fullmatch(value) is None:
         help = "models are called class.variant, such as " + write("car.compact")
-        findings.add(item, field, "FS034", f"`{value}` is no name of a model", help)
+        findings.add(item, field, "FS034", f"`{value}` is not the name of a model", help)
     else:
         return True
     return False
@@ -225,7 +227,8 @@ def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field:
         findings.wrong_dimension(item, field, value, needed, code="FS034")
         return False
     if needed == "count" and (value.value < 0 or value.value != value.value.to_integral_value()):
-        findings.add(item, field, "FS034", f"`{written(value)}` is no whole number", "write one such as " + write("2"))
+        message = f"`{written(value)}` is not a whole number"
+        findings.add(item, field, "FS034", message, "write one such as " + write("2"))
         return False
     return True
 

@@ -1,4 +1,4 @@
-"""Checks of what is required of parameters, and of whether the written cases satisfy it."""
+"""Checks of requirements of parameters, and whether the written cases satisfy them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from foresee_dsl.language.traversal import parts
 
 
 def check_requirements(findings: Findings, scenario: m.Scenario) -> None:
-    """Check what is required, and that the written cases satisfy it (without any cases, the defaults)."""
+    """Check every `require`, and that the written cases satisfy it (or, without cases, the defaults)."""
     parameters = {parameter.name: parameter for parameter in scenario.all(m.Param)}
     sound = []
     for require in scenario.all(m.Require):
@@ -33,10 +33,10 @@ def check_requirements(findings: Findings, scenario: m.Scenario) -> None:
                 continue  # which was reported
             if holds(require.condition, values) is False:
                 message = f"in case '{case.name}' {violation(require, values)}"
-                findings.add(case, "name", "FS053", message, "change the value, or what is required")
+                findings.add(case, "name", "FS053", message, "change the value, or the requirement")
         if not written_cases and not scenario.all(m.Cases) and holds(require.condition, defaults) is False:
             message = f"by default {violation(require, defaults)}"
-            findings.add(require, "", "FS053", message, "change a default, or what is required")
+            findings.add(require, "", "FS053", message, "change a default, or the requirement")
 
 
 def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.Param]) -> bool:
@@ -54,11 +54,11 @@ def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.P
         unknown = unknown_in(part.left, types) or unknown_in(part.right, types)  # `check_values` reports them
         return not unknown and compare_sides(findings, part, types)
     help = (
-        "only parameters are compared here: "
+        "compare parameters only: "
         + write("require gap < 2 s")
-        + "; what happens in the world is for "
+        + "; for what happens during the run use "
         + write("when")
-        + " and "
+        + " or "
         + write("expect")
     )
     findings.add(part, "", "FS052", f"`{written(part)}` is not known before the run", help)
@@ -71,7 +71,7 @@ def _check_equals(findings: Findings, part: m.Equals, parameters: dict[str, m.Pa
         return False  # `check_values` reports it
     if parameter.type not in WORD_TYPES:
         help = "compare it with a value: " + write(f"{parameter.name} <= {value_text(parameter.default)}")
-        message = f"'{parameter.name}' is {NOUNS[dimension_of(parameter)]}, and never a word"
+        message = f"'{parameter.name}' is {NOUNS[dimension_of(parameter)]}, not a word"
         findings.add(part, "left", "FS032", message, help)
         return False
     if parameter.options is not None and part.right not in parameter.options:
@@ -91,7 +91,8 @@ def _check_compared(
     for field, name in sides:
         if parameters[name].type in WORD_TYPES:
             help = "write " + write(f"{name} is {value_text(parameters[name].default)}")
-            findings.add(part, field, "FS032", f"'{name}' is a word, which is neither less nor more", help)
+            message = f"'{name}' is a word, which cannot be less or more than another"
+            findings.add(part, field, "FS032", message, help)
             return False
     first = parameters[left.name]
     needed = dimension_of(first)

@@ -1,4 +1,4 @@
-"""Checks of what stands on and beside a network's roads: that it has a place there, and leaves a way on."""
+"""Checks of the objects on and beside a network's roads: each has room there, and no rule blocks every way on."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from foresee_dsl.language.streets.layout import BACK, Cut, Directed, Ring, lanes
 from foresee_dsl.language.streets.lines import at, number, wrapped, xy
 
 FROM_END_M = 15.0
-"""Nothing on a road is nearer to its ends than this, m (ours: the junctions of wide roads reach 12 m)."""
+"""Minimum distance of an object from the ends of its road, m (ours: the junctions of wide roads reach 12 m)."""
 APART_M = 3.0
-"""Cuts of one edge are so far apart, m (ours: a joint is 1 m long)."""
+"""Minimum distance between two cuts of one edge, m (ours: a joint is 1 m long)."""
 ISLAND_END_M = 30.0
-"""A zebra crossing whose island needs room is so far from the road's ends, m: its tapers, and half its width."""
+"""Minimum distance of a zebra crossing with an island from the road's ends, m: its tapers, and half its width."""
 MOUTH_M = 8.0
-"""Between the carriageways of two arms of a roundabout is so much of the ring, m (ours: two corners of 5 m, that meet
-the ring at an angle)."""
+"""Minimum length of the ring between the carriageways of two arms of a roundabout, m (ours: two corners of 5 m that
+meet the ring at an angle)."""
 STRAIGHT_RAD = math.radians(45)
-"""Up to this angle the way over a junction is straight on (as SUMO's directions are)."""
+"""Largest angle at which a way over a junction counts as straight, rad (as SUMO's directions are)."""
 RAMP_TURN_RAD = math.radians(100)
-"""A ramp turns by this much at most between its junction and its edge (ours: more asks for points of its own)."""
+"""Largest angle by which a ramp may turn between its junction and its edge, rad (ours: a larger turn needs points of
+its own)."""
 
 NamedJunction = m.Junction | m.Roundabout | m.Zebra | m.Bump | m.OnRamp | m.OffRamp
 """Statements whose name is a junction's."""
@@ -37,14 +38,14 @@ Ramp = m.OnRamp | m.OffRamp
 def check_touching(
     findings: Findings, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
 ) -> None:
-    """Report names that are no road at a junction: (item, field, name)."""
+    """Report names that do not belong to a road at a junction; `named` has (item, field, name)."""
     ends = [(item.name, item.start, item.end) for item in network.body if isinstance(item, m.Road)]
     ends += [(item.name, item.junction, item.junction) for item in network.body if isinstance(item, Ramp)]
     touching = [name for name, *of_road in ends if junction in of_road]
     for item, field, name in named:
         if name not in touching:
-            known = any(name == other for other, *_ in ends)
-            message = f"road '{name}' does not touch '{junction}'" if known else f"unknown road '{name}'"
+            exists = any(name == other for other, *_ in ends)
+            message = f"road '{name}' does not touch '{junction}'" if exists else f"unknown road '{name}'"
             findings.add(item, field, "FS041", message, did_you_mean(name, touching))
 
 
@@ -57,10 +58,10 @@ class Streets:
         self._edges = {edge.id: edge for edge in layout.directed(network, self._rings)}
         self._ramps = [item.name for item in network.body if isinstance(item, Ramp)]
         self._placed = True
-        """Whether all that stands on roads has a place there, so that how it lies to each other can be said."""
+        """True if every object has a place on its road, so that their distances can be checked."""
 
     def check(self) -> None:
-        """Report everything."""
+        """Report every error."""
         for item in self._network.body:
             match item:
                 case m.Roundabout():
@@ -97,14 +98,14 @@ class Streets:
         named = [(item, f"crossings.{k}", name) for k, name in enumerate(item.crossings or ())]
         check_touching(self._findings, item.name, named, self._network)
         if len(ring.arms) < 2:
-            known = f"only {ring.arms[0][1].name} ends" if ring.arms else "no road ends"
+            roads = f"only {ring.arms[0][1].name} ends" if ring.arms else "no road ends"
             help: HelpText = (
-                "at least two do: add "
+                "at least two roads must end there: add "
                 + write(f"road west from west_end to {item.name}")
                 + " and another, or "
                 + remove("remove it")
             )
-            self._add(item, "name", f"{known} at the roundabout '{item.name}'", help)
+            self._add(item, "name", f"{roads} at the roundabout '{item.name}'", help)
             return
         for (angle, road), (following, other) in pairwise((*ring.arms, ring.arms[0])):
             between = (following - angle) % math.tau
@@ -120,7 +121,7 @@ class Streets:
                 )
                 fits = in_block(f"radius {wider} m", item.name) + ", or " if wider <= 200 else ""
                 end = "end" if last.end == item.name else "start"
-                self._add(last, end, message, fits + "lead one of them to another side by " + write("via"))
+                self._add(last, end, message, fits + "let one of them come in from another side with " + write("via"))
         for _, road in ring.arms:
             far = road.end if road.start == item.name else road.start
             points = [(road, f"via.{k}", point) for k, point in enumerate(road.via)]
@@ -147,17 +148,18 @@ class Streets:
                 self._add(
                     item,
                     "speed",
-                    f"a bump with the speed of its road '{edge.road.name}'",
+                    f"the bump is not slower than its road '{edge.road.name}'",
                     "use less, such as " + write(_slower(item.speed)),
                 )
             return
         if not number(edge.road.sidewalk):
             help = in_block("sidewalk 2 m", edge.road.name, "road")
-            self._add(item, "road", f"nobody can come to '{item.name}': road '{item.road}' has no sidewalk", help)
+            message = f"no pedestrian can reach '{item.name}': road '{item.road}' has no sidewalk"
+            self._add(item, "road", message, help)
         if item.island is None:
             return
         if not lanes_of(edge.road)[1]:
-            message = f"'{item.road}' has one direction, so no island can be between two"
+            message = f"'{item.road}' has only one direction, so it has no place for an island between directions"
             self._add(item, "island", message, leave_out("island"))
         elif number(item.island) > number(edge.road.median):
             at_m = number(item.at)
@@ -211,7 +213,7 @@ class Streets:
         low, high = FROM_END_M, edge.length_m - FROM_END_M
         if length > high - low:
             field = "length" if item.length is not None else "at"
-            message = f"the further lane of '{item.name}' is {length:g} m long, '{edge.id}' only {edge.length_m:.0f} m"
+            message = f"the extra lane of '{item.name}' is {length:g} m long, '{edge.id}' only {edge.length_m:.0f} m"
             self._add(
                 item,
                 field,
@@ -228,7 +230,7 @@ class Streets:
             self._bend(item, edge, junction)
 
     def _bend(self, item: m.OnRamp | m.OffRamp, edge: Directed, junction: m.Junction) -> None:
-        """Report a ramp that would have to turn round to come from, or to, its junction."""
+        """Report a ramp that would have to turn round on its way from or to its junction."""
         (x, y), heading = at(edge.line, number(item.at))
         jx, jy = xy(junction.at)
         way = math.atan2(y - jy, x - jx) if isinstance(item, m.OnRamp) else math.atan2(jy - y, jx - x)
@@ -258,26 +260,26 @@ class Streets:
                 "use a length from " + write(f"{math.ceil(low)} m") + " to " + write(f"{math.floor(high)} m"),
             )
 
-    def _unknown_edge(self, item: m.Item, field: str, name: str, known: Sequence[str]) -> None:
+    def _unknown_edge(self, item: m.Item, field: str, name: str, roads: Sequence[str]) -> None:
         help: HelpText
         if name in self._ramps:
-            message = f"'{name}' is a ramp, and no road"
-            help = "roads are " + one_of(known)
-        elif name.removesuffix(BACK) in known and name.endswith(BACK):
+            message = f"'{name}' is a ramp, not a road"
+            help = "roads are " + one_of(roads)
+        elif name.removesuffix(BACK) in roads and name.endswith(BACK):
             message = f"'{name}' is one direction of a road"
-            help = "it lies on both: write " + write(name.removesuffix(BACK))
+            help = "it lies across both directions: write " + write(name.removesuffix(BACK))
             if name.removesuffix(BACK) in self._edges and not isinstance(item, m.Zebra | m.Bump):
-                message = f"road '{name.removesuffix(BACK)}' has one direction only"
+                message = f"road '{name.removesuffix(BACK)}' has only one direction"
                 help = "write " + write(name.removesuffix(BACK))
         else:
-            message, help = f"unknown road '{name}'", did_you_mean(name, known)
-            help = help or ("" if isinstance(item, Ramp) else "roads are " + one_of(known))
+            message, help = f"unknown road '{name}'", did_you_mean(name, roads)
+            help = help or ("" if isinstance(item, Ramp) else "roads are " + one_of(roads))
             if not help and isinstance(item, Ramp):
                 help = "a ramp joins or leaves a road: add " + write("road a1 from a to b { lanes 2; speed 130 km/h }")
         self._add(item, field, message, help, "FS041")
 
     def _along(self, edge: Directed) -> None:
-        """Report what lies on top of something else, and lanes that are not there."""
+        """Report objects of one edge that overlap, and lanes that do not exist."""
         first, last = 1, lanes_of(edge.road)[1 if edge.back else 0]
         open_ramp: Cut | None = None
         for k, cut in enumerate(edge.cuts):
@@ -290,12 +292,12 @@ class Streets:
                 message = f"this is on top of {_called(early)}: {abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
                 free = number(early.at) + math.copysign(math.ceil(apart), number(late.at) - number(early.at) or 1)
                 self._findings.add(
-                    late, "at", "FS270", message, "leave room between them, such as by " + write(f"{free:g} m")
+                    late, "at", "FS270", message, "leave room between them, for example with " + write(f"{free:g} m")
                 )
                 return
             if isinstance(item, Ramp):
                 if not cut.last and open_ramp is not None:
-                    message = f"its further lane overlaps that of {_called(open_ramp.item)}"
+                    message = f"its extra lane overlaps that of {_called(open_ramp.item)}"
                     self._findings.add(
                         item, "at", "FS270", message, "let one end before the other begins, or " + remove("remove one")
                     )
@@ -303,24 +305,25 @@ class Streets:
                 open_ramp = None if cut.last else cut
             elif isinstance(item, m.LaneEnd):
                 if open_ramp is not None:
-                    help = "let it end before the ramp's further lane, or behind it, or " + remove("remove it")
-                    message = f"a lane ends beside the further lane of {_called(open_ramp.item)}"
+                    help = "let it end before the ramp's extra lane, or behind it, or " + remove("remove it")
+                    message = f"a lane ends beside the extra lane of {_called(open_ramp.item)}"
                     self._findings.add(item, "at", "FS270", message, help)
                     return
                 count, lane = last - first + 1, round(number(item.lane))
                 if count < 2 or lane not in (1, count):
                     some = (
-                        "the outer ones can end: " + write("1") + " (the rightmost) and " + write(f"{count}")
+                        "only an outer lane can end: " + write("1") + " (the rightmost) or " + write(f"{count}")
                         if count > 1
-                        else "it stays: " + remove("remove this")
+                        else "the only lane cannot end: " + remove("remove this")
                     )
-                    message = f"lane {lane} of '{edge.id}' cannot end there, where it has {count}"
+                    lanes = f"{count} lanes" if count > 1 else "one lane"
+                    message = f"lane {lane} of '{edge.id}' cannot end there: the road has {lanes} at that place"
                     self._findings.add(item, "lane", "FS270", message, some)
                     return
                 first, last = (first + 1, last) if lane == 1 else (first, last - 1)
 
     def _in_a_bay(self, edge: Directed) -> bool:
-        """Report what lies in the bay of a bus stop, or right beside it; say whether anything does."""
+        """Report an object in the bay of a bus stop, or right beside it; return whether there is one."""
         spans: list[tuple[m.Item, float, float]] = []
         for item in dict.fromkeys(cut.item for cut in edge.cuts):
             at = [cut.at_m for cut in edge.cuts if cut.item == item]
@@ -338,8 +341,8 @@ class Streets:
                     return True
         return False
 
-    def _gap(self, one: Cut, other: Cut) -> float:
-        return other.at_m - one.at_m - APART_M - _half(one.item) - _half(other.item)
+    def _gap(self, first: Cut, second: Cut) -> float:
+        return second.at_m - first.at_m - APART_M - _half(first.item) - _half(second.item)
 
     # ---- rules of turns ---------------------------------------------------------------------------------------------
 
@@ -361,9 +364,9 @@ class Streets:
         exits = self._exits(edge)
         for k, turn in enumerate(item.turns):
             if exits and turn not in exits.values() and edge.end in self._plain_junctions:
-                message = f"from '{item.edge}' nobody can go {turn} over '{edge.end}'"
-                known = one_of(dict.fromkeys(exits.values()), " or ")
-                self._findings.add(item, f"turns.{k}", "FS270", message, "one can go " + known)
+                message = f"no way leads {turn} from '{item.edge}' over '{edge.end}'"
+                turns = one_of(dict.fromkeys(exits.values()), " or ")
+                self._findings.add(item, f"turns.{k}", "FS270", message, "ways lead " + turns)
 
     @property
     def _plain_junctions(self) -> frozenset[str]:
@@ -373,7 +376,7 @@ class Streets:
         if item.junction in self._rings:
             part = f"{item.junction}_{item.roads[0]}"
             help: HelpText = (
-                "a roundabout is left at any arm, so "
+                "vehicles may leave a roundabout at every arm, so "
                 + remove("remove it")
                 + "; "
                 + write(part)
@@ -391,7 +394,7 @@ class Streets:
             edge = self._into(road, item.junction)
             ways = [e for e in (self._edges.get(road), self._edges.get(road + BACK)) if e is not None]
             if edge is None and ways and all(item.junction == e.start for e in ways):
-                message = f"nobody comes from '{road}' to '{item.junction}': it only leads away from there"
+                message = f"no vehicle comes from '{road}' to '{item.junction}': the road only leads away from there"
                 self._findings.add(item, f"roads.{k}", "FS270", message, remove("leave it out"))
 
     def _into(self, road: str, junction: str) -> Directed | None:
@@ -399,19 +402,19 @@ class Streets:
         return next((edge for edge in ways if edge is not None and edge.end == junction), None)
 
     def _exits(self, edge: Directed) -> Mapping[str, m.Turn]:
-        """Return the edges that leave where an edge ends, with their turns, by the directions of their lines."""
+        """Return the edges that begin where an edge ends, each with its turn, by the directions of their lines."""
         (x0, y0), (x1, y1) = edge.line[-2:]
         heading = math.atan2(y1 - y0, x1 - x0)
-        found: dict[str, m.Turn] = {}
+        turns: dict[str, m.Turn] = {}
         for other in self._edges.values():
             if other.start == edge.end and other.road is not edge.road:
                 (x2, y2), (x3, y3) = other.line[:2]
                 off = wrapped(math.atan2(y3 - y2, x3 - x2) - heading)
-                found[other.id] = "straight" if abs(off) <= STRAIGHT_RAD else ("left" if off > 0 else "right")
-        return found
+                turns[other.id] = "straight" if abs(off) <= STRAIGHT_RAD else ("left" if off > 0 else "right")
+        return turns
 
     def _forbidden_ways(self) -> None:
-        """Report the rule that leaves no way on from a road."""
+        """Report the rule that bans the last way on from a road."""
         left: dict[str, set[m.Turn]] = {}
         for item in self._network.body:
             if not isinstance(item, m.BannedTurn):
@@ -423,12 +426,12 @@ class Streets:
                     continue
                 ways = left.setdefault(edge.id, set(self._exits(edge).values()))
                 if ways and not ways - {item.turn}:
-                    message = f"no way on is left from '{road}' over '{item.junction}'"
-                    help = f"{item.turn} is the last way on: " + remove("remove it") + f", or make '{road}' one-way"
+                    message = f"this bans the last way from '{road}' over '{item.junction}'"
+                    help = remove("remove it") + f", so that {item.turn} stays allowed, or make '{road}' one-way"
                     self._findings.add(item, f"roads.{k}", "FS270", message, help)
                 elif ways and item.turn not in ways and item.turn != "back":
-                    message = f"from '{road}' nobody can go {item.turn} over '{item.junction}' anyway"
-                    self._findings.add(item, "turn", "FS270", message, "one can go " + one_of(sorted(ways), " or "))
+                    message = f"no way leads {item.turn} from '{road}' over '{item.junction}' anyway"
+                    self._findings.add(item, "turn", "FS270", message, "ways lead " + one_of(sorted(ways), " or "))
                 ways.discard(item.turn)
 
     # ---- names ------------------------------------------------------------------------------------------------------
@@ -439,12 +442,12 @@ class Streets:
             if isinstance(item, m.LaneTurns | m.LaneEnd):
                 key = (item.kind, item.edge, number(item.lane))
                 if key in seen:
-                    message = f"lane {number(item.lane):g} of '{item.edge}' has two such lines"
+                    message = f"lane {number(item.lane):g} of '{item.edge}' has two statements of this kind"
                     self._findings.add(item, "lane", "FS013", message, remove("keep one of the two"))
                 seen.add(key)
 
     def _derived_names(self) -> None:
-        """Report names that something else gives to one of its parts."""
+        """Report names that also belong to a part of another statement."""
         parts: dict[str, m.Item] = {node: ring.item for ring in self._rings.values() for node in ring.nodes}
         parts |= {
             cut.node: cut.item
@@ -454,7 +457,7 @@ class Streets:
         }
         for item in self._network.body:
             if isinstance(item, NamedJunction) and item.name in parts:
-                message = f"'{item.name}' is also what a junction of {_called(parts[item.name])} is called"
+                message = f"'{item.name}' is also the name of a junction of {_called(parts[item.name])}"
                 self._findings.add(item, "name", "FS030", message, rename("give it another name"))
 
 
@@ -464,18 +467,18 @@ def _called(item: m.Item) -> str:
 
 
 def _slower(speed: m.Quantity) -> str:
-    """Return half a speed, as it is written."""
+    """Return half a speed as text."""
     half = m.Quantity(value=(speed.value / 2).normalize(), unit=speed.unit)
     return written(half)
 
 
 def _half(item: m.Item) -> float:
-    """Half the length of what lies across a road, m."""
+    """Return half the length that an object covers along its road, m."""
     return number(item.width, 4.0) / 2 if isinstance(item, m.Zebra) else 0.0
 
 
 def _width(road: m.Road) -> float:
-    """Return the width of a road's carriageways and what is between them, m."""
+    """Return the width of a road's carriageways with its median, m."""
     strips = ("bus_lane", "cycle_lane", "shoulder", "parking", "cycle_track")
     side = sum(number(getattr(road, strip)) for strip in strips)
     lanes = lanes_of(road)

@@ -1,4 +1,4 @@
-"""Values wherever they stand: references to parameters, dimensions, and numbers that make no sense."""
+"""Checks of all values of a file: references to parameters, dimensions, and numbers out of bounds."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _WORD_OF_OTHERS: Mapping[tuple[type[m.Item], str], ParamType] = {
     (m.Measure, "other"): "junction",
     (m.Named, "name"): "junction",
 }
-"""Fields whose name does not tell which type of parameter may stand for their word."""
+"""The type of parameter that may replace the word of a field, where the field's name does not tell it."""
 
 
 _ONLY_VALUES = {m.Clip: "a clip", m.Mutant: "a mutant", m.Catalogue: "a catalogue of models", m.Campaign: "a campaign"}
-"""Files in which nothing is worked out, and what they are called."""
+"""Kinds of files that hold values but no calculations, with their names for messages."""
 
 
 def check_values(findings: Findings, model: m.Definition) -> None:
@@ -76,7 +76,7 @@ def check_values(findings: Findings, model: m.Definition) -> None:
 
 
 def _check_gap(findings: Findings, item: m.KeepsGap, types: Mapping[str, str]) -> None:
-    """A gap is a time or a length, and nothing else."""
+    """Report a gap that is neither a time nor a length."""
     gap = item.gap
     if isinstance(gap, m.Quantity) and gap.dimension not in ("time", "length"):
         findings.wrong_dimension(item, "gap", gap, "time")
@@ -94,19 +94,19 @@ def _needed(item: m.Item, field: str) -> Dimension | None:
 
 def _check_results(findings: Findings, scenario: m.Scenario) -> None:
     """Report values that do not fit their place in some case, written or drawn, or by default."""
-    found = list(uses(scenario.body))
-    if not found:
+    places = list(uses(scenario.body))
+    if not places:
         return
     written_cases = scenario.all(m.Case)
     cases = [(case.name, case_values(scenario, case)) for case in (*written_cases, *_drawn(scenario))]
     if not written_cases and not scenario.all(m.Cases):
         cases = [("", case_values(scenario, None))]
-    for wrong in unfit(found, cases):
+    for wrong in unfit(places, cases):
         findings.add(wrong.item, wrong.field, wrong.code, wrong.message, wrong.help)
 
 
 def _drawn(scenario: m.Scenario) -> Iterator[m.Case]:
-    """Yield the drawn cases; none of a statement of whose draws too few satisfy every `require`, which is reported."""
+    """Yield the drawn cases. A statement with too few valid draws yields none, because it is reported elsewhere."""
     for cases in scenario.all(m.Cases):
         with suppress(TooFewError):
             yield from draw(scenario, cases)
@@ -117,20 +117,20 @@ _A_MODEL = {
     for name in ("car.compact", "van.delivery", "truck.rigid", "bus.city", "motorcycle.street", "bicycle.city",
                  "pedestrian.adult", "obstacle.crate")
 }  # fmt: skip
-"""A model of each class, for who writes the class alone."""
+"""An example model of each class, for the help when only the class is written."""
 
 
 def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:
-    """Triggers and expectations are about the running world, in which a parameter never changes."""
+    """Report a parameter in the place of a measured quantity: a parameter never changes during the run."""
     name = written(item.left)
     help = (
-        "compare something of the world, such as "
+        "compare something that is measured in the run, such as "
         + write("ego.speed")
         + "; or write "
         + write(f"require {written(item)}")
         + " in the scenario"
     )
-    findings.add(item, "left", "FS052", f"'{name}' is nothing that happens in the world", help)
+    findings.add(item, "left", "FS052", f"'{name}' does not change during the run", help)
 
 
 def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantity) -> None:
@@ -158,8 +158,8 @@ def _check_reference(
     word = word_of(type(item), field.partition(".")[0])
     if word is not None:
         if parameter.type != word:
-            help = of_type(word, {name: known.type for name, known in parameters.items()})
-            message = f"'{reference.name}' is of type {parameter.type}, which cannot stand here"
+            help = of_type(word, {name: declared.type for name, declared in parameters.items()})
+            message = f"'{reference.name}' is of type {parameter.type}, which does not fit here"
             findings.add(item, field, "FS032", message, help)
         return
     needed: Dimension | None = form_of(type(item), field).dimension
@@ -170,10 +170,10 @@ def _check_reference(
     if needed is None or parameter.type == needed or (needed == "ratio" and parameter.type == "count"):
         return
     message = f"'{reference.name}' is of type {parameter.type}, but {NOUNS[needed]} is needed here"
-    types = {name: known.type for name, known in parameters.items()}
+    types = {name: declared.type for name, declared in parameters.items()}
     findings.add(item, field, "FS032", message, of_type(needed, types, findings.example(needed)))
 
 
 def word_of(kind: type[m.Item], field: str) -> ParamType | None:
-    """Return which type of parameter may stand for the word in a field; None for a field that holds no word."""
+    """Return the type of parameter that may replace the word in a field; None for a field without a word."""
     return _WORD_OF_OTHERS.get((kind, field)) or _WORD_OF_FIELD.get(field)

@@ -1,1 +1,1 @@
-"""Codes of mistakes and lints: their names in the source, and what each means."""
+"""Codes of errors and lints: their names in the source, and their explanations."""

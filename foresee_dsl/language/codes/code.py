@@ -1,4 +1,4 @@
-"""What each code means: read from `grammars/codes.toml`, which also says how its examples are written."""
+"""The explanation of each code, read from `grammars/codes.toml`, which also says how its examples are written."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import Literal
 from foresee_dsl.files import data_folder
 
 PIN = "sha256:5ef2c6120a41"
-"""What stands for a parent's pin in an example."""
+"""A parent's pin in an example."""
 
 
 @dataclass(frozen=True, slots=True)
 class Code:
-    """What a code means.
+    """The explanation of a code.
 
     Attributes:
         code: its name, such as `FS012`.
         title: a few words, lower-case start, no full stop.
-        explanation: one or two sentences: why it is wrong, what to do.
-        wrong, right: an example that earns the code, and the same put right. Empty only where no file of a user can
-            earn it.
-        frame: what the examples are the inside of (`tests/support/code_frames.py`); `file`: they are whole files.
+        explanation: one or two sentences: why it is wrong, and what to do.
+        wrong, right: an example that gives the code, and its corrected form. Empty only if no user's file can cause
+            the code.
+        frame: the block that holds the examples (`tests/support/code_frames.py`); `file`: they are whole files.
         severity: `error` or `warning`.
     """
 
@@ -44,12 +44,12 @@ class Code:
 
     @property
     def right_example(self) -> str:
-        """The right one, likewise."""
+        """The right example with a parent's pin."""
         return self.right.replace("PIN", PIN)
 
     @property
     def within(self) -> str:
-        """Where the examples stand, in words; "" where they are whole files."""
+        """The block of the examples, in words; "" for whole files."""
         blocks = {"file": "", "actor": "in an actor's block", "trigger": "in a trigger's block"}
         return blocks.get(self.frame, f"in a {self.frame}")
 

@@ -91,15 +91,15 @@ def _case_of_parent(project: Project, address: str, child: m.Definition) -> str 
     return child.case if isinstance(child, m.Clip) else None
 
 
-def diff_cases(one: TestCase, other: TestCase) -> tuple[Difference, ...]:
+def diff_cases(old: TestCase, new: TestCase) -> tuple[Difference, ...]:
     """Return what differs in meaning between two test cases in full: scenario, network, the models that they name.
 
     The edits are those of `expanded_model`; edits of the network and the models begin with `network` and `models`.
     """
-    a, b = (_without_files(expanded_model(case)) for case in (one, other))
-    named = models_named(one.scenario) & models_named(other.scenario)
-    models = (_catalogue(one.models, named), _catalogue(other.models, named))
-    return (*diff_models(a, b), *_diff_networks(one.network, other.network), *_under("models", diff_models(*models)))
+    a, b = (_without_files(expanded_model(case)) for case in (old, new))
+    named = models_named(old.scenario) & models_named(new.scenario)
+    models = (_catalogue(old.models, named), _catalogue(new.models, named))
+    return (*diff_models(a, b), *_diff_networks(old.network, new.network), *_under("models", diff_models(*models)))
 
 
 def diff_files(
@@ -118,8 +118,8 @@ def diff_files(
         catalogues = _used_models(project, old_file, a), _used_models(project, new_file, b)
     except InputError:  # a file that is used is missing or has mistakes: what the two say is compared
         return diff_models(a, b)
-    found = diff_models(_without_files(a), _without_files(b))
-    return (*found, *_diff_networks(*networks), *_under("models", diff_models(*catalogues)))
+    changes = diff_models(_without_files(a), _without_files(b))
+    return (*changes, *_diff_networks(*networks), *_under("models", diff_models(*catalogues)))
 
 
 def _without_files(scenario: m.Scenario) -> m.Scenario:
@@ -160,8 +160,8 @@ def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Networ
 
 
 def _used_models(project: Project, file: Path, scenario: m.Scenario) -> m.Catalogue:
-    found: dict[str, m.VehicleModel] = {}
+    models: dict[str, m.VehicleModel] = {}
     for used in scenario.all(m.UseModels):
         model = project.definition(file.parent / used.path)
-        found |= entries(model) if isinstance(model, m.Catalogue) else {}
-    return _catalogue(found, found)
+        models |= entries(model) if isinstance(model, m.Catalogue) else {}
+    return _catalogue(models, models)

@@ -45,11 +45,11 @@ def means_nothing(item: m.Item) -> tuple[str, ...]:
 
 def renames(a: _T, b: m.Item) -> tuple[_T, tuple[tuple[str, str], ...]]:
     """Return `a` with the new names of those statements of which only the name changed, and the pairs of names."""
-    found: list[tuple[str, str]] = []
+    pairs: list[tuple[str, str]] = []
     while pair := _one_rename(a, b):
         a = renamed(a, *pair)
-        found.append(pair)
-    return a, tuple(found)
+        pairs.append(pair)
+    return a, tuple(pairs)
 
 
 def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
@@ -95,14 +95,14 @@ def _alike(a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]) -> d
     """Pair what is left: of each kind the most alike first; a statement that stands once is its like in any case."""
     before = _places(map(_slot, a), pairs)
     after = _places(map(_slot, b), pairs.values())
-    found: dict[int, int] = {}
+    partners: dict[int, int] = {}
     for slot, mine in before.items():
         theirs = after.get(slot, [])
         if len(mine) == len(theirs) == 1 and not _is_open(a[mine[0]]):
-            found[mine[0]] = theirs[0]
+            partners[mine[0]] = theirs[0]
         elif theirs:
-            found.update(_best(a, b, mine, theirs))
-    return found
+            partners.update(_best(a, b, mine, theirs))
+    return partners
 
 
 def _slot(item: m.Item) -> Hashable:
@@ -129,13 +129,13 @@ def _best(a: Sequence[m.Item], b: Sequence[m.Item], mine: list[int], theirs: lis
         for j in theirs
         if (score := _likeness(words_a[i], words_b[j])) >= LIKE_ENOUGH
     )
-    found: dict[int, int] = {}
+    partners: dict[int, int] = {}
     taken: set[int] = set()
     for _, _, i, j in scored:
-        if i not in found and j not in taken:
-            found[i] = j
+        if i not in partners and j not in taken:
+            partners[i] = j
             taken.add(j)
-    return found
+    return partners
 
 
 def _words(item: m.Item) -> Counter[str]:
@@ -143,6 +143,6 @@ def _words(item: m.Item) -> Counter[str]:
     return Counter(re.findall(r"[^\s(),]+", printed))
 
 
-def _likeness(one: Counter[str], other: Counter[str]) -> float:
+def _likeness(first: Counter[str], second: Counter[str]) -> float:
     """Return the share of common words (Dice)."""
-    return 2 * (one & other).total() / max(one.total() + other.total(), 1)
+    return 2 * (first & second).total() / max(first.total() + second.total(), 1)

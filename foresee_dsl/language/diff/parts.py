@@ -114,10 +114,10 @@ def apply(model: _T, changes: Iterable[Difference | Edit]) -> _T:
         if edit.op == "rename":
             old, new = edit.value
             model = renamed(model, old, new)
-    made = _item(model, [edit for edit in edits if edit.op != "rename"], ())
-    if not isinstance(made, type(model)):
-        raise ValueError(f"the edits make a {type(made).__name__} of a {type(model).__name__}")
-    return made
+    result = _item(model, [edit for edit in edits if edit.op != "rename"], ())
+    if not isinstance(result, type(model)):
+        raise ValueError(f"the edits make a {type(result).__name__} of a {type(model).__name__}")
+    return result
 
 
 def _item(item: m.Item, edits: Sequence[Edit], at: At) -> m.Item:
@@ -127,8 +127,8 @@ def _item(item: m.Item, edits: Sequence[Edit], at: At) -> m.Item:
         if not isinstance(name, str) or name not in type(item).model_fields:
             raise ValueError(f"there is no {'.'.join(map(str, (*at, name)))}")
         changed[name] = _value(getattr(item, name), mine, (*at, name))
-    given = {name: getattr(item, name) for name in type(item).model_fields if name in item.model_fields_set}
-    return type(item).model_validate(given | changed) if changed else item
+    values = {name: getattr(item, name) for name in type(item).model_fields if name in item.model_fields_set}
+    return type(item).model_validate(values | changed) if changed else item
 
 
 def _value(value: object, edits: Sequence[Edit], at: At) -> object:
@@ -159,13 +159,13 @@ def _elements(parts: tuple[object, ...], edits: Sequence[Edit], at: At) -> tuple
     outside = [step for step in (*mine, *behind) if not (isinstance(step, int) and -1 <= step < len(parts))]
     if outside:
         raise ValueError(f"there is no element {outside[0]} in {'.'.join(map(str, at))}")
-    made: list[object] = []
+    elements: list[object] = []
     for number in (-1, *order):
         edits_here = mine.get(number, [])
         if number >= 0 and not any(edit.op == "remove" and edit.at == (*at, number) for edit in edits_here):
-            made.append(_value(parts[number], edits_here, (*at, number)) if edits_here else parts[number])
-        made += [edit.value for edit in sorted(behind.get(number, []), key=lambda edit: edit.rank)]
-    return tuple(made)
+            elements.append(_value(parts[number], edits_here, (*at, number)) if edits_here else parts[number])
+        elements += [edit.value for edit in sorted(behind.get(number, []), key=lambda edit: edit.rank)]
+    return tuple(elements)
 
 
 def _by_step(edits: Sequence[Edit], at: At) -> Mapping[str | int, list[Edit]]:

@@ -51,10 +51,10 @@ def texts(a: m.Item, b: m.Item) -> tuple[TextChange, ...]:
         {label(item): item for item in getattr(model, "body", ()) if isinstance(item, NO_MEANING)} for model in (a, b)
     )
     labels = [*before, *(words for words in after if words not in before)]
-    found = [(words, before.get(words), after.get(words)) for words in labels]
+    labelled = [(words, before.get(words), after.get(words)) for words in labels]
     unmeant = tuple(
         TextChange(words, text(was) if was else None, text(now) if now else None)
-        for words, was, now in found
+        for words, was, now in labelled
         if was is None or now is None or not same_value((was,), (now,)) or was != now
     )
     return (*unmeant, *_respelled("", a, b))
@@ -65,19 +65,21 @@ def _respelled(path: str, a: m.Item, b: m.Item) -> Iterator[TextChange]:
     for name in type(a).model_fields if type(a) is type(b) else ():
         was, now = getattr(a, name), getattr(b, name)
         if isinstance(was, tuple) and isinstance(now, tuple):
-            known = {label(part): part for part in now if is_statement(part)}
-            pairs = [(part, known[label(part)]) for part in was if is_statement(part) and label(part) in known]
+            statements = {label(part): part for part in now if is_statement(part)}
+            pairs = [
+                (part, statements[label(part)]) for part in was if is_statement(part) and label(part) in statements
+            ]
             if not pairs and len(was) == len(now):
                 pairs = [(x, y) for x, y in zip(was, now, strict=True) if isinstance(x, m.Item)]
         else:
             pairs = [(was, now)] if isinstance(was, m.Item) and isinstance(now, m.Item) else []
-        for one, other in pairs:
-            inside = join(path, label(one)) if is_statement(one) else path
-            if isinstance(one, _WORKED_OUT) or isinstance(other, _WORKED_OUT):
-                if one != other and same_value(one, other):
-                    yield TextChange(f"{field_path(inside, a, name)}", text(one), text(other))
+        for old, new in pairs:
+            inside = join(path, label(old)) if is_statement(old) else path
+            if isinstance(old, _WORKED_OUT) or isinstance(new, _WORKED_OUT):
+                if old != new and same_value(old, new):
+                    yield TextChange(f"{field_path(inside, a, name)}", text(old), text(new))
             else:
-                yield from _respelled(inside, one, other)
+                yield from _respelled(inside, old, new)
 
 
 def _plain(item: _T, people: bool) -> _T:
@@ -102,17 +104,17 @@ def _plain(item: _T, people: bool) -> _T:
 
 def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) -> tuple[object, ...]:
     meant = [p for p in parts if people or isinstance(p, m.Expected) or not isinstance(p, NO_MEANING)]
-    made = [_plain(part, people) if isinstance(part, m.Item) else part for part in meant]
-    if not isinstance(owner, _SORTED) or not all(is_statement(part) for part in made):
+    printed = [_plain(part, people) if isinstance(part, m.Item) else part for part in meant]
+    if not isinstance(owner, _SORTED) or not all(is_statement(part) for part in printed):
         # The order of the others matters here; where expected results stand among them does not.
-        return tuple(sorted(made, key=lambda part: isinstance(part, m.Expected)))
+        return tuple(sorted(printed, key=lambda part: isinstance(part, m.Expected)))
     rank = {kind: number for number, kind in enumerate(_classes(type(owner).model_fields[name].annotation))}
 
     def place(item: m.Item) -> tuple[int, str, str]:
         ordered = isinstance(item, tuple(ORDERED))
         return rank.get(type(item), len(rank)), "" if ordered else label(item), "" if ordered else text(item)
 
-    return tuple(sorted((part for part in made if isinstance(part, m.Item)), key=place))
+    return tuple(sorted((part for part in printed if isinstance(part, m.Item)), key=place))
 
 
 def _classes(annotation: object) -> Iterator[type]:

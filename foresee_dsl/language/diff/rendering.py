@@ -23,9 +23,9 @@ _LONG_LIST = 12
 def render_groups(changes: Sequence[Difference], texts: Sequence[TextChange] = (), *, colour: bool = False) -> str:
     """Return the differences grouped by what they touch, in 80 columns; `texts` are those of `plain.texts`."""
     blocks = []
-    for group, found in _grouped(changes):
+    for group, members in _grouped(changes):
         lines = [_paint(GROUPS[group], _BOLD, colour)]
-        for change in found:
+        for change in members:
             lines += [_paint(line, _COLOURS[change.kind], colour) for line in _lines(change)]
         blocks.append("\n".join(lines))
     if not changes:
@@ -40,12 +40,12 @@ def render_markdown(
 ) -> str:
     """Return the differences for a pull request's comment: a heading a group, a table, long parts folded."""
     parts = [f"**`{old}`** → **`{new}`**"] if old else []
-    for group, found in _grouped(changes):
-        table = _table(found)
-        if len(found) >= _LONG_LIST:
-            table = f"<details><summary>{len(found)} differences</summary>\n\n{table}\n\n</details>"
+    for group, members in _grouped(changes):
+        table = _table(members)
+        if len(members) >= _LONG_LIST:
+            table = f"<details><summary>{len(members)} differences</summary>\n\n{table}\n\n</details>"
         parts += [f"### {GROUPS[group]}", table]
-        parts += [_code_block(change) for change in found if _is_long(change)]
+        parts += [_code_block(change) for change in members if _is_long(change)]
     if not changes:
         parts.append("No difference in meaning.")
     if texts:
@@ -61,8 +61,8 @@ def _unmeant(change: TextChange) -> str:
 
 
 def _grouped(changes: Sequence[Difference]) -> list[tuple[Group, list[Difference]]]:
-    found = [(group, [change for change in changes if change.group == group]) for group in GROUPS]
-    return [(group, mine) for group, mine in found if mine]
+    grouped = [(group, [change for change in changes if change.group == group]) for group in GROUPS]
+    return [(group, mine) for group, mine in grouped if mine]
 
 
 # ---- text ----------------------------------------------------------------------------------------------------------
@@ -74,8 +74,8 @@ def _lines(change: Difference) -> list[str]:
     line = f"  {_MARKS[change.kind]} {_sentence(change)}"
     if len(line) <= _WIDTH:
         return [line]
-    shown = [(word, text) for word, text in (("was ", change.was), ("now ", change.now)) if text is not None]
-    below = [f"      {word if len(shown) > 1 else ''}{text}" for word, text in shown]
+    labelled = [(word, text) for word, text in (("was ", change.was), ("now ", change.now)) if text is not None]
+    below = [f"      {word if len(labelled) > 1 else ''}{text}" for word, text in labelled]
     return [*_wrapped(_heading(change), "      "), *(line for text in below for line in _wrapped(text, " " * 10))]
 
 
@@ -103,19 +103,19 @@ def _wrapped(line: str, indent: str) -> list[str]:
 
 def _statements(change: Difference) -> list[str]:
     """Return whole blocks: one that came or went stands for itself where its first line says its path."""
-    shown = [text for text in (change.was, change.now) if text is not None]
-    first, *rest = shown[0].split("\n")
-    if len(shown) == 1 and change.path in first:
+    statements = [text for text in (change.was, change.now) if text is not None]
+    first, *rest = statements[0].split("\n")
+    if len(statements) == 1 and change.path in first:
         return [f"  {_MARKS[change.kind]} {first}", *(f"    {line}" for line in rest)]
     lines = [_heading(change)]
-    for word, text in zip(("was", "now") if len(shown) > 1 else ("",), shown, strict=True):
+    for word, text in zip(("was", "now") if len(statements) > 1 else ("",), statements, strict=True):
         lines += [f"      {word}"] if word else []
         lines += [f"      {line}" for line in text.split("\n")]
     return lines
 
 
 def _is_long(change: Difference) -> bool:
-    return any(shown is not None and "\n" in shown for shown in (change.was, change.now))
+    return any(side is not None and "\n" in side for side in (change.was, change.now))
 
 
 def _paint(line: str, code: str, colour: bool) -> str:
@@ -132,17 +132,17 @@ def _table(changes: Sequence[Difference]) -> str:
     return "\n".join(rows)
 
 
-def _cell(shown: str | None) -> str:
-    if shown is None:
+def _cell(text: str | None) -> str:
+    if text is None:
         return ""
-    return "see below" if "\n" in shown else _code(shown)
+    return "see below" if "\n" in text else _code(text)
 
 
-def _code(shown: str) -> str:
+def _code(text: str) -> str:
     """Return text as code that a table's cell can hold."""
-    fence = "``" if "`" in shown else "`"
-    pad = " " if "`" in shown else ""
-    return f"{fence}{pad}{shown}{pad}{fence}".replace("|", "\\|") if shown else ""
+    fence = "``" if "`" in text else "`"
+    pad = " " if "`" in text else ""
+    return f"{fence}{pad}{text}{pad}{fence}".replace("|", "\\|") if text else ""
 
 
 def _code_block(change: Difference) -> str:

@@ -45,8 +45,8 @@ def name_of(item: m.Item) -> str | None:
 
 def by_settings(item: m.Item) -> bool:
     """Return whether a statement is compared setting by setting, not as one line."""
-    found = shape(item)
-    block = found is not None and found.inside is not None
+    layout = shape(item)
+    block = layout is not None and layout.inside is not None
     return block or name_of(item) is not None or isinstance(item, _FIELDWISE)
 
 
@@ -111,15 +111,15 @@ def text(value: object) -> str:
         return print_item(value)
     if is_condition(value) or isinstance(value, _WRITTEN):
         return written(value)
-    given = [(n, getattr(value, n)) for n in type(value).model_fields if n != "kind"]
-    words = " ".join(f"{n} {text(v)}" for n, v in given if v is not None)
+    fields = [(n, getattr(value, n)) for n in type(value).model_fields if n != "kind"]
+    words = " ".join(f"{n} {text(v)}" for n, v in fields if v is not None)
     return " ".join(filter(None, (str(getattr(value, "kind", "")), words)))
 
 
 def setting(item: m.Item, field: str) -> str:
     """Return one field of a statement as it is printed: `lanes 2`, or just its value."""
-    found = shape(item)
-    for key, inner in (found.inside or ()) if found is not None else ():
+    layout = shape(item)
+    for key, inner in (layout.inside or ()) if layout is not None else ():
         if key == (field,) and isinstance(inner, str):
             return inner.removeprefix(f"{field} ")
     return text(getattr(item, field))
@@ -200,8 +200,8 @@ _CHANGED: dict[str, Group] = {"ego": "ego", "weather": "environment", "expect": 
 
 
 def _head(item: m.Item) -> str:
-    found = shape(item)
-    return found.head if found is not None else str(getattr(item, "kind", ""))
+    layout = shape(item)
+    return layout.head if layout is not None else str(getattr(item, "kind", ""))
 
 
 def _strings(value: object) -> Iterator[str]:

@@ -1,1 +1,2 @@
-"""What is allowed and hardly meant: `lint.lint` calls the rules, `allowances` are the comments that permit it."""
+"""Warnings about valid texts that are probably not meant: `lint.lint` calls the rules, `allowances` reads the comments
+that permit them."""

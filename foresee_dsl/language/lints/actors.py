@@ -1,4 +1,4 @@
-"""Lints about actors: what they are told and cannot do, speeds over their models', and routes that lead nowhere."""
+"""Lints about actors: actions that they cannot do, speeds above their models', and routes with gaps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import get_args
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
-from foresee_dsl.language.lints.found import Found
+from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.lints.roads import Roads, junctions_of
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import TestCase
@@ -16,11 +16,11 @@ from foresee_dsl.language.traversal import walk
 
 _ACTIONS: tuple[type[m.Item], ...] = get_args(get_args(m.Action)[0])
 _SLACK = 1.01
-"""Speeds that much over the model's are rounding (ours; the compiler's check takes the same)."""
+"""Speeds up to this multiple of the model's maximum count as rounding (ours; the compiler's check uses the same)."""
 
 
-def actor_lints(case: TestCase) -> Iterator[Found]:
-    """Return the lints about one concrete scenario's actors and their actions."""
+def actor_lints(case: TestCase) -> Iterator[LintFinding]:
+    """Yield the lints about one concrete scenario's actors and their actions."""
     actors: dict[str, m.Ego | m.Actor] = {actor.name: actor for actor in case.scenario.actors}
     for actor in actors.values():
         for item in actor.body:
@@ -30,19 +30,19 @@ def actor_lints(case: TestCase) -> Iterator[Found]:
         for action in walk(when):
             actor_ = actors.get(getattr(action, "actor", ""))
             if actor_ is None or not isinstance(action, _ACTIONS) or isinstance(action, m.Door):
-                continue  # parked ones have doors, and so has the ego
+                continue  # any car may open a door, also the ego and a parked one
             reason = _cannot(action, actor_)
             if reason:
-                yield Found(action, "", c.CANNOT_DO, *reason)
+                yield LintFinding(action, "", c.CANNOT_DO, *reason)
             elif isinstance(action, m.ChangesSpeed):
                 yield from _too_fast(action, "to", action.to, actor_, case.models)
 
 
 def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | None:
-    """Return why an actor cannot do something, and what would help; None when it can."""
+    """Return the reason why an actor cannot do an action, and the help; None if it can."""
     if isinstance(actor, m.Ego):
         return (
-            "the ego cannot be told what to do: the driver under test drives it",
+            "a trigger cannot control the ego: the driver under test drives it",
             "name another actor, or " + remove("remove this"),
         )
     if actor.kind == "obstacle" and not isinstance(action, m.Leaves):
@@ -50,7 +50,7 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | No
     ways = {type(item) for item in actor.body} & {m.Route, m.EdgeRoute, m.Path, m.PathAlong}
     if not ways and actor.state is None and not isinstance(action, m.Leaves):
         help = in_block("path [(0 m, 0 m), (20 m, 0 m)]", actor.name) + ", or " + remove("remove this")
-        return f"'{actor.name}' has no way to go, so it stands where it is", help
+        return f"'{actor.name}' has no route or path, so it cannot move", help
     if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside | m.Reverses) and (
         actor.kind == "pedestrian" or ways & {m.Path, m.PathAlong}
     ):
@@ -61,19 +61,19 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | No
 
 def _too_fast(
     item: m.Item, field: str, speed: m.Value, actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel]
-) -> Iterator[Found]:
+) -> Iterator[LintFinding]:
     model = models.get(actor.model) if isinstance(actor.model, str) else None
     top = model.max_speed if model is not None else None
     if model is None or not isinstance(top, m.Quantity) or not isinstance(speed, m.Quantity):
         return
     if speed.si > top.si * _SLACK:
-        message = f"'{actor.name}' is to go {written(speed)}, but {model.name} reaches {written(top)}"
+        message = f"'{actor.name}' cannot reach {written(speed)}: the maximum of {model.name} is {written(top)}"
         help = "use at most " + write(written(top)) + ", or a faster model"
-        yield Found(item, field, c.OVER_TOP_SPEED, message, help)
+        yield LintFinding(item, field, c.OVER_TOP_SPEED, message, help)
 
 
-def route_lints(case: TestCase) -> Iterator[Found]:
-    """Return the lints about one concrete scenario's routes; none where the network is a foreign file."""
+def route_lints(case: TestCase) -> Iterator[LintFinding]:
+    """Yield the lints about one concrete scenario's routes; none if the network is a foreign file."""
     if not isinstance(case.network, m.Network):
         return
     roads = Roads(case.network)
@@ -90,41 +90,43 @@ def route_lints(case: TestCase) -> Iterator[Found]:
             yield from _off_the_way(statement, roads, passed)
 
 
-def _gap(item: m.Item, roads: Roads) -> Found | None:
+def _gap(item: m.Item, roads: Roads) -> LintFinding | None:
     if isinstance(item, m.EdgeRoute) and not item.shortest:
-        for one, other in zip(item.edges, item.edges[1:], strict=False):
-            if one in roads.edges and other in roads.edges and roads.edges[one][1] != roads.edges[other][0]:
-                message = f"'{one}' ends at {roads.edges[one][1]}, but '{other}' begins at {roads.edges[other][0]}"
-                help = "write " + write(f"[{one}, ..., {other}]") + " for the shortest way between them"
-                return Found(item, "edges", c.BROKEN_ROUTE, message, help)
+        for first, second in zip(item.edges, item.edges[1:], strict=False):
+            if first in roads.edges and second in roads.edges and roads.edges[first][1] != roads.edges[second][0]:
+                message = (
+                    f"'{first}' ends at {roads.edges[first][1]}, but '{second}' begins at {roads.edges[second][0]}"
+                )
+                help = "write " + write(f"[{first}, ..., {second}]") + " for the shortest way between them"
+                return LintFinding(item, "edges", c.BROKEN_ROUTE, message, help)
     if isinstance(item, m.Route) and isinstance(item.start, str):
         return _gap_between_legs(item, roads)
     return None
 
 
-def _gap_between_legs(route: m.Route, roads: Roads) -> Found | None:
+def _gap_between_legs(route: m.Route, roads: Roads) -> LintFinding | None:
     edges = [edge for edge in (str(route.start), f"{route.start}_back") if edge in roads.edges]
     before = f"road '{route.start}'"
     for leg in route.legs:
         junction = leg.junction
         if not edges or junction not in roads.junctions or not isinstance(junction, str):
-            return None  # an unknown name, which is reported as such
+            return None  # an unknown name, which is reported elsewhere
         reached = roads.reached(edges)
         if junction not in reached:
-            help = "say first where to go over " + one_of(sorted(reached), " or ")
-            return Found(leg, "junction", c.BROKEN_ROUTE, f"{before} does not lead to '{junction}'", help)
+            help = "write first how the route goes over " + one_of(sorted(reached), " or ")
+            return LintFinding(leg, "junction", c.BROKEN_ROUTE, f"{before} does not lead to '{junction}'", help)
         edges = roads.leaving(junction)
         before = f"the way over '{junction}'"
     return None
 
 
-def _off_the_way(statement: m.When | m.Expect, roads: Roads, passed: dict[str, set[str]]) -> Iterator[Found]:
+def _off_the_way(statement: m.When | m.Expect, roads: Roads, passed: dict[str, set[str]]) -> Iterator[LintFinding]:
     for part in walk(statement):
         if not isinstance(part, m.Measure) or part.what not in ("eta", "distance") or part.actor not in passed:
             continue
         if part.other in roads.junctions and part.other not in passed[part.actor]:
             message = (
-                f"the route of '{part.actor}' does not go over '{part.other}', so `{written(part)}` is never known"
+                f"the route of '{part.actor}' does not go over '{part.other}', so `{written(part)}` never has a value"
             )
-            help = "it comes to " + (one_of(sorted(passed[part.actor])) or "no junction")
-            yield Found(part, "other", c.NOT_ON_ROUTE, message, help)
+            help = "its route goes over " + (one_of(sorted(passed[part.actor])) or "no junction")
+            yield LintFinding(part, "other", c.NOT_ON_ROUTE, message, help)

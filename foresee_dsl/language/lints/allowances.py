@@ -1,7 +1,7 @@
-"""`# foresee: allow FS301`: comments that allow what a lint would report.
+"""Comments such as `# foresee: allow FS301`, which suppress a lint.
 
-At the end of a line it is for the statement on that line (with its block, if one opens there), on a line of its own for
-the statement that follows, and before the definition for the whole file. Only warnings can be allowed.
+A comment at the end of a line applies to the statement on that line and its block; a comment on a line of its own to
+the statement that follows; and one before the definition to the whole file. Only warnings can be allowed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _CODE = re.compile(r"FS[0-9]{3}")
 
 @dataclass
 class _Allowance:
-    """One code in one comment: where it stands, the lines that it is for, whether it was needed."""
+    """One code in one comment: its place, the first and last line that it applies to, and whether it was needed."""
 
     code: str
     span: Span
@@ -36,24 +36,24 @@ class _Allowance:
 
 
 _ON_THE_NETWORK = frozenset({"FS330", "FS331", "FS332"})
-"""Lints that show only once the network is built: whether a comment allows one is not known before."""
+"""Lints that are computed only on the built network, so that it is unknown earlier whether a comment is needed."""
 
 
 def left(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the warnings that no comment of the file allows."""
     allowances = list(_allowances(document.text))
-    return tuple(found for found in diagnostics if not _allowed(found, allowances))
+    return tuple(diagnostic for diagnostic in diagnostics if not _allowed(diagnostic, allowances))
 
 
 def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Leave out the warnings that comments of the file allow, and report the comments that allow nothing."""
+    """Return the diagnostics without the allowed warnings, with a warning for each comment that allows nothing."""
     allowances = list(_allowances(document.text))
-    reported = [found for found in diagnostics if not _allowed(found, allowances)]
+    reported = [diagnostic for diagnostic in diagnostics if not _allowed(diagnostic, allowances)]
     lines = document.text.split("\n")
     for allowance in allowances:
         if not allowance.needed and allowance.code not in _ON_THE_NETWORK:
             span = allowance.span
-            message = f"nothing here is reported as {allowance.code}, so there is nothing to allow"
+            message = f"no {allowance.code} is reported here, so this comment has no effect"
             source = lines[span.line - 1]
             reported.append(
                 replace(
@@ -64,10 +64,10 @@ def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tu
     return tuple(sorted(reported, key=lambda d: (d.span.line, d.span.column, d.code) if d.span else (0, 0, d.code)))
 
 
-def _allowed(found: Diagnostic, allowances: Sequence[_Allowance]) -> bool:
-    if found.severity == "error" or found.span is None:
+def _allowed(diagnostic: Diagnostic, allowances: Sequence[_Allowance]) -> bool:
+    if diagnostic.severity == "error" or diagnostic.span is None:
         return False
-    matching = [a for a in allowances if a.code == found.code and a.first <= found.span.line <= a.last]
+    matching = [a for a in allowances if a.code == diagnostic.code and a.first <= diagnostic.span.line <= a.last]
     for allowance in matching:
         allowance.needed = True
     return bool(matching)
@@ -82,21 +82,21 @@ def _allowances(text: str) -> Iterator[_Allowance]:
     statements = list(_statements(scan(text, lines)[0], lines))
     definition = max((s for s in statements if s[2]), default=(1, 1, True))
     for comment in _COMMENT.finditer(text):
-        found = _ALLOW.match(comment[0])
-        if found is None:
+        allow = _ALLOW.match(comment[0])
+        if allow is None:
             continue
         line, column = lines.place(comment.start())
         own_line = not text[: comment.start()].rpartition("\n")[2].strip()
         first, last = _reach(line, own_line, statements, definition[0], text.count("\n") + 1)
-        for code in _CODE.finditer(found[1]):
-            at = column + found.start(1) + code.start()
+        for code in _CODE.finditer(allow[1]):
+            at = column + allow.start(1) + code.start()
             yield _Allowance(code[0], Span(line, at, line, at + len(code[0])), first, last)
 
 
 def _reach(
     line: int, own_line: bool, statements: Sequence[tuple[int, int, bool]], definition: int, end: int
 ) -> tuple[int, int]:
-    """Return the first and the last line that a comment is for."""
+    """Return the first and the last line that a comment applies to."""
     if line <= definition:
         return 1, end
     if own_line:
@@ -106,9 +106,9 @@ def _reach(
     return line, max((s[1] for s in on_line), default=line)
 
 
-def _statements(found: Sequence[Raw], lines: Lines, *, top: bool = True) -> Iterator[tuple[int, int, bool]]:
-    """Return first line, last line and whether it is at the top, for every statement."""
-    for raw in found:
+def _statements(raws: Sequence[Raw], lines: Lines, *, top: bool = True) -> Iterator[tuple[int, int, bool]]:
+    """Yield the first line, the last line, and whether it is at the top level, for every statement."""
+    for raw in raws:
         end = raw.close - 1 if raw.block is not None else raw.end
         yield lines.place(raw.start)[0], lines.place(end)[0], top
         yield from _statements(raw.block or (), lines, top=False)

@@ -1,4 +1,4 @@
-"""Divisions by what can be zero: in some case that is drawn there would be no value."""
+"""Lints about divisors that can be zero: a drawn case could have no value."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _EVERYTHING = (-math.inf, math.inf)
 
 
 def divisions_by_zero(scenario: m.Scenario) -> Iterator[tuple[m.Item, str, str]]:
-    """Return the divisions whose divisor can be zero within the parameters' ranges: item, message, help."""
+    """Yield each division whose divisor can be zero within the parameters' ranges: item, message, help."""
     quotients = [
         part
         for item in scenario.body
@@ -26,20 +26,21 @@ def divisions_by_zero(scenario: m.Scenario) -> Iterator[tuple[m.Item, str, str]]
     ]
     if not quotients:
         return
-    known = intervals(scenario)
+    ranges = intervals(scenario)
     for quotient in quotients:
         names = list(dict.fromkeys(ref.name for ref in references(quotient.right)))
-        if not names or not set(names) <= known.keys() or not _holds_zero(interval_of(quotient.right, known)):
+        if not names or not set(names) <= ranges.keys() or not _holds_zero(interval_of(quotient.right, ranges)):
             continue
         if isinstance(quotient.right, m.Ref) and not _takes_zero(scenario, quotient.right.name):
             continue
         by = written(quotient.right)
-        message = f"`{written(quotient)}` has no value where `{by}` is 0, which the range of '{names[0]}' allows"
-        yield quotient, message, f"keep zero out: `require {names[0]} > 0{_unit(scenario, names[0])}`, or another range"
+        message = f"`{written(quotient)}` has no value if `{by}` is 0, which the range of '{names[0]}' allows"
+        help = f"exclude zero: `require {names[0]} > 0{_unit(scenario, names[0])}`, or use another range"
+        yield quotient, message, help
 
 
 def _takes_zero(scenario: m.Scenario, name: str) -> bool:
-    """Return whether zero is among a parameter's options or on one of its steps; True where there are neither."""
+    """Return whether zero is among a parameter's options or on one of its steps; True if it has neither."""
     param = next(param for param in scenario.all(m.Param) if param.name == name)
     if param.options is not None:
         return any(isinstance(option, m.Quantity) and option.value == 0 for option in param.options)
@@ -55,26 +56,26 @@ def _unit(scenario: m.Scenario, name: str) -> str:
     return f" {unit}" if unit else ""
 
 
-# ---- how small and how large an expression can get while its parameters stay in their ranges -------------------------
+# ---- the smallest and largest value of an expression, for parameters within their ranges -----------------------------
 
 
 def intervals(scenario: m.Scenario) -> dict[str, Interval]:
-    """Return the smallest and the largest value of each parameter that has a range or options of numbers, in SI.
+    """Return the smallest and the largest value of each parameter with a range or options of numbers, SI.
 
-    A `require` that compares one with a number makes it narrower.
+    A `require` that compares a parameter with a number narrows its interval.
     """
-    found: dict[str, Interval] = {}
+    ranges: dict[str, Interval] = {}
     for param in scenario.all(m.Param):
         options = [option.si for option in param.options or () if isinstance(option, m.Quantity)]
         if param.range is not None:
-            found[param.name] = (param.range.low.si, param.range.high.si)
+            ranges[param.name] = (param.range.low.si, param.range.high.si)
         elif options:
-            found[param.name] = (min(options), max(options))
+            ranges[param.name] = (min(options), max(options))
     for require in scenario.all(m.Require):
         for part in _all_of(require.condition):
-            if isinstance(part.left, m.Ref) and isinstance(part.right, m.Quantity) and part.left.name in found:
-                found[part.left.name] = _cut(found[part.left.name], part.op, part.right.si)
-    return found
+            if isinstance(part.left, m.Ref) and isinstance(part.right, m.Quantity) and part.left.name in ranges:
+                ranges[part.left.name] = _cut(ranges[part.left.name], part.op, part.right.si)
+    return ranges
 
 
 def _all_of(condition: m.Condition) -> Iterator[m.Comparison]:
@@ -91,36 +92,36 @@ def _cut(interval: Interval, op: str, bound: float) -> Interval:
     return (max(low, bound), high) if op[0] == ">" else (low, min(high, bound))
 
 
-def interval_of(value: m.AnyValue, known: Mapping[str, Interval]) -> Interval:
-    """Return the smallest and the largest that a value can be, in SI; infinite where that is unknown."""
+def interval_of(value: m.AnyValue, ranges: Mapping[str, Interval]) -> Interval:
+    """Return the smallest and the largest value of an expression, SI; infinite where unknown."""
     match value:
         case m.Quantity():
             return value.si, value.si
         case m.Ref(name=name):
-            return known.get(name, _EVERYTHING)
+            return ranges.get(name, _EVERYTHING)
         case m.Sum(left=left, op=op, right=right):
-            (a, b), (c, d) = interval_of(left, known), interval_of(right, known)
+            (a, b), (c, d) = interval_of(left, ranges), interval_of(right, ranges)
             return (a + c, b + d) if op == "+" else (a - d, b - c)
         case m.Negative(value=inner):
-            low, high = interval_of(inner, known)
+            low, high = interval_of(inner, ranges)
             return -high, -low
         case m.Extreme(which=which, values=values):
-            ends = [interval_of(part, known) for part in values]
+            ends = [interval_of(part, ranges) for part in values]
             take = min if which == "min" else max
             return take(low for low, _ in ends), take(high for _, high in ends)
         case m.Product():
-            return _product(value, known)
+            return _product(value, ranges)
         case _:
             assert_never(value)
 
 
-def _product(value: m.Product, known: Mapping[str, Interval]) -> Interval:
-    one, other = interval_of(value.left, known), interval_of(value.right, known)
+def _product(value: m.Product, ranges: Mapping[str, Interval]) -> Interval:
+    left, right = interval_of(value.left, ranges), interval_of(value.right, ranges)
     if value.op == "/":
-        if _holds_zero(other):
+        if _holds_zero(right):
             return _EVERYTHING
-        other = (1 / other[1], 1 / other[0])
-    ends = [0.0 if 0.0 in (a, b) else a * b for a in one for b in other]
+        right = (1 / right[1], 1 / right[0])
+    ends = [0.0 if 0.0 in (a, b) else a * b for a in left for b in right]
     return min(ends), max(ends)
 
 

@@ -1,4 +1,4 @@
-"""What is certain about conditions before the run: what can never hold, what always does, and why."""
+"""Finds conditions whose result is certain before the run: never or always true, with the reason."""
 
 from __future__ import annotations
 
@@ -12,19 +12,22 @@ from foresee_dsl.language.printer import written
 
 _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "lateral")
 _WIDEST_LANE_M = 10.0
-"""The widest lane that a road can have: no middle of an actor is farther from that of its own lane than half of it."""
+"""Width of the widest lane that a road can have, m: an actor's offset from the middle of its lane is at most half."""
 _SLACK = 1.02
-"""Speeds that much over the model's are rounding. Ours; the simulation keeps to the model's to the last digit."""
+"""Speeds up to this multiple of the model's maximum count as rounding (ours; the simulation never exceeds the
+maximum)."""
 
 
 @dataclass(frozen=True)
 class About:
-    """What is known of an actor.
+    """Facts about an actor before the run.
 
     Attributes:
-        moves: it has somewhere to go. top_mps: the highest speed of its model, None where the catalogue does not say.
-        model: the model's name. length_m: of its footprint from corner to corner; infinite where it is unknown.
-        junctions: those that it may come to or begin at; None where that is unknown.
+        moves: True if it has a route or a path.
+        top_mps: maximum speed of its model, m/s; None if the catalogue does not give it.
+        model: name of its model.
+        length_m: diagonal of its footprint, m; infinite if unknown.
+        junctions: junctions that it may reach or start at; None if unknown.
     """
 
     moves: bool = True
@@ -36,8 +39,7 @@ class About:
 
 @dataclass(frozen=True)
 class Limits:
-    """What is known of a run: how long it lasts, and its actors; of a scenario with parameters these, where a
-    requirement is looked at."""
+    """Facts about a run: its duration in s, its actors, and for requirements the scenario's parameters."""
 
     end_s: float
     actors: Mapping[str, About] = field(default_factory=dict)
@@ -45,7 +47,7 @@ class Limits:
 
 
 def never(condition: m.Condition, limits: Limits) -> str:
-    """Return why a condition cannot hold at any frame, or nothing when it may."""
+    """Return the reason why a condition cannot hold in any frame; an empty text if it may hold."""
     match condition:
         case m.Comparison():
             reason = _out_of_reach(condition, limits)
@@ -60,14 +62,14 @@ def never(condition: m.Condition, limits: Limits) -> str:
         case m.Sustained():
             reason = _too_long(condition, limits) or never(condition.condition, limits)
         case m.Within(distance=m.Quantity() as distance) if distance.si < 0:
-            reason = "a distance is never under 0 m"
+            reason = "a distance is never below 0 m"
         case _:
             reason = _cannot_concern(condition, limits)
     return reason
 
 
 def always(condition: m.Condition, limits: Limits) -> str:
-    """Return why a condition holds at every frame at which it is defined, or nothing when it may not."""
+    """Return the reason why a condition holds in every frame in which it is defined; an empty text if it may not."""
     match condition:
         case m.Comparison():
             return _out_of_reach(negated(condition), limits)
@@ -83,7 +85,7 @@ def always(condition: m.Condition, limits: Limits) -> str:
 
 
 def earliest_s(condition: m.Condition) -> float:
-    """Return a time, s, before which a condition certainly does not hold."""
+    """Return a time before which a condition certainly does not hold, s."""
     match condition:
         case m.Comparison(left=m.Measure(what="time"), op=">" | ">=", right=m.Quantity() as right):
             return right.si
@@ -97,9 +99,9 @@ def earliest_s(condition: m.Condition) -> float:
 
 
 def _of_all(reasons: Iterable[str]) -> str:
-    """Return the first reason where there is one for every part, or nothing."""
-    found = list(reasons)
-    return found[0] if all(found) else ""
+    """Return the first reason if every part has one; otherwise an empty text."""
+    listed = list(reasons)
+    return listed[0] if all(listed) else ""
 
 
 def _too_long(condition: m.Sustained, limits: Limits) -> str:
@@ -110,15 +112,15 @@ def _too_long(condition: m.Sustained, limits: Limits) -> str:
 
 
 def _cannot_concern(condition: m.Condition, limits: Limits) -> str:
-    """Return why a fact is none of that actor's."""
+    """Return the reason why a fact cannot be true of its actor; an empty text if it can."""
     about = limits.actors.get(getattr(condition, "actor", None) or "")
     if about is None:
         return ""
     match condition:
         case m.Predicate(what="arrived", actor=actor) if not about.moves:
-            return f"'{actor}' has no way to go, so it never arrives"
+            return f"'{actor}' has no route or path, so it never arrives"
         case m.Shows(actor=actor) if not about.moves:
-            return f"'{actor}' has no way to go, so no signal shows it anything"
+            return f"'{actor}' has no route or path, so no signal applies to it"
         case m.InJunction(actor=actor, junction=str(junction)) if about.junctions is not None:
             if junction not in about.junctions:
                 return f"the route of '{actor}' does not go over '{junction}'"
@@ -143,36 +145,37 @@ def _out_of_reach(comparison: m.Comparison, limits: Limits) -> str:
     if left.what == "time" and comparison.op in (">", ">="):
         return f"the run ends after {limits.end_s:g} s"
     if comparison.op in (">", ">="):
-        return f"`{written(left)}` is never over {why}"
-    return f"`{written(left)}` is never under {low:g}{' m' if low and left.what != 'relative_speed' else ''}"
+        return f"`{written(left)}` is never above {why}"
+    return f"`{written(left)}` is never below {low:g}{' m' if low and left.what != 'relative_speed' else ''}"
 
 
 def _range(left: m.Measure, limits: Limits) -> tuple[float, float, str]:
-    """Return the smallest and the largest that a measure can be, SI, and the largest in words."""
-    one, other = limits.actors.get(left.actor or ""), limits.actors.get(str(left.other or ""))
+    """Return the smallest and the largest value of a measure, SI, and the largest in words."""
+    actor, other = limits.actors.get(left.actor or ""), limits.actors.get(str(left.other or ""))
     low = 0.0 if left.what in _NEVER_NEGATIVE or (left.what == "distance" and other is not None) else -math.inf
     high, why = math.inf, ""
     if left.what == "time":
         high = limits.end_s
-    elif left.what == "speed" and one is not None:
-        top = 0.0 if not one.moves else one.top_mps
+    elif left.what == "speed" and actor is not None:
+        top = 0.0 if not actor.moves else actor.top_mps
         if top is not None:
-            high, why = top * _SLACK, f"{top * 3.6:.4g} km/h, the most of {one.model}" if top else "0: it never moves"
+            fastest = f"{top * 3.6:.4g} km/h, the maximum of {actor.model}"
+            high, why = top * _SLACK, fastest if top else "0: it never moves"
     elif left.what == "offset":
         low, high, why = -_WIDEST_LANE_M / 2, _WIDEST_LANE_M / 2, f"{_WIDEST_LANE_M / 2:g} m, half of the widest lane"
-    elif left.what == "overlap" and one is not None and other is not None:
-        high = min(one.length_m, other.length_m)
+    elif left.what == "overlap" and actor is not None and other is not None:
+        high = min(actor.length_m, other.length_m)
         why = f"{high:.2f} m, the length of the shorter one"
-    elif left.what == "relative_speed" and one is not None and other is not None:
-        tops = [0.0 if not a.moves else a.top_mps for a in (one, other)]
+    elif left.what == "relative_speed" and actor is not None and other is not None:
+        tops = [0.0 if not a.moves else a.top_mps for a in (actor, other)]
         if None not in tops:
             high = sum(top or 0.0 for top in tops) * _SLACK
-            low, why = -(tops[1] or 0.0) * _SLACK, "what both can go together"
+            low, why = -(tops[1] or 0.0) * _SLACK, "the sum of both maximum speeds"
     return low, high, why
 
 
 def _out_of_range(comparison: m.Comparison, left: m.Ref, limits: Limits) -> str:
-    """Return why a requirement excludes every value of its parameter."""
+    """Return the reason why a requirement excludes every value of its parameter; an empty text if it does not."""
     mine = _interval(limits.parameters.get(left.name))
     right = comparison.right
     theirs = (right.si, right.si) if isinstance(right, m.Quantity) else None
@@ -185,11 +188,11 @@ def _out_of_range(comparison: m.Comparison, left: m.Ref, limits: Limits) -> str:
         return ""
     parameter = limits.parameters[left.name]
     values = written(parameter.range) if parameter.range is not None else ", ".join(sorted(_texts(parameter)))
-    return f"the values of '{left.name}' are {values}"
+    return f"'{left.name}' can be {values}"
 
 
 def _interval(parameter: m.Param | None) -> tuple[float, float] | None:
-    """Return the smallest and the largest value of a parameter; None where a case may give it any."""
+    """Return the smallest and the largest value of a parameter; None if a case may give it any value."""
     if parameter is None:
         return None
     if parameter.range is not None:
@@ -203,7 +206,7 @@ def _no_option(condition: m.Equals, limits: Limits) -> str:
     options = _options(limits.parameters.get(name))
     if not options or condition.right in options:
         return ""
-    return f"the values of '{name}' are {', '.join(sorted(options))}"
+    return f"'{name}' can be {', '.join(sorted(options))}"
 
 
 def _options(parameter: m.Param | None) -> set[str]:
@@ -219,18 +222,18 @@ def _texts(parameter: m.Param) -> Iterator[str]:
 
 
 def _contradiction(conditions: Sequence[m.Condition]) -> str:
-    """Return which two parts exclude each other."""
-    known = list(_all_of(conditions))
-    pairs = ((one, other) for k, one in enumerate(known) for other in known[:k])
-    found = ((one, other) for one, other in pairs if _exclude(one, other))
-    return next((f"`{written(other)}` and `{written(one)}` exclude each other" for one, other in found), "")
+    """Return which two parts exclude each other, in words; an empty text if none do."""
+    facts = list(_all_of(conditions))
+    pairs = ((first, second) for k, first in enumerate(facts) for second in facts[:k])
+    excluding = ((first, second) for first, second in pairs if _exclude(first, second))
+    return next((f"`{written(second)}` and `{written(first)}` exclude each other" for first, second in excluding), "")
 
 
 def _no_way_out(conditions: Sequence[m.Condition]) -> str:
-    """Return which two parts of an `or` leave nothing out."""
+    """Return which two parts of an `or` cover every possibility, in words; an empty text if none do."""
     facts = [c for c in conditions if not isinstance(c, m.Not)]
-    found = (c.condition for c in conditions if isinstance(c, m.Not) and c.condition in facts)
-    return next((f"`{written(c)}` holds or it does not" for c in found), "")
+    opposites = (c.condition for c in conditions if isinstance(c, m.Not) and c.condition in facts)
+    return next((f"`{written(c)}` either holds or does not hold" for c in opposites), "")
 
 
 def _all_of(conditions: Sequence[m.Condition]) -> Iterator[m.Condition]:
@@ -243,21 +246,21 @@ def _all_of(conditions: Sequence[m.Condition]) -> Iterator[m.Condition]:
             yield condition
 
 
-def _exclude(one: m.Condition, other: m.Condition) -> bool:
-    if isinstance(one, m.Not) or isinstance(other, m.Not):
-        inner, outer = (one.condition, other) if isinstance(one, m.Not) else (other.condition, one)  # type: ignore[union-attr]
+def _exclude(left: m.Condition, right: m.Condition) -> bool:
+    if isinstance(left, m.Not) or isinstance(right, m.Not):
+        inner, outer = (left.condition, right) if isinstance(left, m.Not) else (right.condition, left)  # type: ignore[union-attr]
         return inner == outer
-    first, second = _compared(one), _compared(other)
+    first, second = _compared(left), _compared(right)
     if first is not None and second is not None:
         return first.left == second.left and _apart(first, second)
-    if isinstance(one, m.Shows) and isinstance(other, m.Shows):
-        same = (one.actor, one.junction) == (other.actor, other.junction)
-        return same and one.state != other.state and isinstance(one.state, str) and isinstance(other.state, str)
-    if isinstance(one, m.InLane) and isinstance(other, m.InLane):
-        numbers = isinstance(one.number, m.Quantity) and isinstance(other.number, m.Quantity)
-        return numbers and (one.actor, one.road) == (other.actor, other.road) and one.number != other.number
-    kinds = {type(one), type(other)}
-    return kinds == {m.Ahead, m.Behind} and _pair(one) == _pair(other)
+    if isinstance(left, m.Shows) and isinstance(right, m.Shows):
+        same = (left.actor, left.junction) == (right.actor, right.junction)
+        return same and left.state != right.state and isinstance(left.state, str) and isinstance(right.state, str)
+    if isinstance(left, m.InLane) and isinstance(right, m.InLane):
+        numbers = isinstance(left.number, m.Quantity) and isinstance(right.number, m.Quantity)
+        return numbers and (left.actor, left.road) == (right.actor, right.road) and left.number != right.number
+    kinds = {type(left), type(right)}
+    return kinds == {m.Ahead, m.Behind} and _pair(left) == _pair(right)
 
 
 def _pair(condition: m.Condition) -> tuple[str, str]:
@@ -265,7 +268,7 @@ def _pair(condition: m.Condition) -> tuple[str, str]:
 
 
 def _compared(condition: m.Condition) -> m.Comparison | None:
-    """Return a comparison of a measure with a number; a distance to an actor that must not be exceeded is one."""
+    """Return a condition as a comparison of a measure with a number (`a within 5 m of b` too); otherwise None."""
     if isinstance(condition, m.Within) and isinstance(condition.of, m.Named):
         left = m.Measure(what="distance", actor=condition.actor, other=condition.of.name)
         condition = m.Comparison(left=left, op="<=", right=condition.distance)
@@ -274,8 +277,8 @@ def _compared(condition: m.Condition) -> m.Comparison | None:
     return condition if isinstance(condition.left, m.Measure) else None
 
 
-def _apart(one: m.Comparison, other: m.Comparison) -> bool:
-    upper, lower = (one, other) if one.op[0] == "<" else (other, one)
+def _apart(left: m.Comparison, right: m.Comparison) -> bool:
+    upper, lower = (left, right) if left.op[0] == "<" else (right, left)
     top, bottom = upper.right, lower.right
     if upper.op[0] == lower.op[0] or not isinstance(top, m.Quantity) or not isinstance(bottom, m.Quantity):
         return False

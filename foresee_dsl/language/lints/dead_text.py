@@ -1,4 +1,4 @@
-"""Lints about text that can never count: conditions, parts of them, and steps that no run comes to."""
+"""Lints about text without effect: conditions, parts of conditions, and steps that no run reaches."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from foresee_dsl.helps import remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.lints.certain import About, Limits, always, earliest_s, never
-from foresee_dsl.language.lints.found import Found
+from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.lints.roads import Roads, junctions_of
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, parts, walk
 
-_HELP = "change the condition, or " + remove("remove what it sets off")
+_HELP = "change the condition, or " + remove("remove the actions that wait for it")
 _ROUNDING_S = 1e-6
 
 
 def limits_of(case: TestCase, end_s: float) -> Limits:
-    """Return what is known of a test case's run."""
+    """Return the facts about a test case's run."""
     roads = Roads(case.network) if isinstance(case.network, m.Network) else None
     return Limits(end_s, {actor.name: _about(actor, case.models, roads) for actor in case.scenario.actors})
 
@@ -40,29 +40,29 @@ def _about(actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel], roads: 
 
 
 def _junctions(way: m.Route | m.EdgeRoute | m.AnyPath, roads: Roads) -> frozenset[str] | None:
-    """Return the junctions that an actor on a route may come to, with those at which its first road begins."""
-    found = junctions_of(way, roads)
-    if found is None:
+    """Return the junctions that an actor on a route may reach, with those at which its first road begins."""
+    reached = junctions_of(way, roads)
+    if reached is None:
         return None
     first = way.start if isinstance(way, m.Route) else way.edges[0] if isinstance(way, m.EdgeRoute) else ""
     begins = (roads.edges[edge][0] for edge in (str(first), f"{first}_back") if edge in roads.edges)
-    return frozenset((*found, *begins))
+    return frozenset((*reached, *begins))
 
 
-def dead_triggers(when: m.When, limits: Limits, others: Sequence[m.Action]) -> Iterator[Found]:
-    """Return the lints about a trigger; `others`: every action of the scenario."""
+def dead_triggers(when: m.When, limits: Limits, others: Sequence[m.Action]) -> Iterator[LintFinding]:
+    """Yield the lints about a trigger; `others`: all actions of the scenario."""
     reason = never(when.condition, limits)
     if reason:
         yield _never_happens(when, reason)
-        return  # what comes after it is as dead
+        return  # the steps after it are just as dead
     yield from dead_parts(when.condition, limits)
     yield from _dead_steps(when.actions, earliest_s(when.condition), limits, others)
 
 
 def _dead_steps(
     actions: Sequence[m.Action], begins_s: float, limits: Limits, others: Sequence[m.Action]
-) -> Iterator[Found]:
-    """Return the lints about the steps of a block that begins at a time, s, at the earliest."""
+) -> Iterator[LintFinding]:
+    """Yield the lints about the steps of a block; `begins_s`: the earliest time at which the block begins, s."""
     done_s, endless = begins_s, ""
     for action in actions:
         if not isinstance(action, m.Then):
@@ -73,7 +73,7 @@ def _dead_steps(
         starts_s = max(done_s, earliest_s(condition) if condition is not None else 0.0)
         reason = never(condition, limits) if condition is not None else ""
         if endless:
-            reason = f"`{endless}` before it is never complete"
+            reason = f"`{endless}` before it never completes"
         elif not reason and starts_s > limits.end_s + _ROUNDING_S:
             reason = f"it begins at {starts_s:g} s at the earliest, and the run ends after {limits.end_s:g} s"
         if reason:
@@ -86,12 +86,13 @@ def _dead_steps(
 
 
 def _takes_s(action: m.Action) -> float:
-    """Return a time that an action takes at least, s, if nothing replaces it."""
+    """Return the minimum duration of an action, s, if no other action replaces it."""
     return action.duration.si if isinstance(action, m.Wait) and isinstance(action.duration, m.Quantity) else 0.0
 
 
 def _endless(action: m.Action, others: Sequence[m.Action]) -> str:
-    """Return an action that is never complete, as it is written: a stop, or braking, for good that nothing replaces."""
+    """Return the text of an action that never completes: a stop or braking without a duration that no action replaces;
+    otherwise an empty text."""
     if not isinstance(action, m.Stops | m.BrakesFor) or action.duration is not None:
         return ""
     replaced = (isinstance(o, m.Stops | m.BrakesFor | m.ChangesSpeed | m.Meets) and o is not action for o in others
@@ -99,58 +100,58 @@ def _endless(action: m.Action, others: Sequence[m.Action]) -> str:
     return "" if any(replaced) else written(action)
 
 
-def _never_happens(item: m.When | m.Then, reason: str) -> Found:
-    return Found(item, "condition" if item.condition is not None else "", c.NEVER_FIRES,
+def _never_happens(item: m.When | m.Then, reason: str) -> LintFinding:
+    return LintFinding(item, "condition" if item.condition is not None else "", c.NEVER_FIRES,
                  f"this can never happen: {reason}", _HELP)  # fmt: skip
 
 
-def dead_parts(condition: m.Condition, limits: Limits) -> Iterator[Found]:
-    """Return the lints about parts that are certain, of a condition that as a whole is not."""
+def dead_parts(condition: m.Condition, limits: Limits) -> Iterator[LintFinding]:
+    """Yield the lints about certain parts of a condition that as a whole is not certain."""
     for part in parts(condition):
         if part is condition or isinstance(part, m.Not | m.Sustained):
             continue
         dead, certain = never(part, limits), always(part, limits)
         if dead or certain:
             message = f"`{written(part)}` {'can never hold' if dead else 'always holds'}: {dead or certain}"
-            yield Found(part, "", c.DEAD_PART, message, remove("remove this part") + ", or write what was meant")
-            return  # what holds it is certain for the same reason
+            yield LintFinding(part, "", c.DEAD_PART, message, remove("remove this part") + ", or write what was meant")
+            return  # the parts around it are certain for the same reason
 
 
-def dead_requirements(scenario: m.Scenario) -> Iterator[Found]:
-    """Return the lints about requirements that every case meets, or none."""
+def dead_requirements(scenario: m.Scenario) -> Iterator[LintFinding]:
+    """Yield the lints about requirements that every case meets, or that no case meets."""
     limits = Limits(math.inf, {}, {parameter.name: parameter for parameter in scenario.all(m.Param)})
     for require in scenario.all(m.Require):
         dead, certain = never(require.condition, limits), always(require.condition, limits)
         if dead or certain:
             message = f"{'no case meets this' if dead else 'every case meets this'}: {dead or certain}"
-            yield Found(
+            yield LintFinding(
                 require,
                 "condition",
                 c.DEAD_PART,
                 message,
-                "write which values belong together, or " + remove("remove it"),
+                "change the requirement, or " + remove("remove it"),
             )
         else:
             yield from dead_parts(require.condition, limits)
 
 
-def blind_actors(scenario: m.Scenario) -> Iterator[Found]:
-    """Return the errors about actors that are to see something: only the ego has sensors."""
+def blind_actors(scenario: m.Scenario) -> Iterator[LintFinding]:
+    """Yield the errors about `sees` for an actor other than the ego, which alone has sensors."""
     for statement in scenario.body:
         for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Sees) and part.actor != "ego":
                 message = f"'{part.actor}' has no sensors: only the ego sees"
                 help = "write " + write(f"{part.other} in sight of {part.actor}")
-                yield Found(part, "actor", c.NO_SENSORS, message, help)
+                yield LintFinding(part, "actor", c.NO_SENSORS, message, help)
 
 
-def of_itself(scenario: m.Scenario) -> Iterator[Found]:
-    """Return the lints about what is measured between an actor and itself."""
+def of_itself(scenario: m.Scenario) -> Iterator[LintFinding]:
+    """Yield the lints about measures between an actor and itself."""
     for statement in scenario.body:
         for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Measure) and part.actor is not None and part.actor == part.other:
                 message = f"`{written(part)}` is measured between '{part.actor}' and itself"
-                yield Found(part, "other", c.DEAD_PART, message, "name two different actors")
+                yield LintFinding(part, "other", c.DEAD_PART, message, "name two different actors")
 
 
 def actions_of(scenario: m.Scenario) -> tuple[m.Action, ...]:

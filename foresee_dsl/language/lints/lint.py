@@ -1,4 +1,4 @@
-"""Lints: what is allowed, and hardly meant. `lint` looks at one file and the test cases that it gives."""
+"""Lints: warnings about valid texts that are probably not meant, for one file and its test cases."""
 
 from __future__ import annotations
 
@@ -16,103 +16,105 @@ from foresee_dsl.language.lints import dead_text
 from foresee_dsl.language.lints.actors import actor_lints, route_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.certain import Limits, always, never
-from foresee_dsl.language.lints.found import Found
+from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk
 
 DEFAULT_END_S = 60.0
-"""How long a run lasts without an `end` statement (docs/reference/language.md)."""
+"""Duration of a run without an `end` statement, s (docs/reference/language.md)."""
 _TOO_FAST = "FS256"
-"""What the compiler reports where a speed is over the model's: then the lint about it is left out."""
+"""The compiler's code for a speed above the model's, which replaces the lint about it."""
 
 
 def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
-    """Return the lints of a file without mistakes, sorted by place; those that a comment allows are left out.
+    """Return the lints of a file without errors, sorted by place, except those that a comment allows.
 
-    `cases` are the test cases that it gives (none for a network or a catalogue); what shows in several is reported
-    once. Children are not looked at: their lints are their parents'.
+    `cases`: the test cases of the file (none for a network or a catalogue). A lint of several cases is reported once.
+    Children have no lints of their own: the lints belong to their parents.
     """
-    found: dict[tuple[Span | None, str], Diagnostic] = {}
+    lints: dict[tuple[Span | None, str], Diagnostic] = {}
     if isinstance(document.model, m.Scenario):
         divisions = _divisions(document.model) if document.calculates else ()
         of_text = (*_unused_parameters(document.model), *_dead_cases(document.model), *divisions)
         for lint_ in (*of_text, *dead_text.dead_requirements(document.model)):
-            _add(found, document, lint_)
+            _add(lints, document, lint_)
     for case in cases:
         if case.clip is None and case.mutant is None:
             places = _places(case, document.model)
             for lint_ in _of_case(case):
                 item = places.get(id(lint_.item), lint_.item)
-                _add(found, document, replace(lint_, item=item))
-    return without_allowed(document, [*found.values(), *hidden_characters(document.text, document.path)])
+                _add(lints, document, replace(lint_, item=item))
+    return without_allowed(document, [*lints.values(), *hidden_characters(document.text, document.path)])
 
 
-def without_repeated(found: Sequence[Diagnostic], placements: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """Put the mistakes that the network shows (`placements`) behind the others, without the lints that they repeat."""
-    shown = {(d.code, d.path, d.span.line) for d in placements if d.span is not None}
+def without_repeated(lints: Sequence[Diagnostic], placements: Sequence[Diagnostic]) -> list[Diagnostic]:
+    """Return lints and then `placements`, the errors found on the network, without the lints that these repeat."""
+    placed = {(d.code, d.path, d.span.line) for d in placements if d.span is not None}
 
     def repeats(lint: Diagnostic) -> bool:
         if lint.code == c.BROKEN_ROUTE:
             return True  # only the network decides whether a route is possible
         at = (_TOO_FAST, lint.path, lint.span.line) if lint.span is not None else None
-        return lint.code == c.OVER_TOP_SPEED and at in shown
+        return lint.code == c.OVER_TOP_SPEED and at in placed
 
-    return [*(lint for lint in found if not repeats(lint)), *placements]
+    return [*(lint for lint in lints if not repeats(lint)), *placements]
 
 
-def _add(found: dict[tuple[Span | None, str], Diagnostic], document: Document, lint_: Found) -> None:
+def _add(lints: dict[tuple[Span | None, str], Diagnostic], document: Document, lint_: LintFinding) -> None:
     if document.span(lint_.item) is None:
-        return  # it is written in a file that this one extends, which is looked at for itself
+        return  # it is written in a file that this one extends, which is checked on its own
     diagnostic = document.diagnostic(lint_.item, lint_.field, lint_.code, lint_.message, lint_.help)
     span = diagnostic.span
-    if span is not None and span.end_line != span.line:  # the first line only: a whole block is too much
+    if span is not None and span.end_line != span.line:  # only the first line: a whole underlined block is unreadable
         end = len(diagnostic.source_line.split("{")[0].rstrip()) + 1
         span = Span(span.line, span.column, span.line, max(end, span.column + 1))
-    found.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=every_code()[lint_.code].severity))
+    lints.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=every_code()[lint_.code].severity))
 
 
-# ---- what the text shows --------------------------------------------------------------------------------------------
+# ---- lints of the text ----------------------------------------------------------------------------------------------
 
 
-def _unused_parameters(scenario: m.Scenario) -> Iterator[Found]:
+def _unused_parameters(scenario: m.Scenario) -> Iterator[LintFinding]:
     users = (item for item in scenario.body if not isinstance(item, m.Case))
     used = {part.name for item in users for part in walk(item) if isinstance(part, m.Ref)}
     types = {parameter.name: parameter.type for parameter in scenario.all(m.Param)}
-    assignments = (given for case in scenario.all(m.Case) for given in case.values)
-    used |= {ref.name for given in assignments for ref in needed_by(given, types)}
+    assignments = (assignment for case in scenario.all(m.Case) for assignment in case.values)
+    used |= {ref.name for assignment in assignments for ref in needed_by(assignment, types)}
     for parameter in scenario.all(m.Param):
         if parameter.name not in used:
-            help = "write " + write(parameter.name) + " where its value is meant, or " + remove("remove it")
-            yield Found(parameter, "name", c.UNUSED_PARAMETER, f"nothing uses parameter '{parameter.name}'", help)
+            help = "write " + write(parameter.name) + " where its value belongs, or " + remove("remove it")
+            yield LintFinding(parameter, "name", c.UNUSED_PARAMETER, f"nothing uses parameter '{parameter.name}'", help)
 
 
-def _dead_cases(scenario: m.Scenario) -> Iterator[Found]:
+def _dead_cases(scenario: m.Scenario) -> Iterator[LintFinding]:
     seen: dict[tuple[tuple[str, object], ...], str] = {}
     for case in scenario.all(m.Case):
         key = tuple(sorted((name, _comparable(value)) for name, value in case_values(scenario, case).items()))
         if key in seen:
             message = f"case '{case.name}' has the same values as case '{seen[key]}'"
-            yield Found(case, "name", c.DEAD_CASE, message, "change a value, or " + remove("remove one of the two"))
+            yield LintFinding(
+                case, "name", c.DEAD_CASE, message, "change a value, or " + remove("remove one of the two")
+            )
         seen.setdefault(key, case.name)
 
 
-def _divisions(scenario: m.Scenario) -> Iterator[Found]:
+def _divisions(scenario: m.Scenario) -> Iterator[LintFinding]:
     from foresee_dsl.language.lints.arithmetic import divisions_by_zero
 
     for item, message, help in divisions_by_zero(scenario):
-        yield Found(item, "", c.MAY_DIVIDE_BY_ZERO, message, help)
+        yield LintFinding(item, "", c.MAY_DIVIDE_BY_ZERO, message, help)
 
 
 def _comparable(value: m.ParamValue) -> object:
     return f"{value.si:.9g}" if isinstance(value, m.Quantity) else value
 
 
-# ---- what a test case shows -----------------------------------------------------------------------------------------
+# ---- lints of a test case -------------------------------------------------------------------------------------------
 
 
-def _of_case(case: TestCase) -> Iterator[Found]:
+def _of_case(case: TestCase) -> Iterator[LintFinding]:
     scenario = case.scenario
     end = scenario.one(m.End)
     end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
@@ -128,12 +130,12 @@ def _of_case(case: TestCase) -> Iterator[Found]:
     yield from route_lints(case)
 
 
-def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
+def _expectation(expect: m.Expect, limits: Limits) -> Iterator[LintFinding]:
     until = expect.within.si if isinstance(expect.within, m.Quantity) else limits.end_s
     if until > limits.end_s and expect.within is not None:
         message = f"the run ends after {limits.end_s:g} s, before the {written(expect.within)} are over"
         help = "write " + write(f"end after {written(expect.within)}") + ", or a shorter time"
-        yield Found(expect, "within", c.CUT_SHORT, message, help)
+        yield LintFinding(expect, "within", c.CUT_SHORT, message, help)
     inside = replace(limits, end_s=min(until, limits.end_s))
     cannot, must = never(expect.condition, inside), always(expect.condition, inside)
     if not (cannot or must):
@@ -141,7 +143,7 @@ def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
         return
     met = bool(cannot) if expect.mode == "never" else bool(must)
     message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
-    yield Found(
+    yield LintFinding(
         expect,
         "condition",
         c.DECIDED,
@@ -150,13 +152,13 @@ def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
     )
 
 
-def _nothing_expected(scenario: m.Scenario) -> Iterator[Found]:
+def _nothing_expected(scenario: m.Scenario) -> Iterator[LintFinding]:
     named = {getattr(part, field, None) for expect in scenario.all(m.Expect) for part in walk(expect)
              for field in ("actor", "other", "name")}  # fmt: skip
     if "ego" in named:
         return
     message = f"scenario '{scenario.name}' expects nothing of the ego"
-    yield Found(
+    yield LintFinding(
         scenario, "name", c.NOTHING_EXPECTED, message, "add " + write("expect never collision(ego)") + ", for example"
     )
 
@@ -165,21 +167,21 @@ def _nothing_expected(scenario: m.Scenario) -> Iterator[Found]:
 
 
 def _places(case: TestCase, model: m.Definition) -> dict[int, m.Item]:
-    """Find the written items from which the items of a concrete scenario were made, by their ids."""
-    found: dict[int, m.Item] = {id(case.scenario): model}
+    """Return the written item of each item of a concrete scenario, by the id of the latter."""
+    written_items: dict[int, m.Item] = {id(case.scenario): model}
     if not isinstance(model, m.Scenario):
-        return found
+        return written_items
     left: dict[int, m.Item] = {id(item): item for item in model.body if not isinstance(item, SETTLED)}
     for item in case.scenario.body:
         same = left.get(id(item)) or next((line for line in left.values() if _same(line, item)), None)
         if same is not None:
             del left[id(same)]
-            _pair(item, same, found)
-    return found
+            _pair(item, same, written_items)
+    return written_items
 
 
 def _same(line: m.Item, item: m.Item) -> bool:
-    """Whether a concrete statement can be this written one: of its kind, with its name."""
+    """Return whether a concrete statement can come from this written one: the same kind and name."""
     if type(line) is not type(item):
         return False
     if isinstance(line, m.When | m.Expect) and line.name is None:
@@ -187,37 +189,37 @@ def _same(line: m.Item, item: m.Item) -> bool:
     return getattr(line, "name", None) == getattr(item, "name", None)
 
 
-def _pair(item: m.Item, line: m.Item, found: dict[int, m.Item]) -> None:
+def _pair(item: m.Item, line: m.Item, written_items: dict[int, m.Item]) -> None:
     if type(item) is type(line) and item is not line:  # without parameters a statement is its own
-        found[id(item)] = line
+        written_items[id(item)] = line
         inner = dict(fields_of(line))
         for name, part in fields_of(item):
             if name in inner:
-                _pair(part, inner[name], found)
+                _pair(part, inner[name], written_items)
 
 
-# ---- characters that nobody sees -------------------------------------------------------------------------------------
+# ---- hidden characters -----------------------------------------------------------------------------------------------
 
 
 def hidden_characters(text: str, path: str) -> Iterator[Diagnostic]:
     """Yield a warning for the first hidden character of each line, in comments and texts too.
 
-    A sign that changes the direction of writing (U+202E) lets an editor show a line as something else than what is
-    read; a byte order mark at the beginning is none.
+    A character that changes the direction of writing (U+202E) lets an editor show a line differently from how it is
+    read. A byte order mark at the beginning of the file does not count.
     """
     for number, line in enumerate(text.removeprefix("\ufeff").split("\n"), 1):
         if line.isprintable():
             continue
-        found = next((k for k, sign in enumerate(line) if _is_hidden(sign)), None)
-        if found is not None:
-            sign = line[found]
+        column = next((k for k, sign in enumerate(line) if _is_hidden(sign)), None)
+        if column is not None:
+            sign = line[column]
             name = unicodedata.name(sign, "a control character").lower()
             yield Diagnostic(
                 c.HIDDEN_CHARACTER,
                 f"a character that is not seen, U+{ord(sign):04X} ({name}), may make this line look like another",
                 "delete it",
                 path,
-                Span(number, found + 1, number, found + 2),
+                Span(number, column + 1, number, column + 2),
                 line,
                 "warning",
             )

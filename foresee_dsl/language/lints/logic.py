@@ -1,4 +1,4 @@
-"""Which expectation implies another; comparisons and their opposites."""
+"""Logic of conditions: whether an expectation implies another; comparisons and their opposites."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import math
 from foresee_dsl.language import model as m
 
 TURNED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
-"""The opposite of a comparison."""
+"""The opposite of each comparison."""
 
 
 def negated(comparison: m.Comparison) -> m.Comparison:
-    """Return the comparison that holds where this one does not."""
+    """Return the opposite comparison."""
     return comparison.model_copy(update={"op": TURNED[comparison.op]})
 
 
@@ -21,90 +21,96 @@ def holds_for_some(op: str, value: float, low: float, high: float) -> bool:
 
 
 def weaker(old: m.Expect, new: m.Expect) -> bool | None:
-    """Say whether `new` is easier to meet than `old`.
+    """Return whether `new` is easier to meet than `old`.
 
-    True: every run that meets the old one meets the new one, and not the other way round. False: it is as hard, or
-    harder. None: unknown (another measure, another actor, parameters).
+    True: every run that meets the old one meets the new one, but not the other way round. False: the new one is as
+    hard, or harder. None: unknown (another measure, another actor, parameters).
     """
     if implies(new, old):
         return False
     return True if implies(old, new) else None
 
 
-def implies(one: m.Expect, other: m.Expect) -> bool:
-    """Return whether it can be shown that a run that meets `one` meets `other`."""
-    first, second = _until(one), _until(other)
+def implies(premise: m.Expect, conclusion: m.Expect) -> bool:
+    """Return whether a run that meets `one` provably meets `other`."""
+    first, second = _until(premise), _until(conclusion)
     if first is None or second is None:
         return False
-    if one.mode == "eventually":
-        return other.mode == "eventually" and first <= second and _follows(one.condition, other.condition)
-    if other.mode != "eventually" and first < second:
-        return False  # what holds for a shorter time says nothing of the rest
-    return _follows(*(m.Not(condition=e.condition) if e.mode == "never" else e.condition for e in (one, other)))
+    if premise.mode == "eventually":
+        return conclusion.mode == "eventually" and first <= second and _follows(premise.condition, conclusion.condition)
+    if conclusion.mode != "eventually" and first < second:
+        return False  # a condition that holds for a shorter time need not hold for the longer one
+    return _follows(
+        *(m.Not(condition=e.condition) if e.mode == "never" else e.condition for e in (premise, conclusion))
+    )
 
 
 def _until(expect: m.Expect) -> float | None:
-    """The last moment that counts, in s; None when a parameter says so."""
+    """Return the last moment that counts, s; None if it is a parameter."""
     if expect.within is None:
         return math.inf
     return expect.within.si if isinstance(expect.within, m.Quantity) else None
 
 
-def _follows(one: m.Condition, other: m.Condition) -> bool:
-    """Return whether it can be shown that where `one` holds `other` holds."""
-    return _implies(_plain(one), _plain(other))
+def _follows(premise: m.Condition, conclusion: m.Condition) -> bool:
+    """Return whether `one` provably implies `other`."""
+    return _implies(_plain(premise), _plain(conclusion))
 
 
-def _implies(one: m.Condition, other: m.Condition) -> bool:
-    """The same, of conditions with `not` only in front of what has no parts."""
-    if one == other:
+def _implies(premise: m.Condition, conclusion: m.Condition) -> bool:
+    """Return the same for conditions with `not` only in front of conditions without parts."""
+    if premise == conclusion:
         return True
-    if isinstance(one, m.Either):
-        return all(_implies(part, other) for part in one.conditions)
-    if isinstance(other, m.Both):
-        return all(_implies(one, part) for part in other.conditions)
-    if isinstance(one, m.Both) and any(_implies(part, other) for part in one.conditions):
+    if isinstance(premise, m.Either):
+        return all(_implies(part, conclusion) for part in premise.conditions)
+    if isinstance(conclusion, m.Both):
+        return all(_implies(premise, part) for part in conclusion.conditions)
+    if isinstance(premise, m.Both) and any(_implies(part, conclusion) for part in premise.conditions):
         return True
-    if isinstance(other, m.Either):
-        return any(_implies(one, part) for part in other.conditions)
-    return _simple(one, other)
+    if isinstance(conclusion, m.Either):
+        return any(_implies(premise, part) for part in conclusion.conditions)
+    return _simple(premise, conclusion)
 
 
-def _simple(one: m.Condition, other: m.Condition) -> bool:
-    if isinstance(one, m.Not) and isinstance(other, m.Not):
-        return _simple(other.condition, one.condition)
-    if isinstance(one, m.Comparison) and isinstance(other, m.Comparison):
-        return _tighter(one, other)
-    if isinstance(one, m.Sustained):
-        if not isinstance(other, m.Sustained):
-            return _follows(one.condition, other)
-        same = one.since == other.since
-        return same and _at_most(other.duration, one.duration) and _follows(one.condition, other.condition)
-    if isinstance(one, m.Within) and isinstance(other, m.Within):
-        same = one.actor == other.actor and one.of == other.of
-        return same and _at_most(one.distance, other.distance)
-    return one == other
+def _simple(premise: m.Condition, conclusion: m.Condition) -> bool:
+    if isinstance(premise, m.Not) and isinstance(conclusion, m.Not):
+        return _simple(conclusion.condition, premise.condition)
+    if isinstance(premise, m.Comparison) and isinstance(conclusion, m.Comparison):
+        return _tighter(premise, conclusion)
+    if isinstance(premise, m.Sustained):
+        if not isinstance(conclusion, m.Sustained):
+            return _follows(premise.condition, conclusion)
+        same = premise.since == conclusion.since
+        return (
+            same
+            and _at_most(conclusion.duration, premise.duration)
+            and _follows(premise.condition, conclusion.condition)
+        )
+    if isinstance(premise, m.Within) and isinstance(conclusion, m.Within):
+        same = premise.actor == conclusion.actor and premise.of == conclusion.of
+        return same and _at_most(premise.distance, conclusion.distance)
+    return premise == conclusion
 
 
-def _tighter(one: m.Comparison, other: m.Comparison) -> bool:
-    """`ttc(a, b) > 2 s` implies `ttc(a, b) >= 1 s`."""
-    if one.left != other.left or one.op[0] != other.op[0]:
+def _tighter(premise: m.Comparison, conclusion: m.Comparison) -> bool:
+    """Return whether one comparison implies another: `ttc(a, b) > 2 s` implies `ttc(a, b) >= 1 s`."""
+    if premise.left != conclusion.left or premise.op[0] != conclusion.op[0]:
         return False
-    if not isinstance(one.right, m.Quantity) or not isinstance(other.right, m.Quantity):
+    if not isinstance(premise.right, m.Quantity) or not isinstance(conclusion.right, m.Quantity):
         return False
-    if one.right.si == other.right.si:
-        return one.op == other.op or "=" not in one.op
-    return (one.right.si < other.right.si) == (one.op[0] == "<")
+    if premise.right.si == conclusion.right.si:
+        return premise.op == conclusion.op or "=" not in premise.op
+    return (premise.right.si < conclusion.right.si) == (premise.op[0] == "<")
 
 
-def _at_most(one: m.Value, other: m.Value) -> bool:
-    if isinstance(one, m.Quantity) and isinstance(other, m.Quantity):
-        return one.si <= other.si
-    return one == other
+def _at_most(small: m.Value, large: m.Value) -> bool:
+    if isinstance(small, m.Quantity) and isinstance(large, m.Quantity):
+        return small.si <= large.si
+    return small == large
 
 
 def _plain(condition: m.Condition, turned: bool = False) -> m.Condition:
-    """Move every `not` inwards, until it stands in front of what has no parts."""
+    """Return a condition with every `not` moved inwards, in front of conditions without parts."""
     if isinstance(condition, m.Not):
         return _plain(condition.condition, not turned)
     if isinstance(condition, m.Both | m.Either):

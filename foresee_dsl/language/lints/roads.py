@@ -1,4 +1,4 @@
-"""The roads of a network of ours, as far as routes over it need no geometry: which junctions a route comes to."""
+"""The roads of a network in the language as a graph without geometry: the junctions that a route reaches."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ class Roads:
             self.edges[whole] = (self.edges[whole][0] if whole in self.edges else start, end)
 
     def reached(self, edges: Iterable[str]) -> set[str]:
-        """Return the junctions that come first along some edges: one only drives on where there is one way on."""
-        found: set[str] = set()
+        """Return the first junctions along some edges, and further ones as long as there is a single way on."""
+        junctions: set[str] = set()
         open_ = [self._first.get(edge, edge) for edge in edges]
         seen = set(open_)
         while open_:
             edge = open_.pop()
             junction = self._pieces[edge][1]
-            found.add(junction)
+            junctions.add(junction)
             onward = self.leaving(junction, but=self._pieces[edge])
             onward = [piece for piece in onward if piece == layout.next_piece(edge)] or onward
             if len(onward) == 1 and onward[0] not in seen:
                 seen.add(onward[0])
                 open_ += onward
-        return found
+        return junctions
 
     def leaving(self, junction: str, but: tuple[str, str] | None = None) -> list[str]:
-        """Return the edges that leave a junction, without the way back to where one comes from."""
+        """Return the edges that leave a junction, without the way back along `but`."""
         back = but[::-1] if but is not None else None
         return [piece for piece, ends in self._pieces.items() if ends[0] == junction and ends != back]
 
@@ -48,16 +48,16 @@ class Roads:
 
 
 def junctions_of(item: m.Item, roads: Roads) -> set[str] | None:
-    """Return every junction that a route may come to; None where that is unknown."""
+    """Return every junction that a route may reach; None if that is unknown."""
     if isinstance(item, m.EdgeRoute) and not item.shortest:
         named = [edge for edge in item.edges if isinstance(edge, str) and edge in roads.edges]
         return roads.on(named) if len(named) == len(item.edges) else None
     if not isinstance(item, m.Route) or not isinstance(item.start, str):
         return None
     edges = [edge for edge in (item.start, f"{item.start}_back") if edge in roads.edges]
-    found = roads.reached(edges)
+    junctions = roads.reached(edges)
     for leg in item.legs:
         if not isinstance(leg.junction, str):
             return None
-        found |= {leg.junction} | roads.reached(roads.leaving(leg.junction))
-    return found
+        junctions |= {leg.junction} | roads.reached(roads.leaving(leg.junction))
+    return junctions

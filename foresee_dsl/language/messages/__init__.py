@@ -1,1 +1,1 @@
-"""Diagnostics: how they are placed, worded and rendered."""
+"""Diagnostics: their places, their words and their rendering."""

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from foresee_dsl.errors import Diagnostic, Span
 
 _WIDTH = 100
-"""How many columns of a source line are shown (ours: what a review tool shows without wrapping)."""
+"""Maximum number of columns of a source line that are shown (ours: the width of a review tool without wrapping)."""
 _TAB = 4
 _RED, _CYAN, _BOLD, _OFF = "\x1b[31m", "\x1b[36m", "\x1b[1m", "\x1b[0m"
 
 
 def render_full(diagnostic: Diagnostic, colour: bool = False) -> str:
-    """Return a diagnostic as it is shown on a terminal: the place, the line with the place underlined, the help."""
+    """Return a diagnostic for a terminal: the place, the source line with the place underlined, the help."""
     tint = _CYAN if diagnostic.severity == "warning" else _RED
     tint, bold, off = (tint, _BOLD, _OFF) if colour else ("", "", "")
     severity = f"{tint}{diagnostic.severity} {diagnostic.code}{off}"
@@ -35,7 +35,7 @@ def render_all(diagnostics: Sequence[Diagnostic], colour: bool = False) -> str:
 
 
 def render_concise(diagnostic: Diagnostic) -> str:
-    """Return a diagnostic on one line, as editors and `grep` like it."""
+    """Return a diagnostic on one line, the form that editors and `grep` read."""
     text = f"{_place(diagnostic)}: {diagnostic.severity} {diagnostic.code}: {_plain(diagnostic.message)}"
     return f"{text} ({_plain(diagnostic.help)})" if diagnostic.help else text
 
@@ -63,7 +63,7 @@ def _underlined(span: Span, line: str) -> tuple[str, str, str]:
 
 
 def _glyph(char: str) -> str:
-    """A character as it can be shown: tabs as blanks, and nothing that moves a terminal's cursor."""
+    """Return a character in a printable form: tabs as blanks, and nothing that moves a terminal's cursor."""
     if char == "\t":
         return " " * _TAB
     return "�" if unicodedata.category(char) in ("Cc", "Cs", "Zl", "Zp", "Cf") else char

@@ -1,4 +1,4 @@
-"""Collects the mistakes of a document, with their places."""
+"""Collects the errors and warnings of a document, with their places."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from foresee_dsl.language.units import Dimension
 
 
 class Findings:
-    """The diagnostics of one document; without a document (a model made in memory) they have a path and no places."""
+    """The diagnostics of one document. Without a document (a model built in memory) they have a path but no places."""
 
     def __init__(self, document: Document | None, path: str = "") -> None:
         self._document = document
         self._path = path
-        self._found: list[Diagnostic] = []
+        self._diagnostics: list[Diagnostic] = []
 
     def add(
         self, item: m.Item | None, field: str, code: str, message: str, help: HelpText = "", *, head_only: bool = False
@@ -31,24 +31,26 @@ class Findings:
         """Report something about a field of an item ("": all of it; None: the file); `head_only` underlines no more
         than its first line."""
         if self._document is None:
-            self._found.append(Diagnostic.of(code, message, help, self._path))
+            self._diagnostics.append(Diagnostic.of(code, message, help, self._path))
             return
-        found = self._document.diagnostic(item, field, code, message, help)
-        if head_only and found.span is not None and found.span.end_line != found.span.line:
-            start = found.span.column - 1
-            end = start + len(found.source_line[start:].split("{")[0].rstrip()) + 1
-            found = replace(found, span=Span(found.span.line, found.span.column, found.span.line, end))
-        self._found.append(found)
+        diagnostic = self._document.diagnostic(item, field, code, message, help)
+        if head_only and diagnostic.span is not None and diagnostic.span.end_line != diagnostic.span.line:
+            start = diagnostic.span.column - 1
+            end = start + len(diagnostic.source_line[start:].split("{")[0].rstrip()) + 1
+            diagnostic = replace(
+                diagnostic, span=Span(diagnostic.span.line, diagnostic.span.column, diagnostic.span.line, end)
+            )
+        self._diagnostics.append(diagnostic)
 
     def only_once(self, items: Sequence[m.Item]) -> None:
         """Report every statement of one kind after the first."""
         for item in items[1:]:
             word = re.match(r"\w+", print_item(item))
-            message = f"`{word[0] if word else item}` stands twice"
+            message = f"`{word[0] if word else item}` is written twice"
             self.add(item, "", "FS047", message, remove("keep one of the two"), head_only=True)
 
     def unique(self, named: Iterable[tuple[m.Item, str, str]], what: str) -> None:
-        """Report names that are given twice: (item, field of the name, name)."""
+        """Report names that two items have: `named` yields (item, field of the name, name)."""
         seen: set[str] = set()
         for item, field, name in named:
             if name in seen:
@@ -88,16 +90,16 @@ class Findings:
         return f"{NOUNS[dimension]} such as " + write(example)
 
     def __len__(self) -> int:
-        """How much was found."""
-        return len(self._found)
+        """Return the number of diagnostics."""
+        return len(self._diagnostics)
 
     def sorted(self) -> tuple[Diagnostic, ...]:
-        """Return what was found, in the order of the places, each once."""
+        """Return the diagnostics in the order of their places, each once."""
         first = Span(0, 0, 0, 0)
-        unique = dict.fromkeys(self._found)
+        unique = dict.fromkeys(self._diagnostics)
         return tuple(sorted(unique, key=lambda d: ((d.span or first).line, (d.span or first).column, d.code)))
 
     def raise_if_any(self) -> None:
-        """Raise everything that was found as one `InputError`, in the order in which it was found."""
-        if self._found:
-            raise InputError(tuple(self._found))
+        """Raise one `InputError` with all diagnostics, in the order in which they were added."""
+        if self._diagnostics:
+            raise InputError(tuple(self._diagnostics))

@@ -1,4 +1,4 @@
-"""The names of examples in helps, replaced by names that the author's text has: `ego in junction middle`, not `j4`."""
+"""Replaces the names in the examples of helps by names of the author's text: `ego in junction middle`, not `j4`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _DECLARED = {
     "vehicle": re.compile(r"\b(?:vehicle|bicycle)\s+([a-z]\w*)\s*:"),
     "pedestrian": re.compile(r"\bpedestrian\s+([a-z]\w*)\s*:"),
 }
-"""How each kind of thing gets its name in a text."""
+"""The pattern that declares a name of each kind in a text."""
 _EXAMPLES = {"j4": "junction", "west": "road", "runner": "vehicle", "lead": "vehicle", "walker": "pedestrian"}
-"""The names that examples of the language use, and what they name."""
+"""The names in the examples of helps, each with its kind."""
 _CODE = re.compile(r"`[^`]*`")
 _NAME = re.compile(r"(?<![\w.\"])(?P<before>(?:junction|roundabout|road|vehicle|bicycle|pedestrian)\s+)?"
                    rf"(?P<name>{'|'.join(_EXAMPLES)})(?![\w\"])")  # fmt: skip
@@ -26,10 +26,10 @@ _COMMENT = re.compile(r"#[^\n]*")
 
 
 def with_own_names(diagnostics: Iterable[Diagnostic], text: str) -> tuple[Diagnostic, ...]:
-    """Return diagnostics whose helps use the names in a text where those of the examples are not in it."""
-    found = tuple(diagnostics)
-    if not any(_NAME.search(diagnostic.help) for diagnostic in found):
-        return found
+    """Return diagnostics whose helps use names of the text, for each example name that the text does not have."""
+    listed = tuple(diagnostics)
+    if not any(_NAME.search(diagnostic.help) for diagnostic in listed):
+        return listed
     own = dict(_own(_COMMENT.sub("", text)))
     return tuple(
         replace(
@@ -40,13 +40,13 @@ def with_own_names(diagnostics: Iterable[Diagnostic], text: str) -> tuple[Diagno
                 for fix in diagnostic.fixes
             ),
         )
-        for diagnostic in found
+        for diagnostic in listed
     )
 
 
 def _own(text: str) -> Iterator[tuple[str, str]]:
-    """Yield the names of examples with what to write instead: each name of the text for one of them, the one that the
-    text uses most first."""
+    """Yield each example name with its replacement. Each name of the text is used once, the most frequent ones
+    first."""
     uses = Counter(re.findall(r"\w+", text))
     left = {
         kind: sorted(dict.fromkeys(pattern.findall(text)), key=lambda name: -uses[name])
@@ -58,19 +58,19 @@ def _own(text: str) -> Iterator[tuple[str, str]]:
 
 
 def _renamed(code: str, own: Mapping[str, str]) -> str:
-    """Return code with other names. A name that it declares (`vehicle runner: ...`) stays, and one that stands alone,
-    which shows how names are written."""
+    """Return code with the names replaced. A name that the code declares (`vehicle runner: ...`) stays, and so does a
+    name that stands alone, because it shows how names are written."""
     if code.strip("`") in _EXAMPLES:
         return code
-    declared = {found["name"] for found in _NAME.finditer(code) if found["before"] and not _is_used(code, found)}
+    declared = {match["name"] for match in _NAME.finditer(code) if match["before"] and not _is_used(code, match)}
     return _NAME.sub(
-        lambda found: (
-            found[0] if found["name"] in declared else f"{found['before'] or ''}{own.get(found['name'], found['name'])}"
+        lambda match: (
+            match[0] if match["name"] in declared else f"{match['before'] or ''}{own.get(match['name'], match['name'])}"
         ),
         code,
     )
 
 
-def _is_used(code: str, found: re.Match[str]) -> bool:
+def _is_used(code: str, match: re.Match[str]) -> bool:
     """Whether a name behind its kind's word is used there, as in `ego in junction j4`."""
-    return code[: found.start()].endswith("in ")
+    return code[: match.start()].endswith("in ")

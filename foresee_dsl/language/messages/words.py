@@ -1,4 +1,4 @@
-"""Words that messages share: what each dimension is called, and a value of each."""
+"""Words that messages share: the name of each dimension, and an example value."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _WORDS: Mapping[Dimension, tuple[str, str]] = {
     "count": ("a whole number", "2"),
 }
 NOUNS: Mapping[Dimension, str] = MappingProxyType({dimension: noun for dimension, (noun, _) in _WORDS.items()})
-"""What each dimension is called in messages."""
+"""The name of each dimension in messages, with its article."""
 EXAMPLES: Mapping[Dimension, str] = MappingProxyType({dimension: value for dimension, (_, value) in _WORDS.items()})
-"""A value of each dimension, for messages."""
+"""An example value of each dimension, for messages."""
 
 ACTION_USAGE = "runner meets ego at j4 after 1.5 s"
-"""How an action of a trigger is written."""
+"""An example of an action, for messages."""

@@ -21,8 +21,8 @@ Definition = Scenario | Extension | Clip | Mutant | Network | Catalogue | Campai
 """What a file holds: one of these."""
 
 ITEMS: tuple[type[Item], ...] = tuple(
-    found
-    for found in vars().copy().values()
-    if isinstance(found, type) and issubclass(found, Item) and found not in (Item, Phrase)
+    kind
+    for kind in vars().copy().values()
+    if isinstance(kind, type) and issubclass(kind, Item) and kind not in (Item, Phrase)
 )
 """Every class of the model."""

@@ -99,18 +99,18 @@ def read_pattern(text: str) -> Pattern:
 
 
 def _parts(text: str) -> tuple[str | Slot | Optional, ...]:
-    found: list[str | Slot | Optional] = []
+    parts: list[str | Slot | Optional] = []
     for token in _TOKEN.finditer(text):
         if token["group"]:
             space, _, inner = token["group"][:-1].partition("[")
-            found.append(Optional(tuple(part for part in _parts(space + inner) if not isinstance(part, Optional))))
+            parts.append(Optional(tuple(part for part in _parts(space + inner) if not isinstance(part, Optional))))
         elif token["slot"]:
-            found.append(Slot(token["slot"], token["between"]))
-        elif found and isinstance(found[-1], str):
-            found[-1] += token["text"].removeprefix("\\")
+            parts.append(Slot(token["slot"], token["between"]))
+        elif parts and isinstance(parts[-1], str):
+            parts[-1] += token["text"].removeprefix("\\")
         else:
-            found.append(token["text"].removeprefix("\\"))
-    return tuple(found)
+            parts.append(token["text"].removeprefix("\\"))
+    return tuple(parts)
 
 
 def slots_of(parts: Parts) -> Iterator[Slot]:
@@ -135,7 +135,7 @@ def words_before(pattern: Pattern) -> Iterator[tuple[str, str]]:
 @cache
 def word_before(kind: type[Item], field: str) -> str:
     """Return the word that a field stands behind, which people call it by: `timing` for its `factor`."""
-    return next((word for word, found in words_before(read_pattern(kind.pattern)) if found == field), field)
+    return next((word for word, name in words_before(read_pattern(kind.pattern)) if name == field), field)
 
 
 # ---- fields, by their annotations -----------------------------------------------------------------------------------
@@ -165,8 +165,8 @@ class FieldForm:
 @cache
 def form_of(kind: type[Item], field: str) -> FieldForm:
     """Return what a field of a class takes; a field that the class does not have takes nothing."""
-    found = kind.model_fields.get(field)
-    leaves = [*_leaves(found.annotation), *found.metadata] if found is not None else []
+    info = kind.model_fields.get(field)
+    leaves = [*_leaves(info.annotation), *info.metadata] if info is not None else []
     form = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME)  # the last: `Word` is an `Id`
     parameter = any(isinstance(leaf, type) and leaf.__name__ == "Ref" for leaf in leaves)
     dimension = next((d for leaf in leaves if (d := getattr(leaf, "dimension", None)) in get_args(Dimension)), None)

@@ -186,8 +186,8 @@ class Weather(Item):
 
     def own_pattern(self) -> str:
         """Return the pattern of the settings that are given, with commas between them."""
-        given = (name for name in ("rain", "fog", "wetness", "sun") if getattr(self, name) is not None)
-        return f"weather {', '.join(f'{name} {{{name}}}' for name in given)}"
+        names = (name for name in ("rain", "fog", "wetness", "sun") if getattr(self, name) is not None)
+        return f"weather {', '.join(f'{name} {{{name}}}' for name in names)}"
 
 
 class Slippery(Item):

@@ -182,14 +182,14 @@ class OfDimension:
         if isinstance(value, (Ref, *EXPRESSIONS, *self.also)):
             return value
         if isinstance(value, Mapping):
-            made = _adapter(self.also).validate_python(value)
-            return self._fitting(made) if isinstance(made, Quantity) else made
+            item = _adapter(self.also).validate_python(value)
+            return self._fitting(item) if isinstance(item, Quantity) else item
         raise PydanticCustomError("no_value", "needs a value with its unit")
 
     def _fitting(self, value: Quantity) -> Quantity:
-        found, needed = value.dimension, self.dimension
-        if needed is not None and found != needed and not (needed == "count" and found == "ratio"):
-            raise ValueError(f"needs {needed}, but {value.value:f} {value.unit or '(no unit)'} is {found}")
+        dimension, needed = value.dimension, self.dimension
+        if needed is not None and dimension != needed and not (needed == "count" and dimension == "ratio"):
+            raise ValueError(f"needs {needed}, but {value.value:f} {value.unit or '(no unit)'} is {dimension}")
         if needed == "count" and (value.value != value.value.to_integral_value() or value.value < 0):
             raise ValueError(f"needs a whole number, but {value.value:f} is none")
         return value

@@ -1,4 +1,4 @@
-"""Which `.foresee` files there are under what the user named, and what kind each is, without parsing it."""
+"""Finds the `.foresee` files under the paths that a user names, and the kind of each, without parsing it."""
 
 from __future__ import annotations
 
@@ -19,39 +19,40 @@ SUFFIX = ".foresee"
 FOREIGN_NETWORKS = (".net.xml", ".xodr")
 
 _MARKERS = (".git", ".hg", "pyproject.toml")
-"""What lies in the topmost folder of a project."""
+"""Names of files and folders that mark the topmost folder of a project."""
 _WITHOUT_GIT = ".gitattributes"
-"""What `foresee init` writes there, before there is a repository; in one it may lie in any folder."""
+"""The marker that `foresee init` writes before there is a repository; in a repository any folder may have it."""
 _FIRST_WORD = re.compile(r"(scenario|clip|mutant|network|models|campaign)\b")
 _HEADER = re.compile(r"foresee\s+\d+$")
 _SNIFFED_BYTES = 65_536
-"""The keyword stands in the first lines; this much allows for a long licence comment (ours)."""
+"""Number of bytes in which the keyword is looked for; enough for a long licence comment before it (ours)."""
 
 
 def parse_address(address: str) -> tuple[Path, str | None]:
-    """Split `file.foresee::case` into the file and the case (None where none is named)."""
+    """Split `file.foresee::case` into the file and the case (None if no case is named)."""
     file, mark, case = address.rpartition("::")
     if not mark:
         file, case = address, ""
     if not file:
         raise mistake(
             c.BAD_ADDRESS,
-            f"'{address}' names no file",
+            f"'{address}' does not name a file",
             "write " + write("file.foresee") + " or " + write("file.foresee::case"),
             address,
         )
     if mark and not re.fullmatch(NAME_PATTERN, case):
-        raise mistake(c.BAD_ADDRESS, f"'{case}' is no name of a case", "write " + write("file.foresee::case"), file)
+        message = f"'{case}' is not the name of a case"
+        raise mistake(c.BAD_ADDRESS, message, "write " + write("file.foresee::case"), file)
     return Path(file), case or None
 
 
 def shown(path: str | PurePath) -> str:
-    """Return a path as messages and ids show it: as the user gave it, normalised, with forward slashes."""
+    """Return a path for messages and ids: as the user wrote it, normalised, with forward slashes."""
     return Path(os.path.normpath(path)).as_posix()
 
 
 def kind_of(path: Path) -> str:
-    """Return what a file holds by its first keyword, such as `scenario` or `campaign`; "" when unclear."""
+    """Return the kind of a file by its first keyword, such as `scenario` or `campaign`; "" if unclear."""
     try:
         with open_outside(path) as file:
             text = file.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
@@ -61,41 +62,41 @@ def kind_of(path: Path) -> str:
 
 
 def kind_of_text(text: str) -> str:
-    """Return what a text defines by its first keyword; "" when unclear."""
+    """Return the kind of definition in a text by its first keyword; "" if unclear."""
     for line in text.lstrip("\ufeff").splitlines():
         statement = line.partition("#")[0].strip()
         if statement and not _HEADER.match(statement):
-            found = _FIRST_WORD.match(statement)
-            return found.group(1) if found else ""
+            word = _FIRST_WORD.match(statement)
+            return word.group(1) if word else ""
     return ""
 
 
 def is_file(path: Path) -> bool:
-    """Return whether there is such a file; False for a path that the system refuses (`Path.is_file` raises there)."""
+    """Return whether a file exists; False for a path that the system refuses (for which `Path.is_file` raises)."""
     return os.path.isfile(path)  # noqa: PTH113
 
 
 def is_folder(path: Path) -> bool:
-    """Return whether there is such a folder; False for a path that the system refuses."""
+    """Return whether a folder exists; False for a path that the system refuses."""
     return os.path.isdir(path)  # noqa: PTH112
 
 
 def scenario_files(paths: Iterable[str | Path]) -> tuple[Path, ...]:
-    """Return every `.foresee` file that is named or lies under a named folder, whatever it holds.
+    """Return every `.foresee` file that is named or lies under a named folder, of any kind.
 
-    In the order named, the files of a folder sorted by path; no file twice; folders whose name begins with a dot are
-    left out. A file that is named itself may have any suffix.
+    The order is that of the names, and within a folder that of the paths. No file comes twice, and folders whose name
+    begins with a dot are skipped. A file that is named itself may have any suffix.
 
     Raises:
         InputError: a path does not exist.
     """
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for path in map(Path, paths):
         for file in _under(path) if is_folder(path) else (path,):
             if not is_file(file):
                 raise missing(file)
-            found.setdefault(os.path.abspath(file), file)  # noqa: PTH100  (a key: no links followed)
-    return tuple(found.values())
+            files.setdefault(os.path.abspath(file), file)  # noqa: PTH100  (a key: no links followed)
+    return tuple(files.values())
 
 
 def missing(path: Path) -> InputError:
@@ -104,13 +105,13 @@ def missing(path: Path) -> InputError:
         example = f"write `{shown(path)}/NAME{SUFFIX}`"
         return mistake(c.BAD_ADDRESS, f"'{shown(path)}' is a folder, but one file is needed", example, shown(path))
     if os.path.lexists(path):
-        what = "this link leads nowhere" if not path.exists() else "this is not an ordinary file"
+        what = "the target of this link does not exist" if not path.exists() else "this is not an ordinary file"
         return mistake(c.MISSING_FILE, f"'{shown(path)}': {what}", "name a text file", shown(path))
-    return mistake(c.MISSING_FILE, f"no file or folder '{shown(path)}'", near_files(path), shown(path))
+    return mistake(c.MISSING_FILE, f"there is no file or folder '{shown(path)}'", near_files(path), shown(path))
 
 
 def near_files(path: Path) -> HelpText:
-    """Return a hint at files in the same folder whose names are close to a missing one."""
+    """Return a help that names a file in the same folder with a name close to the missing one."""
     folder = shown(path.parent.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path.parent)
     if not is_folder(path.parent):
         return f"there is no folder '{folder}'" + _elsewhere(path)
@@ -120,15 +121,15 @@ def near_files(path: Path) -> HelpText:
         return ""
     stems = {name.partition(".")[0]: name for name in names}
     near = stems.get(closest(path.name.partition(".")[0], stems) or "")
-    return meant_word(near, path.name) if near else f"there is none of that name in '{folder}'"
+    return meant_word(near, path.name) if near else f"there is no file of a similar name in '{folder}'"
 
 
 _MOST_FILES = 200
-"""So many files are looked at for one that was meant (ours: some milliseconds)."""
+"""Maximum number of files whose names are compared (ours: some milliseconds)."""
 
 
 def _elsewhere(path: Path) -> HelpText:
-    """Return where a file of nearly this name lies, when the folder that was named does not exist."""
+    """Return a help that names a file of nearly this name elsewhere, if the named folder does not exist."""
     above = next((folder for folder in path.parents if is_folder(folder)), None)
     if above is None:
         return ""
@@ -142,7 +143,7 @@ def _elsewhere(path: Path) -> HelpText:
 
 
 def files_with(folder: Path, word: str) -> tuple[str, ...]:
-    """Return the names of the files in a folder whose definition begins with a word; three at most."""
+    """Return the names of at most three files in a folder whose definition begins with a word."""
     try:
         files = sorted(file for file in islice(folder.glob(f"*{SUFFIX}"), _MOST_FILES) if file.is_file())
         return tuple(file.name for file in files if kind_of(file) == word)[:3]
@@ -163,7 +164,7 @@ def project_folder(folder: Path) -> Path:
 
 
 def is_inside(path: Path, folders: Iterable[Path]) -> bool:
-    """Return whether a path lies in one of some folders, also once links are followed."""
+    """Return whether a path, with links followed, lies in one of some folders."""
     real = path.resolve()
     return any(real.is_relative_to(folder.resolve()) for folder in folders)
 
@@ -174,7 +175,7 @@ def absolute(path: Path) -> Path:
 
 
 def relative_to(folder: Path, path: Path) -> str:
-    """Return `path` as a file in `folder` would write it: relative, with forward slashes."""
+    """Return `path` relative to `folder`, with forward slashes, as a file in that folder writes it."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # another drive, on Windows
@@ -190,5 +191,5 @@ def _under(folder: Path) -> list[Path]:
 
 
 def mistake(code: str, message: str, help: HelpText, path: str) -> InputError:
-    """Return the error for one mistake that is about a file as a whole."""
+    """Return the error with one diagnostic about a file as a whole."""
     return InputError((Diagnostic.of(code, message, help, path),))

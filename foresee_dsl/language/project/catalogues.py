@@ -1,4 +1,4 @@
-"""Catalogues of models: the bundled one, a scenario's own, and whether every model that is named exists and fits."""
+"""Catalogues of models: their entries, and checks that every named model exists and fits its actor."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.document import Document
 
 VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")
-"""The classes that the ego and a `vehicle` may have; the other actors have the class of their own name."""
+"""The classes of models for the ego and a `vehicle`; every other kind of actor has the class of its own name."""
 CLASSES = (*VEHICLE_CLASSES, "bicycle", "pedestrian", "obstacle")
 """Every class of models: the part of a model's name before the dot."""
 
 SUM_SLACK_M = 0.0101
-"""How far overhangs and wheelbase may miss the length: each is rounded to a centimetre in tables (ours)."""
+"""Largest difference between overhangs plus wheelbase and the length, m: tables round each to a centimetre (ours)."""
 
 CLASS_CRUISE_MPS = MappingProxyType({"pedestrian": 1.3, "bicycle": 15 / 3.6})
-"""Cruise speed where neither the scenario nor the model gives one, m/s; other classes drive what the road allows.
+"""Cruise speed if neither the scenario nor the model gives one, m/s; other classes drive at the speed limit.
 Pedestrian: ours, within the mean comfortable speeds of 1.27 to 1.46 m/s by age and sex in Bohannon (1997), Age and
 Ageing 26(1). Bicycle: ours; in the German Naturalistic Cycling Study (Schleinitz et al. 2017, Safety Science 92)
 conventional bicycles were 9 km/h slower than S-pedelecs, which averaged 24 km/h."""
@@ -32,17 +32,17 @@ def entries(catalogue: m.Catalogue) -> dict[str, m.VehicleModel]:
 
 
 def cruise_speed_mps(model: m.VehicleModel) -> float | None:
-    """Return a model's cruise speed where the scenario gives none, m/s; None: as fast as the road allows."""
-    given = model.cruise_speed
-    own = given.si if isinstance(given, m.Quantity) else CLASS_CRUISE_MPS.get(model.name.partition(".")[0])
+    """Return a model's cruise speed if the scenario gives none, m/s; None: the speed limit of the road."""
+    stated = model.cruise_speed
+    own = stated.si if isinstance(stated, m.Quantity) else CLASS_CRUISE_MPS.get(model.name.partition(".")[0])
     top = model.max_speed
     return min(own, top.si) if own is not None and isinstance(top, m.Quantity) else own
 
 
 def fits(model: str, kind: str) -> bool:
-    """Return whether an actor of this kind (`ego`, `vehicle`, `pedestrian`, ...) may have a model of that class."""
-    found = model.partition(".")[0]
-    return found in VEHICLE_CLASSES if kind in ("ego", "vehicle") else found == kind
+    """Return whether an actor of a kind (`ego`, `vehicle`, `pedestrian`, ...) may have a model."""
+    class_ = model.partition(".")[0]
+    return class_ in VEHICLE_CLASSES if kind in ("ego", "vehicle") else class_ == kind
 
 
 def check_model(
@@ -53,16 +53,16 @@ def check_model(
     *,
     place: tuple[m.Item | None, str],
 ) -> None:
-    """Report a model that does not exist, or one of the wrong class for its actor (kind None: any class).
+    """Report a model that does not exist, or is of the wrong class for its actor (kind None: any class).
 
-    `place` is the item and its field where the name is written: the actor, a case, a change line.
+    `place`: the item and its field where the name is written: the actor, a case, or a change line.
     """
     item, field = place
     if name not in models:
-        findings.add(item, field, c.UNKNOWN_MODEL, f"no model '{name}'", did_you_mean(name, models))
+        findings.add(item, field, c.UNKNOWN_MODEL, f"there is no model '{name}'", did_you_mean(name, models))
     elif kind is not None and not fits(name, kind):
         wanted = ", ".join(VEHICLE_CLASSES) if kind in ("ego", "vehicle") else kind
-        message = f"{'the ego' if kind == 'ego' else f'a {kind}'} cannot be a '{name}'"
+        message = f"{'the ego' if kind == 'ego' else f'a {kind}'} cannot have the model '{name}'"
         near = [model for model in models if fits(model, kind)]
         findings.add(item, field, c.WRONG_CLASS, message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
 
@@ -70,7 +70,7 @@ def check_model(
 def check_models(
     scenario: m.Scenario, models: Mapping[str, m.VehicleModel], document: Document | None, case: str | None
 ) -> None:
-    """Check all models that a concrete scenario names; `case` gave the parameters their values."""
+    """Check all models that a concrete scenario names; `case`: the case with the parameters' values."""
     findings = Findings(document)
     body = document.model.body if document is not None and isinstance(document.model, m.Scenario | m.Clip) else ()
     written = {item.name: item for item in body if isinstance(item, m.Ego | m.Actor)}
@@ -85,11 +85,11 @@ def check_models(
 
 
 def _place(actor: m.Ego | m.Actor | None, document: Document | None, case: str | None) -> tuple[m.Item | None, str]:
-    """Return where an actor's model is written: beside it, or in the case or parameter that it refers to."""
+    """Return where an actor's model is written: in the actor, or in the case or parameter that it refers to."""
     scenario = document.model if document is not None else None
     if actor is None or not isinstance(actor.model, m.Ref) or not isinstance(scenario, m.Scenario):
         return actor, "model"  # only scenarios have parameters
-    given = [value for found in scenario.all(m.Case) if found.name == case for value in found.values]
-    places: list[tuple[m.Item, str]] = [(value, "value") for value in given if value.name == actor.model.name]
+    assignments = [value for item in scenario.all(m.Case) if item.name == case for value in item.values]
+    places: list[tuple[m.Item, str]] = [(value, "value") for value in assignments if value.name == actor.model.name]
     places += [(param, "default") for param in scenario.all(m.Param) if param.name == actor.model.name]
     return (*places, (actor, "model"))[0]

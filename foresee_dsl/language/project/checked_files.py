@@ -1,4 +1,4 @@
-"""Look at files of any kind for every mistake and warning that shows without a network's geometry."""
+"""Checks files of any kind for every error and warning that needs no network's geometry."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from foresee_dsl.language.project.loading import Project
 
 @dataclass(frozen=True)
 class Checked:
-    """What was looked at: how many files, the test cases that could be loaded, and what was found."""
+    """The result of a check: the number of files, the test cases that could be loaded, and the diagnostics."""
 
     files: int
     cases: tuple[TestCase, ...]
     diagnostics: tuple[Diagnostic, ...]
     campaigns: tuple[Document, ...] = ()
-    """Campaigns' files without mistakes; what they name is known where campaigns are run."""
+    """Campaign files without errors; the code that runs campaigns checks the names in them."""
 
 
 def check_paths(
     paths: Iterable[str], overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True
 ) -> Checked:
-    """Check files, folders and addresses; every mistake is found once, whatever else is wrong.
+    """Check files, folders and addresses; every error is reported once, whatever else is wrong.
 
-    In files without mistakes also what is allowed and hardly meant. `overlay`: texts that stand for those on the disk,
-    by absolute path (an editor's unsaved ones). `allow_outside`: see `loading.load_test_case`.
+    Files without errors are also checked by the lints. `overlay`: texts that replace those on the disk, by absolute
+    path (an editor's unsaved texts). `allow_outside`: see `loading.load_test_case`.
 
     Raises:
-        InputError: something named is not there.
+        InputError: a named file or folder does not exist.
     """
     texts = overlay or {}
     addresses = [address for path in paths for address in _addresses(path, texts)]
     project = Project(allow_outside=allow_outside, overlay=texts)
     cases: list[TestCase] = []
     campaigns: list[Document] = []
-    found: dict[Diagnostic, None] = {}
+    diagnostics: dict[Diagnostic, None] = {}
     for address, file in addresses:
         try:
             text = texts.get(a.absolute(file))
@@ -52,14 +52,14 @@ def check_paths(
             else:
                 cases.extend(project.test_cases([address]))
         except InputError as error:
-            found |= dict.fromkeys(error.diagnostics)
-    found |= dict.fromkeys(project.warnings)
-    found |= dict.fromkeys(_lints(cases, {d.path for d in found if d.severity == "error"}))
-    return Checked(len({file for _, file in addresses}), tuple(cases), tuple(found), tuple(campaigns))
+            diagnostics |= dict.fromkeys(error.diagnostics)
+    diagnostics |= dict.fromkeys(project.warnings)
+    diagnostics |= dict.fromkeys(_lints(cases, {d.path for d in diagnostics if d.severity == "error"}))
+    return Checked(len({file for _, file in addresses}), tuple(cases), tuple(diagnostics), tuple(campaigns))
 
 
 def _lints(cases: Iterable[TestCase], broken: Container[str]) -> Iterator[Diagnostic]:
-    """The lints of every file that gives a test case, once each; not of files with mistakes."""
+    """Yield the lints of every file with test cases, once each; not of files with errors."""
     by_file: dict[int, list[TestCase]] = {}
     for case in cases:
         by_file.setdefault(id(case.document), []).append(case)

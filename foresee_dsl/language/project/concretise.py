@@ -1,4 +1,4 @@
-"""From a logical scenario to a concrete one: parameters become the values of one case."""
+"""Turns a logical scenario into a concrete one: parameters become the values of one case."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from foresee_dsl.language.units import UNITS
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 SETTLED = (m.Param, m.Require, m.Case, m.Cases)
-"""What a concrete scenario has no longer."""
+"""Statements that a concrete scenario no longer has."""
 
 
 def cases(document: Document) -> tuple[str, ...]:
     """Return the names of a scenario's cases, in the author's order.
 
-    The written ones, and those that `cases ... from seed` draws. Empty for a scenario without cases (it is one test
-    case itself) and for every other kind of file.
+    These are the written ones and those that `cases ... from seed` draws. Empty for a scenario without cases (which is
+    one test case itself) and for every other kind of file.
     """
     model = document.model
     body = model.body if isinstance(model, m.Scenario) else ()
@@ -65,44 +65,44 @@ def complaint(error: ValidationError) -> str:
 def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[str, m.ParamValue]:
     if case is None:
         return case_values(scenario, None)
-    known = {found.name: found for found in scenario.all(m.Case)}
+    by_name = {written_case.name: written_case for written_case in scenario.all(m.Case)}
     drawn = next((item for item in scenario.all(m.Cases) if case in case_names(item)), None)
     if drawn is not None:
-        known |= {found.name: found for found in draw(scenario, drawn)}
-    if case not in known:
-        message = f"no case '{case}' in scenario '{scenario.name}'"
-        help = did_you_mean(case, known) or "it has no cases: leave out " + write("::case")
+        by_name |= {written_case.name: written_case for written_case in draw(scenario, drawn)}
+    if case not in by_name:
+        message = f"scenario '{scenario.name}' has no case '{case}'"
+        help = did_you_mean(case, by_name) or "it has no cases: leave out " + write("::case")
         findings.add(None, "", c.UNKNOWN_CASE, message, help)
         findings.raise_if_any()
     try:
-        values = case_values(scenario, known[case])
+        values = case_values(scenario, by_name[case])
     except ExpressionError as error:
         findings.add(error.item, "", c.NO_RESULT, f"in case '{case}' {error.message}", "write another value")
         findings.raise_if_any()
         raise
     params = {param.name: param for param in scenario.all(m.Param)}
-    for assignment in known[case].values:
+    for assignment in by_name[case].values:
         param = params.get(assignment.name)
         if param is None:
-            message = f"no parameter '{assignment.name}' in scenario '{scenario.name}'"
+            message = f"scenario '{scenario.name}' has no parameter '{assignment.name}'"
             findings.add(assignment, "name", c.UNKNOWN_PARAMETER, message, did_you_mean(assignment.name, values))
             continue
         if not same_kind(values[assignment.name], param.default):
-            message = f"parameter '{param.name}' is {param.type}, but {value_text(assignment.value)} is not"
+            message = f"parameter '{param.name}' is of type {param.type}, but {value_text(assignment.value)} is not"
             help = f"write it like the default, {value_text(param.default)}"
             findings.add(assignment, "value", c.MISFIT, message, help)
     return values
 
 
-def same_kind(one: m.ParamValue, other: m.ParamValue) -> bool:
+def same_kind(first: m.ParamValue, second: m.ParamValue) -> bool:
     """Return whether both are words, or quantities of one dimension."""
-    if isinstance(one, m.Quantity) and isinstance(other, m.Quantity):
-        return one.dimension == other.dimension
-    return isinstance(one, str) and isinstance(other, str)
+    if isinstance(first, m.Quantity) and isinstance(second, m.Quantity):
+        return first.dimension == second.dimension
+    return isinstance(first, str) and isinstance(second, str)
 
 
 def settled_network(network: m.Network) -> m.Network:
-    """Return a network with what is worked out in it replaced by its value; the same object where nothing is."""
+    """Return a network with its calculations replaced by their values; the same object if it has none."""
     findings = Findings(None)
     settled = _substituted(network, {}, None, findings)
     findings.raise_if_any()
@@ -124,19 +124,19 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | N
         except ExpressionError as error:
             where = f"in case '{case}' " if case is not None else ""
             findings.add(
-                error.item, "", c.NO_RESULT, f"{where}{error.message}", "keep it out with a " + write("require")
+                error.item, "", c.NO_RESULT, f"{where}{error.message}", "exclude such values with a " + write("require")
             )
             return part
 
     def unknown(owner: m.Item, name: str, ref: m.Ref) -> None:
-        message = f"'{ref.name}' is no parameter of this scenario"
+        message = f"'{ref.name}' is not a parameter of this scenario"
         units = f"write a number with a unit ({', '.join(list(UNITS)[:6])}, ...), or declare it with " + write("param")
         findings.add(owner, name, c.UNKNOWN_PARAMETER, message, did_you_mean(ref.name, values) or units)
 
     def refused(owner: m.Item, name: str, part: m.Ref | m.Expression, error: ValidationError) -> None:
         what = f"parameter '{part.name}'" if isinstance(part, m.Ref) else f"`{value_text(part)}`"
-        shown = value_text(replace(owner, name, part))
-        findings.add(owner, name, c.MISFIT, f"{what} ({shown}) does not fit here: {complaint(error)}")
+        text = value_text(replace(owner, name, part))
+        findings.add(owner, name, c.MISFIT, f"{what} ({text}) does not fit here: {complaint(error)}")
 
     return cast(_ItemT, _walk(item, replace, refused))
 
@@ -149,7 +149,7 @@ _WORKED_OUT = (m.Ref, *m.EXPRESSIONS)
 
 
 def _walk(item: m.Item, replace: _Replace, refused: _Refused) -> m.Item:
-    """Rebuild an item with its references replaced; the very same object where there are none."""
+    """Return an item with its references replaced; the same object if it has none."""
     refs: dict[str, m.Ref | m.Expression] = {}
 
     def replaced(name: str, part: object) -> object:

@@ -1,4 +1,4 @@
-"""A parsed file with its places and comments, and a test case that is ready to compile."""
+"""The records of a parsed file, with its places and comments, and of a test case that is ready to compile."""
 
 from __future__ import annotations
 
@@ -45,24 +45,24 @@ class Document:
     spans: Mapping[tuple[int, str], Span] = field(default_factory=dict)
     comments: Mapping[tuple[str | int, ...], Comments] = field(default_factory=dict)
     base: Document | None = None
-    """Of a scenario that extends another and was joined with it: the other. `model` is the two as one then, and
-    `written` what the file says."""
+    """For a scenario that extends another: the other's document. `model` is then the joined scenario, and `written`
+    the definition in this file."""
     written: m.Definition | None = None
     calculates: bool = False
-    """It has expressions."""
+    """True if the file has expressions."""
     alive: tuple[m.Item, ...] = ()
-    """Items that `spans` knows by id and `model` does not hold: an id is unique only as long as its item exists."""
+    """Items with an id in `spans` that `model` does not hold: an id is unique only while its item exists."""
 
     def span(self, item: m.Item, name: str = "") -> Span | None:
-        """Return where an item (or one of its fields) stands, falling back to the whole item."""
+        """Return the place of an item or one of its fields; of the whole item if the field has no place."""
         return self.spans.get((id(item), name)) or self.spans.get((id(item), ""))
 
     def diagnostic(
         self, item: m.Item | None, name: str, code: str, message: MessageText, help: HelpText = ""
     ) -> Diagnostic:
-        """Make an error about an item of this file (None: about the file).
+        """Return an error about an item of this file (None: about the file).
 
-        About an item that a scenario has from the one that it extends: at `extends`, and with the other's line.
+        An error about an item that comes from the extended scenario is placed at `extends`, and names the other's line.
         """
         if item is not None and self.base is not None and (holder := self._holder(item)) is not self:
             place = holder.span(item, name)
@@ -75,7 +75,7 @@ class Document:
         return Diagnostic.of(code, message, help, self.path, span, line)
 
     def _holder(self, item: m.Item) -> Document:
-        """Return the document, this or one that it extends, whose file says an item."""
+        """Return the document, this or one that it extends, whose file has an item."""
         return self if self.base is None or (id(item), "") in self.spans else self.base._holder(item)
 
 
@@ -84,17 +84,18 @@ class TestCase:
     """A concrete scenario with everything it needs, ready to compile.
 
     Attributes:
-        id: how it is addressed: `scenarios/scenario7.foresee::r03`, or a clip's or mutant's file.
-        scenario: concrete: no parameters, no cases, no references; for a child, every actor has a `State`.
-        network: in the language, or the (absolute) path of a foreign `.net.xml` or `.xodr`.
-        models: every model that may be named, by name (bundled catalogue, then the file's own).
-        meaning: `sha256:` and 12 digits, over what the test case means: scenario, network, the models that it names;
-            not over comments, `doc`, tags, layout, file names or the case's name.
-        source: the file that was addressed. document: it, parsed (None for one made in memory).
-        clip, mutant: set for children.
+        id: its address: `scenarios/scenario7.foresee::r03`, or a clip's or mutant's file.
+        scenario: a concrete scenario, without parameters, cases or references; in a child, every actor has a `State`.
+        network: a network of the language, or the absolute path of a foreign `.net.xml` or `.xodr`.
+        models: all models that may be named, by name (the bundled catalogue, then the file's own).
+        meaning: `sha256:` and 12 digits, a hash of the scenario, the network and the models that the scenario names,
+            without comments, `doc`, tags, layout, file names and the case's name.
+        source: the addressed file.
+        document: the parsed file; None for a test case built in memory.
+        clip, mutant: the child's definition; None for other test cases.
     """
 
-    __test__ = False  # pytest: this is no test class
+    __test__ = False  # pytest would collect this class by its name
 
     id: str
     scenario: m.Scenario
@@ -108,7 +109,7 @@ class TestCase:
 
     @property
     def snapshot(self) -> bool:
-        """It begins from exact states: a clip, a child, or what `foresee expand` printed of one."""
+        """True if it begins from exact states: a clip, a mutant, or a file that `foresee expand` printed."""
         ego = self.scenario.one(m.Ego)
         return ego is not None and ego.state is not None
 

@@ -1,4 +1,4 @@
-"""Clips and mutants as full scenarios: what `foresee expand` prints, and what is compiled and run."""
+"""Expands clips and mutants to full scenarios, for `foresee expand`, the compiler and the simulation."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _T = TypeVar("_T")
 
 
 def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Document | None = None) -> TestCase:
-    """Make the full scenario of a clip that was cut from `parent`.
+    """Return the full scenario of a clip that was cut from `parent`.
 
-    Network, models, tags, weather and expectations are the parent's; everything that moves is the clip's. Left out are
-    expectations that something happens `eventually` (a window cannot judge them: it may have happened before, and the
-    clip ends with its window), those about actors that the clip does not have, and those about places along a route
-    (which begins elsewhere in the clip).
+    Network, models, tags, weather and expectations are the parent's; all actors are the clip's. Three kinds of
+    expectations are dropped: those with `eventually` (a window cannot judge them, because the event may have happened
+    before it), those about actors that the clip does not have, and those about places along a route (which begins
+    elsewhere in the clip).
 
     `source`: the clip's file (it need not exist yet); paths in the result are relative to its folder. `document` gives
     the errors their places, and the test case its document.
@@ -51,7 +51,7 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
         *_expectations(parent.scenario, frozenset(actor.name for actor in actors)),
         m.End(after=length),
     )
-    # A clip has no parameters: a bare name where a value belongs is reported here.
+    # A clip has no parameters, so this reports a bare name in the place of a value.
     scenario = concretise(m.Scenario(name=clip.name, body=body), None, document=document)
     check_models(scenario, parent.models, document, None)
     meaning = meaning_hash(scenario, parent.network, parent.models)
@@ -63,10 +63,10 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
 def expand_mutant(
     mutant: m.Mutant, clip_case: TestCase, *, source: Path, document: Document | None = None, meaning: str = ""
 ) -> TestCase:
-    """Make the full scenario of a mutant: the clip's, with every `change` line applied in order.
+    """Return the full scenario of a mutant: the clip's, with every `change` line applied in order.
 
-    A change of `steer`, `timing` or `delay` replaces what the actor had. The clip may be another mutant of it; `source`
-    and `document` as of `expand_clip`. `meaning`: the test case's, where it is known already.
+    A change of `steer`, `timing` or `delay` replaces the actor's present statement. `clip_case` may be another mutant.
+    `source` and `document`: as for `expand_clip`. `meaning`: the test case's meaning, if the caller knows it.
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)
@@ -75,7 +75,7 @@ def expand_mutant(
     for change in mutant.changes:
         before, changed = changed, changed_body(change, changed, findings, models=clip_case.models)
         if (softer := weakened(before, changed)) is not None:
-            message = f"this makes '{softer}' easier to meet than in the clip, so that a failure would not show"
+            message = f"this makes '{softer}' easier to meet than in the clip, which would hide a failure"
             findings.add(change, "now", c.WEAKENED, message, "leave the expectation as it is, or make it stricter")
     _check_expected_actors(findings, mutant, clip_case.scenario)
     findings.raise_if_any()
@@ -88,7 +88,7 @@ def expand_mutant(
 
 
 def _check_expected_actors(findings: Findings, mutant: m.Mutant, clip: m.Scenario) -> None:
-    """Check that the actors of expected results are the clip's, or a door of one."""
+    """Report actors of expected results that are neither the clip's nor a door of one."""
     names = ["ego", *(actor.name for actor in clip.actors if actor.name != "ego")]
     doors = {m.door_name(name, side) for name in names for side in ("left", "right")}
     for item in mutant.body:
@@ -100,7 +100,7 @@ def _check_expected_actors(findings: Findings, mutant: m.Mutant, clip: m.Scenari
 
 
 def expanded_model(case: TestCase) -> m.Scenario:
-    """Return a test case as one full scenario, with a network that is found from `case.source`'s folder."""
+    """Return a test case as one full scenario, whose network's path is relative to the folder of `case.source`."""
     body = case.scenario.body
     if any(isinstance(item, m.UseNetwork | m.Network) for item in body):
         return case.scenario
@@ -121,7 +121,7 @@ def _essentials(clip: m.Clip, findings: Findings) -> tuple[m.Ego, m.Quantity]:
             findings.add(clip, "", c.INCOMPLETE_CLIP, f"clip '{clip.name}' has no {word}", "write " + write(usage))
     length = _window_length(window, findings) if window is not None else None
     findings.raise_if_any()
-    assert ego is not None and length is not None  # noqa: S101  (whatever is missing has just been raised)
+    assert ego is not None and length is not None  # noqa: S101  (`raise_if_any` raised if one is missing)
     return ego, length
 
 
@@ -132,7 +132,7 @@ def _first(clip: m.Clip, kind: type[_T]) -> _T | None:
 def _window_length(window: m.Window, findings: Findings) -> m.Quantity | None:
     start, end = window.start, window.end
     if not (isinstance(start, m.Quantity) and isinstance(end, m.Quantity)):
-        findings.add(window, "", c.EMPTY_WINDOW, "the window's times must be values; a clip has no parameters")
+        findings.add(window, "", c.EMPTY_WINDOW, "the window's times must be values: a clip has no parameters")
     elif end.si <= start.si:
         message = f"the window ends ({value_text(end)}) before it begins ({value_text(start)})"
         findings.add(window, "", c.EMPTY_WINDOW, message, "write the earlier time first")
@@ -177,6 +177,6 @@ def _expectations(scenario: m.Scenario, actors: frozenset[str]) -> tuple[m.Expec
 
 
 def _along_a_route(condition: m.Condition) -> bool:
-    """Return whether a place in it is counted along a route, which begins elsewhere in a clip."""
+    """Return whether a condition has a place along a route, which begins elsewhere in a clip."""
     places = (part.of for part in parts(condition) if isinstance(part, m.Within))
     return any(isinstance(place, m.AlongRoute | m.PastJunction) for place in places)

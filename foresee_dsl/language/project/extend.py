@@ -1,4 +1,4 @@
-"""A scenario that extends another: the other's statements, with what this one adds, changes and drops."""
+"""Joins a scenario with the one that it extends: applies what it adds, changes and drops."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from foresee_dsl.language.project.document import Document
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 _SINGLE = ("ego", "network", "weather", "end")
-"""Groups of statements of which a scenario has one at most."""
+"""Groups of statements of which a scenario has at most one."""
 
 
 def extended(document: Document, parent: Document, *, folder: Path, parent_folder: Path) -> Document:
     """Join a scenario with the one that it extends, which may be an extension that was joined itself.
 
-    Its lines are applied in their order. What is left of the other keeps its place; what is added comes behind it.
-    Words in the extension that are no parameters of the result become plain names. Paths in the result are relative to
-    `folder`, the extension's.
+    The extension's lines are applied in their order. The other's remaining statements keep their order, and added ones
+    come after them. Words in the extension that are not parameters of the result become plain names. Paths in the
+    result are relative to `folder`, the extension's.
 
     Returns:
-        A document whose model is a `Scenario`. It is called as the extension's file; mistakes in what is the other's
-        are shown at `extends`. Its `written` is the extension.
+        A document whose model is a `Scenario`, with the path of the extension's file. Errors in the other's statements
+        are placed at `extends`. Its `written` is the extension.
     """
     return _Joiner(document, parent, folder, parent_folder).joined()
 
 
 def softened(document: Document) -> Iterator[Diagnostic]:
-    """Yield a warning for each expectation that an extension makes easier to meet than in what it extends."""
+    """Yield a warning for each expectation that an extension makes easier to meet than in the extended scenario."""
     if not isinstance(document.written, m.Extension) or document.base is None:
         return
     assert isinstance(document.model, m.Scenario) and isinstance(document.base.model, m.Scenario)  # noqa: S101  (extended)
@@ -49,12 +49,12 @@ def softened(document: Document) -> Iterator[Diagnostic]:
         now = new.get(old.name)
         if old.name is not None and now is not None and weakened((old,), (now,)) is not None:
             message = f"'{old.name}' is easier to meet than in '{document.written.parent}'"
-            help = "if that is meant, say why in a comment; else leave it, or make it stricter"
+            help = "leave it, make it stricter, or explain in a comment why it is easier"
             yield replace(document.diagnostic(now, "", c.WEAKENED, message, help), severity="warning")
 
 
 class _Joiner:
-    """Applies the lines of an extension, and records where every new item is written."""
+    """Applies the lines of an extension, and records the place of every new item."""
 
     def __init__(self, document: Document, parent: Document, folder: Path, parent_folder: Path) -> None:
         extension, scenario = document.model, parent.model
@@ -108,7 +108,7 @@ class _Joiner:
             self._findings.raise_if_any()
 
     def _moved_to(self, was: m.Item, now: m.Item) -> None:
-        """Give an item the places of another."""
+        """Record the places of `was` for `now`, the item that replaces it."""
         for spans in (self._spans, self._base_spans):
             spans |= {(id(now), field): span for (key, field), span in [*spans.items()] if key == id(was)}
         self._alive.append(was)
@@ -116,11 +116,11 @@ class _Joiner:
     # ---- the four kinds of line ------------------------------------------------------------------------------------
 
     def _add(self, item: m.Statement, line: m.Add) -> None:
-        found = self._like(item)
-        if found is not None:
+        existing = self._like(item)
+        if existing is not None:
             called = _called(item)
-            message = f"'{self._extension.parent}' has {'an' if called[0] in 'aeiou' else 'a'} {called} already"
-            span = self._parent.span(found)
+            message = f"'{self._extension.parent}' already has {'an' if called[0] in 'aeiou' else 'a'} {called}"
+            span = self._parent.span(existing)
             place = f" (line {span.line} of '{self._parent.path}')" if span is not None else ""
             help = "write " + instead("change", "add") + f" to replace it{place}"
             self._findings.add(line.item, _named_by(item), c.ALREADY_IN_PARENT, message, help)
@@ -130,39 +130,39 @@ class _Joiner:
     def _replace(self, item: m.Statement, line: m.Replace) -> None:
         if isinstance(item, m.Require) or (isinstance(item, m.When | m.Expect) and item.name is None):
             word = "require" if isinstance(item, m.Require) else item.kind
-            message = f"which `{word}` this changes is not given"
-            help: HelpText = f"give both a name, `{word} some_name: ...`"
+            message = f"this `{word}` has no name, so it is not clear which one it changes"
+            help: HelpText = f"give it a name here and in the other scenario, `{word} some_name: ...`"
             if isinstance(item, m.Require):
                 help = "a " + write("require") + " can only be added; to loosen one, change it in the other scenario"
             self._findings.add(line.item, "", c.NOT_IN_PARENT, message, help)
             return
-        found = self._like(item)
-        if found is None:
+        existing = self._like(item)
+        if existing is None:
             group, name = _identity(item)
-            known = [n for g, n in map(_identity, self._body) if g == group and n]
+            names = [n for g, n in map(_identity, self._body) if g == group and n]
             message = f"'{self._extension.parent}' has no {_called(item)}"
-            hint = did_you_mean(name, known) if name else ""
+            hint = did_you_mean(name, names) if name else ""
             help = hint or "write " + instead("add", "change") + f": there is no {_word(item)} to change"
             self._findings.add(line.item, _named_by(item), c.NOT_IN_PARENT, message, help)
             return
-        self._body = tuple(item if old is found else old for old in self._body)
+        self._body = tuple(item if old is existing else old for old in self._body)
 
     def _drop(self, line: m.Drop) -> None:
         gone = [item for item in self._body if _word(item) == line.what and line.name in (None, _identity(item)[1])]
-        known = [name for item in self._body if _word(item) == line.what and (name := _identity(item)[1])]
+        names = [name for item in self._body if _word(item) == line.what and (name := _identity(item)[1])]
         single = line.what in (*_SINGLE, "cases")
         if line.name is None and not single:
             help: HelpText = "write the name behind it: " + write(
-                f"drop {line.what} {known[0] if known else 'some_name'}"
+                f"drop {line.what} {names[0] if names else 'some_name'}"
             )
-            self._findings.add(line, "", c.NOT_IN_PARENT, f"which {line.what} to drop is not given", help)
+            self._findings.add(line, "", c.NOT_IN_PARENT, f"this does not name the {line.what} to drop", help)
         elif line.name is not None and single:
             help = "write " + write(f"drop {line.what}")
-            self._findings.add(line, "name", c.NOT_IN_PARENT, f"{line.what} is dropped without a name", help)
+            self._findings.add(line, "name", c.NOT_IN_PARENT, f"`drop {line.what}` takes no name", help)
         elif not gone:
             other = next((item for item in self._body if isinstance(item, m.Actor) and item.name == line.name), None)
             message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
-            help = did_you_mean(line.name, known) if line.name else ""
+            help = did_you_mean(line.name, names) if line.name else ""
             if other is not None:
                 help = f"it is a {other.kind}: write " + write(f"drop {other.kind} {other.name}")
             self._findings.add(line, "name" if line.name else "", c.NOT_IN_PARENT, message, help)
@@ -178,7 +178,7 @@ class _Joiner:
                 self._place(self._spans, item, line, whole=True)
                 if not isinstance(item, m.Ego | m.Actor):
                     continue
-                # What the line puts into an actor's block stands at that line; the rest of the block where it was.
+                # Items that the line puts into an actor's block get the place of the line; the others keep theirs.
                 old = next((o for o in before if isinstance(o, m.Ego | m.Actor) and o.name == item.name), None)
                 was = (*old.body, old.state) if old is not None else ()
                 for part in (*item.body, item.state):
@@ -195,10 +195,10 @@ class _Joiner:
             return same[0] if same else None
         return next((old for old in same if name and _identity(old)[1] == name), None)
 
-    # ---- items that are written anew, and their places -------------------------------------------------------------
+    # ---- rebuilt items, and their places ---------------------------------------------------------------------------
 
     def _moved(self, item: m.ScenarioItem, folder: Path, parent_folder: Path) -> m.ScenarioItem:
-        """A file that the other uses, as this one would write its path."""
+        """Return a statement of the other with its path relative to this file's folder."""
         if not isinstance(item, m.UseNetwork | m.UseModels) or folder == parent_folder:
             return item
         path = relative_to(folder, absolute(parent_folder / item.path))
@@ -207,7 +207,7 @@ class _Joiner:
         return new
 
     def _plain(self, item: _ItemT) -> _ItemT:
-        """Make words that are no parameters plain names again, wherever a name may stand."""
+        """Return an item whose words that are not parameters are plain names, wherever its class allows a name."""
         fields = {name: getattr(item, name) for name in type(item).model_fields}
         plain = {name: self._plain_part(value) for name, value in fields.items()}
         new = _accepted(item, fields, {name: value for name, value in plain.items() if value is not fields[name]})
@@ -224,7 +224,7 @@ class _Joiner:
         return self._plain(part) if isinstance(part, m.Item) else part
 
     def _place(self, spans: dict[tuple[int, str], Span], new: m.Item, old: m.Item, *, whole: bool = False) -> None:
-        """Give a new item the places of an old one; `whole`: the old one's own place for each of its fields."""
+        """Record the places of an old item for a new one; `whole`: the old item's place for each field."""
         self._alive += (new, old)
         fields = [""]
         for name in () if whole else type(new).model_fields:
@@ -234,7 +234,7 @@ class _Joiner:
 
 
 def _accepted(item: _ItemT, fields: dict[str, object], changed: dict[str, object]) -> _ItemT:
-    """Return the item with the changes that its class allows: a word stays a reference where no name may stand."""
+    """Return the item with the changes that its class allows: a word stays a reference where no name is allowed."""
     if not changed:
         return item
     try:
@@ -257,7 +257,7 @@ def _parameters(scenario: m.Scenario, extension: m.Extension) -> frozenset[str]:
 
 
 def _identity(item: m.Item) -> tuple[str, str]:
-    """Return which statement of a scenario this is: a group, and a name ("" where it has none)."""
+    """Return the identity of a statement in its scenario: its group, and its name ("" if it has none)."""
     group, name = str(getattr(item, "kind", "")), getattr(item, "name", None) or ""
     match item:
         case m.Ego():
@@ -276,7 +276,7 @@ def _identity(item: m.Item) -> tuple[str, str]:
 
 
 def _word(item: m.Item) -> str:
-    """Return the word that a statement is called by: its keyword."""
+    """Return the keyword of a statement."""
     return item.kind if isinstance(item, m.Actor) else _identity(item)[0]
 
 
@@ -288,5 +288,5 @@ def _called(item: m.Item) -> str:
 
 
 def _named_by(item: m.Item) -> str:
-    """Return the field that names a statement, which is underlined then."""
+    """Return the field with a statement's name, which a diagnostic underlines; "" for the whole statement."""
     return "name" if getattr(item, "name", None) and not isinstance(item, m.Ego) else ""

@@ -1,4 +1,4 @@
-"""From an address to a test case: finds, reads, checks and joins the files that a scenario, clip or mutant needs."""
+"""Loads test cases by address: finds, reads, checks and joins the files that a scenario, clip or mutant needs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from foresee_dsl.language.sampling.draws import with_drawn_cases
 from foresee_dsl.limits import most, raised_by
 
 DEPTH_LIMIT = 32
-"""How many parents a child may have, one above the other (ours: a campaign makes two; more is a generated chain)."""
+"""Maximum number of parents, one above the other (ours: a campaign makes two; a longer chain is generated)."""
 
 
 def load_test_case(address: str | Path, *, allow_outside: bool = True, check_pin: bool = True) -> TestCase:
@@ -40,7 +40,7 @@ def load_test_case(address: str | Path, *, allow_outside: bool = True, check_pin
         check_pin: whether a child whose parent has changed is an error (code `STALE_PIN`).
 
     Raises:
-        InputError: any mistake in any of the files, with its place.
+        InputError: the errors in any of the files, with their places.
     """
     return Project(allow_outside=allow_outside, check_pin=check_pin).test_case(address)
 
@@ -48,11 +48,11 @@ def load_test_case(address: str | Path, *, allow_outside: bool = True, check_pin
 def load_test_cases(paths: Iterable[str | Path], *, allow_outside: bool = True) -> tuple[TestCase, ...]:
     """Load all test cases of files, folders and addresses, in the order named.
 
-    A scenario with cases gives one test case each. Folders are searched for scenarios, in the order of their paths;
-    networks, models, clips and mutants in them are left out, but a clip or mutant that is named itself is loaded.
+    A scenario with cases gives one test case for each. Folders are searched for scenarios, in the order of their paths;
+    networks, models, clips and mutants in them are skipped, but a clip or mutant that is named itself is loaded.
 
     Raises:
-        InputError: the mistakes of all files together; or there is no scenario.
+        InputError: the errors of all files together; or there is no scenario.
     """
     return Project(allow_outside=allow_outside).test_cases(paths)
 
@@ -71,12 +71,12 @@ def _bundled() -> Mapping[str, m.VehicleModel]:
 
 
 def bundled_models() -> dict[str, m.VehicleModel]:
-    """Return the models that ship with the package, by name; read once a process."""
+    """Return the models that ship with the package, by name; read once in a process."""
     return dict(_bundled())
 
 
 def load_catalogue(path: Path | None = None) -> dict[str, m.VehicleModel]:
-    """Return the models of a catalogue's file, by name; without a file those that ship with the package."""
+    """Return the models of a catalogue's file, by name; without a file, the models that ship with the package."""
     return bundled_models() if path is None else Project().catalogue(path)
 
 
@@ -89,7 +89,7 @@ class _File:
 
 @dataclass(frozen=True)
 class _Use:
-    """A statement that names another file."""
+    """A statement that names another file: the item, its field with the path, and the path as written."""
 
     file: _File
     item: m.Item
@@ -110,15 +110,15 @@ class _Use:
 
 
 class Project:
-    """Loads test cases and keeps what it has read: every file is read once, every parent built once.
+    """Loads test cases with a cache: every file is read once, every parent is built once.
 
-    It does not notice when files change: make a new one then.
+    It does not notice changes of files: create a new project after a change.
     """
 
     def __init__(
         self, *, allow_outside: bool = True, check_pin: bool = True, overlay: Mapping[Path, str] | None = None
     ) -> None:
-        """Make a project; `overlay` holds texts that stand for those on the disk, by absolute path (an editor's)."""
+        """Make a project; `overlay`: texts that replace those on the disk, by absolute path (an editor's)."""
         self._overlay = overlay or {}
         self._allow_outside = allow_outside
         self._check_pin = check_pin
@@ -129,7 +129,7 @@ class Project:
         self._roots: tuple[Path, ...] = ()
         self._drawn = 0
         self.warnings: list[Diagnostic] = []
-        """What was found in the files read so far that is no error."""
+        """Warnings about the files read so far."""
 
     def test_case(self, address: str | Path) -> TestCase:
         """Load one test case; see `load_test_case`."""
@@ -141,25 +141,25 @@ class Project:
 
     def test_cases(self, paths: Iterable[str | Path]) -> tuple[TestCase, ...]:
         """Load all test cases of files, folders and addresses; see `load_test_cases`."""
-        found: dict[tuple[Path, str | None], TestCase] = {}
+        loaded: dict[tuple[Path, str | None], TestCase] = {}
         mistakes: dict[Diagnostic, None] = {}  # a set in order: cases of one file share mistakes
         for file, case in self._addresses(paths):
             try:
                 for name in (case,) if case else self._case_names(file):
                     key = (absolute(file), name)
-                    found[key] = self._load(key[0], shown(file), name, None, ())
+                    loaded[key] = self._load(key[0], shown(file), name, None, ())
             except InputError as error:
                 mistakes |= dict.fromkeys(error.diagnostics)
         if mistakes:
             raise InputError(tuple(mistakes))
-        return tuple(found.values())
+        return tuple(loaded.values())
 
     def definition(self, file: str | Path) -> m.Definition:
-        """Load and check one file, whatever it holds; what is worked out in a network has its value."""
+        """Load and check one file of any kind; calculations in a network are replaced by their values."""
         return _settled(self.document(file))
 
     def document(self, file: str | Path) -> Document:
-        """The same, with the places of everything in it."""
+        """Load and check one file of any kind, with the places of its items."""
         return self._named(Path(file)).document
 
     def catalogue(self, file: str | Path) -> dict[str, m.VehicleModel]:
@@ -178,18 +178,20 @@ class Project:
                 continue
             scenarios = [file for file in a.scenario_files([path]) if a.kind_of(file) in ("scenario", "")]
             if not scenarios:
-                raise mistake(c.MISSING_FILE, f"no scenario in folder '{shown(path)}'", "", shown(path))
+                message = f"there is no scenario in folder '{shown(path)}'"
+                raise mistake(c.MISSING_FILE, message, "", shown(path))
             yield from ((file, None) for file in scenarios)
 
     def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> m.Scenario:
-        """Load a file's scenario, joined with what it extends; if `drawn`, a `cases N from seed S` becomes N cases."""
+        """Load a file's scenario, joined with the one that it extends; if `drawn`, `cases N from seed S` becomes N
+        cases."""
         path = Path(file)
         self._allow_near(path)
-        found = self._whole(self._named(path), ())
-        document = found.document if drawn else self._undrawn.get(absolute(path), found.document)
+        whole = self._whole(self._named(path), ())
+        document = whole.document if drawn else self._undrawn.get(absolute(path), whole.document)
         if isinstance(document.model, m.Scenario):
             return document.model
-        raise mistake(c.WRONG_KIND, f"this holds {_a(found.document.model)}, not a scenario", "", shown(path))
+        raise mistake(c.WRONG_KIND, f"this holds {_a(whole.document.model)}, not a scenario", "", shown(path))
 
     def _case_names(self, file: Path) -> tuple[str | None, ...]:
         return cases(self._whole(self._named(file), ()).document) or (None,)
@@ -201,7 +203,7 @@ class Project:
         return self._read(absolute(file), shown(file))
 
     def _whole(self, file: _File, chain: tuple[_File, ...]) -> _File:
-        """Return a scenario's file with what it extends and its drawn cases; every other file as it is."""
+        """Return a scenario's file, joined and with its drawn cases; every other file unchanged."""
         if not isinstance(file.document.model, m.Scenario | m.Extension):
             return file
         if file.path not in self._wholes:
@@ -211,7 +213,7 @@ class Project:
         return self._wholes[file.path]
 
     def _count_drawn(self, document: Document) -> None:
-        """Refuse the file with which all files together have too many drawn cases."""
+        """Raise for the file with which all files together exceed the limit of drawn cases."""
         model = document.model
         for item in model.all(m.Cases) if isinstance(model, m.Scenario) else ():
             self._drawn += int(item.count.value)
@@ -232,12 +234,12 @@ class Project:
         parent = self._whole(self._read(above.path, above.shown), chain)
         if not isinstance(parent.document.model, m.Scenario):
             above.fail(c.WRONG_KIND, f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
-        # The other's drawn cases are drawn anew: parameters and requirements may be others here.
+        # The other's cases are drawn again, because parameters and requirements may differ here.
         base = self._undrawn[parent.path]
         joined = extended(file.document, base, folder=file.path.parent, parent_folder=parent.path.parent)
         if mistakes := check_document(joined):
             raise InputError(mistakes)
-        place = joined.span(extension, "parent")  # warnings about the other file: it has them itself
+        place = joined.span(extension, "parent")  # of warnings about the other file, which reports them itself
         self.warnings.extend(d for d in softened(joined) if d.span != place)
         return joined
 
@@ -265,10 +267,10 @@ class Project:
             message = f"'{use.written}' lies outside the project folder '{root.as_posix()}'"
             use.fail(c.OUTSIDE, message, "move the file there, or allow it with " + write("--allow-outside"))
         if not self._is_file(use.path):
-            use.fail(c.MISSING_FILE, f"no file '{use.written}'", a.near_files(use.path))
+            use.fail(c.MISSING_FILE, f"there is no file '{use.written}'", a.near_files(use.path))
 
     def _allow_near(self, path: Path) -> None:
-        """Let what the user names use files of its own project folder, and of the working folder's."""
+        """Allow files of the project folders of a named path and of the working folder."""
         if not self._allow_outside:
             here = absolute(path) if is_folder(path) else absolute(path).parent
             roots = (*self._roots, a.project_folder(absolute(Path())), a.project_folder(here))
@@ -302,28 +304,30 @@ class Project:
             return expand_mutant(model, parent, source=file.path, document=file.document)
         message = f"this holds {_a(model)}"
         if use is not None:
-            use.fail(c.WRONG_KIND, f"'{use.written}' is no parent: {message}", "name a scenario, clip or mutant")
+            message = f"'{use.written}' cannot be a parent: {message}"
+            use.fail(c.WRONG_KIND, message, "name a scenario, clip or mutant")
         help = "name a scenario, clip or mutant"
-        raise InputError((file.document.diagnostic(model, "", c.WRONG_KIND, f"{message}, no test case", help),))
+        message += ", not a test case"
+        raise InputError((file.document.diagnostic(model, "", c.WRONG_KIND, message, help),))
 
     def _seed(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
         scenario = file.document.model
         if not isinstance(scenario, m.Scenario):
-            raise TypeError("a file is whole before its test cases are built")
-        known = cases(file.document)
-        if case is not None and case not in known:
-            message = f"no case '{case}' in '{file.document.path}'"
-            help = did_you_mean(case, known) or "it has no cases: leave out the case"
+            raise TypeError("a file is joined before its test cases are built")
+        names = cases(file.document)
+        if case is not None and case not in names:
+            message = f"'{file.document.path}' has no case '{case}'"
+            help = did_you_mean(case, names) or "it has no cases: leave out the case"
             _fail_case(file, use, c.UNKNOWN_CASE, message, help)
-        if case is None and known:
-            message = f"'{file.document.path}' has {len(known)} cases: say which one"
-            written = f"case {known[0]}" if use else f"{file.document.path}::{known[0]}"
+        if case is None and names:
+            message = f"'{file.document.path}' has {len(names)} cases, and one is needed here"
+            written = f"case {names[0]}" if use else f"{file.document.path}::{names[0]}"
             _fail_case(
                 file,
                 use,
                 c.WHICH_CASE,
                 message,
-                "write " + write(written) + ", for example; " + did_you_mean("", known),
+                "write " + write(written) + ", for example; " + did_you_mean("", names),
             )
         concrete = concretise(scenario, case, document=file.document)
         network = self._network(file, concrete, chain)
@@ -344,8 +348,8 @@ class Project:
         parent = self._load(use.path, use.shown, case, use, chain)
         now = pin_of(parent)
         if self._check_pin and now != pin:
-            message = f"the parent '{parent.id}' is {now} now, but {pin} is pinned"
-            help = "the parent changed since: `foresee repin` shows what that does to this child"
+            message = f"the parent '{parent.id}' has the hash {now} now, but {pin} is pinned"
+            help = "the parent has changed: run `foresee repin` to see the effect on this child"
             use.fail(c.STALE_PIN, message, help, field="pin")
         return parent
 
@@ -382,9 +386,9 @@ class Project:
         _check_cycle(use, chain)
         if not use.written.endswith(".foresee"):
             network = isinstance(use.item, m.UseNetwork)
-            known = ".foresee, .net.xml or .xodr" if network else ".foresee"
-            help = f"write a file that ends in {known}; " + _name_another(use, "network" if network else "models")
-            use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", help)
+            suffixes = ".foresee, .net.xml or .xodr" if network else ".foresee"
+            help = f"name a file that ends in {suffixes}; " + _name_another(use, "network" if network else "models")
+            use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is a file of an unknown kind", help)
         self._check_reachable(use, chain)
         return _settled(self._read(use.path, use.shown).document)
 
@@ -403,16 +407,16 @@ def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:
 
 
 def _name_another(use: _Use, word: str) -> Help:
-    """Return which files beside the one that is named hold what is needed: definitions that begin with a word."""
-    found = a.files_with(use.path.parent, word)
+    """Return a help that names files in the same folder whose definition begins with a word."""
+    names = a.files_with(use.path.parent, word)
     help = Help(f"name a file with `{word} ...`")
-    for k, name in enumerate(found):
+    for k, name in enumerate(names):
         help += (" or " if k else ", such as ") + write(f'"{Path(use.written).with_name(name).as_posix()}"')
     return help
 
 
 def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: HelpText) -> NoReturn:
-    """Blame the child that names the case; where the address named it, the file."""
+    """Raise at the child that names the case; if the address named it, at the file."""
     if use is not None:
         use.fail(code, message, help, field="case")
     raise InputError((file.document.diagnostic(None, "", code, message, help),))

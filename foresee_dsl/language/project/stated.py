@@ -1,4 +1,4 @@
-"""What stands in the statements of parameters, worked out again where an extension gives other defaults."""
+"""Recalculates the statements of parameters after an extension has changed defaults."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from foresee_dsl.language.traversal import walk
 
 _T = TypeVar("_T", bound=m.Item)
 Moved = Callable[[m.Item, m.Item], None]
-"""Told of every item that another takes the place of."""
+"""Callback for every replaced item: (old item, new item)."""
 
 
 def settled_again(name: str, body: Sequence[m.ScenarioItem], moved: Moved) -> tuple[m.ScenarioItem, ...]:
-    """Return the statements of a scenario, those of its parameters worked out again; the same where nothing is.
+    """Return the statements of a scenario with those of its parameters recalculated; the same if none are calculated.
 
     Raises:
-        ExpressionError: a value comes to nothing with these defaults.
+        ExpressionError: a calculation has no result with these defaults.
     """
     params = (item for item in body if isinstance(item, m.Param))
     if not any(isinstance(part, m.Calculated) and any(references(part)) for item in params for part in walk(item)):
@@ -33,8 +33,8 @@ def _settled(item: _T, values: Mapping[str, m.ParamValue], moved: Moved) -> _T:
     if isinstance(item, m.Calculated):
         from foresee_dsl.language.arithmetic.evaluate import evaluate
 
-        found = evaluate(item.expression, values)
-        new = {"value": found.value, "unit": found.unit}
+        result = evaluate(item.expression, values)
+        new = {"value": result.value, "unit": result.unit}
     else:
         for field in type(item).model_fields:
             value = getattr(item, field)
@@ -44,7 +44,7 @@ def _settled(item: _T, values: Mapping[str, m.ParamValue], moved: Moved) -> _T:
                 )
             elif isinstance(value, m.Item):
                 new[field] = _settled(value, values, moved)
-    made = item.model_copy(update=new) if new else item
-    if made is not item:
-        moved(item, made)
-    return made
+    settled = item.model_copy(update=new) if new else item
+    if settled is not item:
+        moved(item, settled)
+    return settled

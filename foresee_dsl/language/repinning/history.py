@@ -61,7 +61,7 @@ class History:
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="foresee-")
         self._versions: dict[Path, tuple[_Version, ...]] = {}
-        self._found: dict[tuple[Path, str | None, str], OldParent | None] = {}
+        self._parents: dict[tuple[Path, str | None, str], OldParent | None] = {}
 
     def __enter__(self) -> History:
         return self
@@ -73,11 +73,11 @@ class History:
         """Return the newest version of a parent's file, or of a case in it, whose meaning is `pin`; None where git has
         none."""
         key = (absolute(file), case, pin)
-        if key not in self._found:
+        if key not in self._parents:
             loaded = ((version.case(case), version.commit[:10]) for version in self._all(key[0]))
-            found = (OldParent(then, commit) for then, commit in loaded if then is not None and pin_of(then) == pin)
-            self._found[key] = next(found, None)
-        return self._found[key]
+            matching = (OldParent(then, commit) for then, commit in loaded if then is not None and pin_of(then) == pin)
+            self._parents[key] = next(matching, None)
+        return self._parents[key]
 
     def _all(self, file: Path) -> tuple[_Version, ...]:
         if file not in self._versions:
@@ -117,27 +117,27 @@ def _commits(root: Path, name: str, used: tuple[str, ...]) -> tuple[tuple[str, s
     Files that were moved are followed, each for itself: `git log` follows one file at a time.
     """
     own = _followed(root, name)
-    touching = {commit: made for each in used for made, commit, _ in (own if each == name else _followed(root, each))}
+    touching = {commit: time for each in used for time, commit, _ in (own if each == name else _followed(root, each))}
     names = {commit: there for _, commit, there in own}
-    found: list[tuple[str, str]] = []
-    for commit, made in sorted(touching.items(), key=lambda one: -one[1])[:COMMITS]:
-        there = names.get(commit) or next((before for at, _, before in own if at <= made), None)
+    commits: list[tuple[str, str]] = []
+    for commit, time in sorted(touching.items(), key=lambda entry: -entry[1])[:COMMITS]:
+        there = names.get(commit) or next((before for at, _, before in own if at <= time), None)
         if there is not None:
-            found.append((commit, there))
-    return tuple(found)
+            commits.append((commit, there))
+    return tuple(commits)
 
 
 def _followed(root: Path, name: str) -> list[tuple[int, str, str]]:
     """Return the commits that touch a file, newest first: when, which, and its name in it."""
     log = ("log", *_PLAIN, "--follow", f"--max-count={COMMITS}", "--name-only", "--format=%x01%ct %H", "-z", "--", name)
     entries = (_git(root, *log) or b"").decode(errors="replace").split("\x01")[1:]
-    found = []
+    commits = []
     for entry in entries:
         head, *names = (part.strip("\n") for part in entry.split("\0"))
-        made, _, commit = head.partition(" ")
+        time, _, commit = head.partition(" ")
         there = next((part for part in names if part), name)
-        found.append((int(made), commit, there))
-    return found
+        commits.append((int(time), commit, there))
+    return commits
 
 
 def _within(root: Path, file: Path) -> str | None:
@@ -150,33 +150,33 @@ def _within(root: Path, file: Path) -> str | None:
 
 def _files_used(root: Path, parent: Path) -> tuple[str, ...]:
     """Return a file and all that it uses now, as git names them."""
-    found: dict[Path, None] = {}
+    files: dict[Path, None] = {}
     todo = [parent]
     while todo:
         file = todo.pop()
-        if file not in found and file.suffix == ".foresee" and file.is_file():
+        if file not in files and file.suffix == ".foresee" and file.is_file():
             text = read_outside(file).decode("utf-8", errors="replace")
             todo += [absolute(file.parent / used) for used in _USED.findall(text)]
-        found[file] = None
-    return tuple(name for file in found if (name := _within(root, file)) is not None)
+        files[file] = None
+    return tuple(name for file in files if (name := _within(root, file)) is not None)
 
 
 def _files_then(root: Path, commit: str, name: str) -> dict[str, bytes]:
     """Return a file and all that it used in a commit; empty where it was not there."""
-    found: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     todo = [name]
     while todo:
         file = todo.pop()
-        if file in found or file.startswith(("..", "/")):
+        if file in contents or file.startswith(("..", "/")):
             continue
         content = _git(root, "cat-file", "blob", f"{commit}:{file}")
         if content is None:
             continue
-        found[file] = content
+        contents[file] = content
         if file.endswith(".foresee"):
             text = content.decode("utf-8", errors="replace")
             todo += [posixpath.normpath(posixpath.join(posixpath.dirname(file), used)) for used in _USED.findall(text)]
-    return found if name in found else {}
+    return contents if name in contents else {}
 
 
 def _git(folder: Path, *arguments: str) -> bytes | None:

@@ -121,16 +121,16 @@ def with_pin(text: str, document: Document, pin: str) -> str:
 def _children(paths: Iterable[str | Path]) -> dict[Path, Path]:
     """Return the children's files by their absolute path, as the user named them."""
     named = tuple(map(Path, paths))
-    found: dict[Path, Path] = {}
+    children: dict[Path, Path] = {}
     for file in scenario_files(named):
         kind = kind_of(file)
         if kind in ("clip", "mutant"):
-            found[absolute(file)] = file
+            children[absolute(file)] = file
         elif file in named and not is_folder(file):
             message = f"this holds {f'a {kind}' if kind else 'no definition'}, which pins nothing"
             help = "name clips and mutants, or a folder of them"
             raise mistake(WRONG_KIND, message, help, shown(file))
-    return found
+    return children
 
 
 class _Planner:
@@ -182,7 +182,7 @@ class _Planner:
         try:
             now = self._parent(address, before)
         except InputError as error:
-            stale = any(found.code == STALE_PIN for found in error.diagnostics)
+            stale = any(diagnostic.code == STALE_PIN for diagnostic in error.diagnostics)
             state = State.BLOCKED if stale else State.CONFLICT
             why = (_because(document, model, "is stale itself"),) if stale else error.diagnostics
             return replace(child, state=state, mistakes=why)
@@ -192,9 +192,9 @@ class _Planner:
         child = replace(child, state=State.STALE)
         if before is not None and _pin_before(before) == child.pin:
             return self._compared(replace(child, follows=True), document, before.old, now)
-        found = self._history.parent(parent, case, child.pin)
-        child = replace(child, commit=found.commit if found is not None else "")
-        return self._compared(child, document, found.case if found is not None else None, now)
+        diagnostic = self._history.parent(parent, case, child.pin)
+        child = replace(child, commit=diagnostic.commit if diagnostic is not None else "")
+        return self._compared(child, document, diagnostic.case if diagnostic is not None else None, now)
 
     def _parent(self, address: str, before: Child | None) -> TestCase:
         """Return the parent as it will be: with the pin that it gets in this very call."""
@@ -208,7 +208,7 @@ class _Planner:
     def _compared(self, child: Child, document: Document, was: TestCase | None, now: TestCase) -> Child:
         try:
             new = _expanded(document, child.file, now)
-            mistakes = tuple(found for found in self._validate(new) if found.severity == "error")
+            mistakes = tuple(diagnostic for diagnostic in self._validate(new) if diagnostic.severity == "error")
         except InputError as error:
             new, mistakes = None, error.diagnostics
         old = None  # where the old parent is unknown, or the child did not fit it either
@@ -217,8 +217,8 @@ class _Planner:
                 old = _expanded(document, child.file, was)
         edit = diff_cases(was, now) if was is not None else ()
         reaching = diff_cases(old, new) if old is not None and new is not None else ()
-        known = {(change.path, change.was, change.now) for change in reaching}
-        overridden = tuple(c for c in edit if (c.path, c.was, c.now) not in known) if new is not None else edit
+        expected = {(change.path, change.was, change.now) for change in reaching}
+        overridden = tuple(c for c in edit if (c.path, c.was, c.now) not in expected) if new is not None else edit
         child = replace(child, state=State.CONFLICT) if mistakes else child
         return replace(child, old=old, new=new, reaching=reaching, overridden=overridden, mistakes=mistakes)
 
@@ -242,13 +242,13 @@ def _pin_before(parent: Child) -> str:
 def _siblings(path: Path) -> list[Path]:
     """Return the children in a file's folder that name it as their parent."""
     needle = f'"{path.name}"'.encode()
-    found = []
+    siblings = []
     for file in sorted(path.parent.glob("*.foresee")):
         if file != path and kind_of(file) in ("clip", "mutant") and needle in read_outside(file):
             model = load(file).model
             if isinstance(model, m.Clip | m.Mutant) and absolute(file.parent / model.parent) == path:
-                found.append(file)
-    return found
+                siblings.append(file)
+    return siblings
 
 
 def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnostic:

@@ -102,14 +102,14 @@ def case_names(cases: m.Cases) -> tuple[str, ...]:
 
 def draw(scenario: m.Scenario, cases: m.Cases) -> tuple[m.Case, ...]:
     """Return the drawn cases of one `cases` statement, each with a value for every parameter that has a range."""
-    drawer, names, found = _Drawer(scenario, int(cases.seed.value)), case_names(cases), []
+    drawer, names, drawn_cases = _Drawer(scenario, int(cases.seed.value)), case_names(cases), []
     for k, name in enumerate(names):
         values = drawer.values_of(k)
         if values is None:
             raise TooFewError(drawer.complaint(k, len(names)))
-        given = tuple(m.Assignment(name=n, value=v) for n, v in values.items() if n in drawer.drawn)
-        found.append(m.Case(name=name, values=given))
-    return tuple(found)
+        assignments = tuple(m.Assignment(name=n, value=v) for n, v in values.items() if n in drawer.drawn)
+        drawn_cases.append(m.Case(name=name, values=assignments))
+    return tuple(drawn_cases)
 
 
 class TooFewError(Exception):
@@ -179,15 +179,15 @@ class _Drawer:
         """Return the values of every parameter in the next case, in the order of the file; None when none are found."""
         attempt = 0
         while attempt < MAX_TRIES:
-            known = self._fixed | self._gridded()
+            certain = self._fixed | self._gridded()
             tries = _TRIES_OF_A_COMBINATION if self._grid else MAX_TRIES
-            if not self._free or self._violated(known):  # the grids' values alone decide it, whatever the rest will be
+            if not self._free or self._violated(certain):  # the grids' values alone decide it
                 tries = 1
             for _ in range(min(tries, MAX_TRIES - attempt)):
-                values = known | {p.name: _drawn(p, a, self._seed, case, attempt) for p, a in self._free}
+                values = certain | {p.name: _drawn(p, a, self._seed, case, attempt) for p, a in self._free}
                 if self._dependent:
-                    given = tuple(m.Assignment(name=n, value=v) for n, v in values.items() if n in self.drawn)
-                    values = case_values(self._scenario, m.Case(name="drawn", values=given))
+                    assignments = tuple(m.Assignment(name=n, value=v) for n, v in values.items() if n in self.drawn)
+                    values = case_values(self._scenario, m.Case(name="drawn", values=assignments))
                 attempt += 1
                 self._tried += 1
                 violated = self._violated(values)
@@ -200,10 +200,10 @@ class _Drawer:
         """Return the numbers of the requirements that some values violate, whatever the others will be."""
         return [k for k, require in enumerate(self._requires) if holds(require.condition, values) is False]
 
-    def complaint(self, found: int, wanted: int) -> str:
+    def complaint(self, valid: int, wanted: int) -> str:
         """Return in words how many draws were good, and which requirement was violated most."""
         worst, times = self._failed.most_common(1)[0]
-        only = "none" if not found else f"only {found}"
+        only = "none" if not valid else f"only {valid}"
         return (
             f"of {self._tried} draws {only} satisfied every `require`, but {wanted} cases are asked for; "
             f"`{requirement_text(self._requires[worst])}` failed most, {times} times"
@@ -275,8 +275,8 @@ def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | 
     """
     match condition:
         case m.Comparison(left=left, op=op, right=right) if not isinstance(left, m.Measure):
-            one, other = _si(left, values), _si(right, values)
-            return None if one is None or other is None else _COMPARED[op](one, other)
+            first, second = _si(left, values), _si(right, values)
+            return None if first is None or second is None else _COMPARED[op](first, second)
         case m.Equals(left=left, right=word):
             value = values.get(left.name)
             return value == word if isinstance(value, str) else None
@@ -284,8 +284,8 @@ def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | 
             held = holds(inner, values)
             return None if held is None else not held
         case m.Both(conditions=several) | m.Either(conditions=several):
-            decides, found = isinstance(condition, m.Either), {holds(part, values) for part in several}
-            return decides if decides in found else None if None in found else not decides
+            decides, results = isinstance(condition, m.Either), {holds(part, values) for part in several}
+            return decides if decides in results else None if None in results else not decides
     return None  # about the world: the checks report it
 
 
@@ -314,9 +314,9 @@ def _si(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> float | None:
 
     What cannot be worked out (a division by zero) is not a number: every comparison with it fails.
     """
-    given = values.get(value.name) if isinstance(value, m.Ref) else value
-    if isinstance(given, m.Quantity):
-        return float(f"{given.si:.{SIGNIFICANT_DIGITS}g}")
+    current = values.get(value.name) if isinstance(value, m.Ref) else value
+    if isinstance(current, m.Quantity):
+        return float(f"{current.si:.{SIGNIFICANT_DIGITS}g}")
     if not isinstance(value, m.EXPRESSIONS) or any(ref.name not in values for ref in references(value)):
         return None
     from foresee_dsl.language.arithmetic.evaluate import evaluate
@@ -376,10 +376,10 @@ def coverage(scenario: m.Scenario, cases: Sequence[m.Case]) -> Coverage:
     taken = {axis.name: [axis.position(each[axis.name]) for each in values] for axis in axes}
     reaches = tuple(_reach(axis, [k for k in taken[axis.name] if k is not None]) for axis in axes if cases)
     reached = total = 0
-    for one, other in combinations(axes, 2):
-        total += _parts(one) * _parts(other)
-        both = zip(taken[one.name], taken[other.name], strict=True)
-        reached += len({(_part(one, a), _part(other, b)) for a, b in both if a is not None and b is not None})
+    for first, second in combinations(axes, 2):
+        total += _parts(first) * _parts(second)
+        both = zip(taken[first.name], taken[second.name], strict=True)
+        reached += len({(_part(first, a), _part(second, b)) for a, b in both if a is not None and b is not None})
     return Coverage(len(cases), len({repr(each) for each in values}), reaches, reached, total)
 
 

@@ -119,7 +119,7 @@ def lanes_of(road: m.Road) -> tuple[int, int]:
 
 def rings_of(network: m.Network) -> Mapping[str, Ring]:
     """Return the roundabouts of a network, by name; a road with both ends at one is no arm of it."""
-    found = {}
+    rings = {}
     ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction | m.Roundabout)}
     for item in network.body:
         if not isinstance(item, m.Roundabout):
@@ -134,8 +134,8 @@ def rings_of(network: m.Network) -> Mapping[str, Ring]:
                 arms.append((math.atan2(near[1] - y, near[0] - x) % math.tau, road))
         radius = number(item.radius, 1.0)
         half = round(number(item.lanes, 1)) * number(item.lane_width, RING_LANE_M) / 2
-        found[item.name] = Ring(item, centre, radius, radius + half, tuple(sorted(arms, key=lambda arm: arm[0])))
-    return found
+        rings[item.name] = Ring(item, centre, radius, radius + half, tuple(sorted(arms, key=lambda arm: arm[0])))
+    return rings
 
 
 RING_LANE_M = 4.5
@@ -150,26 +150,26 @@ def directed(network: m.Network, rings: Mapping[str, Ring] | None = None) -> tup
     rings = rings_of(network) if rings is None else rings
     ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction)}
     cuts: dict[str, list[Cut]] = {}
-    found: list[Directed] = []
+    edges: list[Directed] = []
     for road in network.body:
         if not isinstance(road, m.Road):
             continue
         joined = [_end(road, name, ends, rings) for name in (road.start, road.end)]
         if None in joined or road.start == road.end:
             continue
-        (start, first), (end, last) = (one for one in joined if one is not None)
+        (start, first), (end, last) = (arm for arm in joined if arm is not None)
         line = (first, *(xy(p) for p in road.via), last)
-        found.append(Directed(road.name, road, start, end, line))
+        edges.append(Directed(road.name, road, start, end, line))
         if lanes_of(road)[1]:
-            found.append(Directed(road.name + BACK, road, end, start, line[::-1]))
-    by_id = {edge.id: edge for edge in found}
+            edges.append(Directed(road.name + BACK, road, end, start, line[::-1]))
+    by_id = {edge.id: edge for edge in edges}
     for item in network.body:
         if isinstance(item, OnRoads):
             for edge, cut in _cuts(item, by_id):
                 cuts.setdefault(edge, []).append(cut)
     return tuple(
         Directed(e.id, e.road, e.start, e.end, e.line, tuple(sorted(cuts.get(e.id, ()), key=lambda cut: cut.at_m)))
-        for e in found
+        for e in edges
     )
 
 

@@ -80,11 +80,11 @@ def curve(a: XY, heading_a: float, b: XY, heading_b: float, step_m: float = 4.0)
     reach = math.dist(a, b) / 3
     c, d = beside(a, heading_a, 0.0, reach), beside(b, heading_b, 0.0, -reach)
     steps = max(round(math.dist(a, b) / step_m), 4)
-    found = []
+    bent = []
     for k in range(steps + 1):
         t = k / steps
         weights = ((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3)
         points = zip(weights, (a, c, d, b), strict=True)
         xs, ys = zip(*((w * x, w * y) for w, (x, y) in points), strict=True)
-        found.append((sum(xs), sum(ys)))
-    return found
+        bent.append((sum(xs), sum(ys)))
+    return bent

@@ -1,4 +1,4 @@
-"""From positioned nodes to the pydantic model; every validation error becomes an error at the field's place."""
+"""Builds the pydantic model from nodes with places; every validation error becomes an error at the field's place."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from foresee_dsl.language.syntax.node import Node, TextError
 from foresee_dsl.language.units import Dimension
 
 _SHOWN = 40
-"""How many characters of a value a message repeats."""
+"""Maximum number of characters of a value that a message repeats."""
 _NEEDS = re.compile(r"needs (\w+), but")
 
 
 class Builder:
-    """Builds a model from nodes, bottom up; keeps on after an error so that all of them (`errors`) are found."""
+    """Builds a model from nodes, bottom up; continues after an error, so that `errors` has all of them."""
 
     def __init__(self, *, partial: bool = False) -> None:
-        """Make a builder; `partial`: parts of the tree are missing, so what is absent is no error."""
+        """Make a builder; `partial`: parts of the tree are missing, so a missing field is not an error."""
         self.spans: dict[tuple[int, str], Span] = {}
         self.errors: list[TextError] = []
         self._partial = partial
 
     def build(self, node: Node) -> m.Item | None:
-        """Return the node's item, or None when it (or something in it) is wrong."""
+        """Return the node's item; None if it or a part of it has an error."""
         values: dict[str, object] = {}
         failed: set[str] = set()
         for name, raw in node.fields.items():
@@ -66,9 +66,9 @@ class Builder:
         return item
 
     def _explain(self, node: Node, error: ValidationError, failed: set[str]) -> None:
-        """Turn the errors of one item into errors, one for each field."""
+        """Turn the validation errors of one item into text errors, one for each field."""
         if not node.fields:
-            return  # nested too deeply, which was reported where it was seen
+            return  # nested too deeply, which is reported at its place
         seen: set[str] = set()
         for detail in error.errors(include_url=False):
             field = str(detail["loc"][0]) if detail["loc"] else ""
@@ -82,36 +82,36 @@ class Builder:
 
 
 def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextError:
-    shown = _short(detail["input"])
+    text_shown = _short(detail["input"])
     if field == "unit":
-        return TextError("FS005", f"unknown unit '{shown}'", unit_hint(str(detail["input"])), place)
+        return TextError("FS005", f"unknown unit '{text_shown}'", unit_hint(str(detail["input"])), place)
     text, limits = str(detail["input"]), detail.get("ctx", {})
     match detail["type"]:
         case "missing":
-            found = TextError("FS014", f"{_what(node)} needs `{field}`", "add a " + write(field), _head(node))
+            error = TextError("FS014", f"{_what(node)} needs `{field}`", "add a " + write(field), _head(node))
         case "literal_error":
-            found = _not_one_of(node, field, text, place)
+            error = _not_one_of(node, field, text, place)
         case "value_error":
-            found = _wrong_dimension(detail, shown, place)
+            error = _wrong_dimension(detail, text_shown, place)
         case "string_pattern_mismatch":
-            found = _wrong_text(node, field, text, place)
+            error = _wrong_text(node, field, text, place)
         case "too_short":
             least = limits.get("min_length", 1)
             what = {"points": "places", "edges": "edges"}.get(field, field)
             message = f"`{_what(node)}` needs at least {least} {what}"
-            found = TextError("FS014", message, f"write {least} or more, with " + write(",") + " between them", place)
+            error = TextError("FS014", message, f"write {least} or more, with " + write(",") + " between them", place)
         case "string_too_long" | "string_too_short":
             most = limits.get("max_length")
             help: HelpText = f"use at most {most} characters" if most else "write something between the quotes"
-            found = TextError("FS017", "this text is empty or too long", help, place)
+            error = TextError("FS017", "this text is empty or too long", help, place)
         case "greater_than_equal" | "less_than_equal" | "finite_number":
-            found = TextError("FS016", f"`{shown}` is out of range", "use a number between -1e9 and 1e9", place)
+            error = TextError("FS016", f"`{text_shown}` is out of range", "use a number between -1e9 and 1e9", place)
         case _:
-            help = write(field) + " is something else" if field else ""
+            help = "the value of " + write(field) + " is of another kind" if field else ""
             if node.kind is m.Change:
                 help = "write a value with its unit, or the name of a model"
-            found = TextError("FS010", f"`{shown}` cannot stand here", help, place)
-    return found
+            error = TextError("FS010", f"`{text_shown}` does not fit here", help, place)
+    return error
 
 
 _NOUNS = {
@@ -120,13 +120,13 @@ _NOUNS = {
 
 
 def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
-    known = form_of(node.kind, field).words
-    near = closest(word, known)
-    help: HelpText = did_you_mean(word, known) or "known are " + one_of(known)
+    words = form_of(node.kind, field).words
+    near = closest(word, words)
+    help: HelpText = did_you_mean(word, words) or "write one of " + one_of(words)
     if node.kind is m.Expected and field == "failure":
         help = (
-            "F1 is off the road or into an object, F2 into a pedestrian, F3 frontal, F4 lateral, F5 rear; "
-            "others are stuck and timeout"
+            "write F1 (off the road or into an object), F2 (into a pedestrian), F3 (frontal), F4 (lateral), F5 (rear), "
+            "stuck or timeout"
         )
     elif field == "what" and node.kind in (m.Ignores, m.IgnoresRule) and near is None:
         help = "write " + write(f"ignores priority at {word}") + " or " + write(f"ignores signals at {word}")
@@ -134,28 +134,28 @@ def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
     return TextError("FS012", f"unknown {noun} '{_short(word)}'", help, place)
 
 
-def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> TextError:
+def _wrong_dimension(detail: ErrorDetails, text: str, place: Span) -> TextError:
     if "whole number" in detail["msg"]:
-        return TextError("FS010", f"`{shown}` is no whole number", "write one such as " + write("2"), place)
-    found = _NEEDS.search(detail["msg"])
-    if found is None:
+        return TextError("FS010", f"`{text}` is not a whole number", "write one such as " + write("2"), place)
+    match = _NEEDS.search(detail["msg"])
+    if match is None:
         return TextError("FS010", detail["msg"].removeprefix("Value error, "), "", place)
-    needed: Dimension = next((d for d in NOUNS if d == found[1]), "count")
+    needed: Dimension = next((d for d in NOUNS if d == match[1]), "count")
     value = detail["input"]
     help = f"write {NOUNS[needed]} such as " + write(EXAMPLES[needed])
     unit = EXAMPLES[needed].partition(" ")[2]
     if isinstance(value, m.Quantity) and not value.unit:
-        help = f"write {NOUNS[needed]} such as " + write(f"{shown} {unit}") if unit else help
-        return TextError("FS010", f"`{shown}` has no unit, but {NOUNS[needed]} is needed here", help, place)
+        help = f"write {NOUNS[needed]} such as " + write(f"{text} {unit}") if unit else help
+        return TextError("FS010", f"`{text}` has no unit, but {NOUNS[needed]} is needed here", help, place)
     is_a = NOUNS[value.dimension] if isinstance(value, m.Quantity) else "something else"
-    return TextError("FS010", f"`{shown}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
+    return TextError("FS010", f"`{text}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
 
 
 def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
     if field == "pin":
         return TextError(
             "FS019",
-            f"`{_short(text)}` is no pin",
+            f"`{_short(text)}` is not a pin",
             "a pin is "
             + write("sha256:")
             + " and twelve digits or letters a-f, such as "
@@ -164,7 +164,7 @@ def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
         )
     if field in ("model", "models", "was", "now") or node.kind is m.VehicleModel:
         help: HelpText = "models are called class.variant, such as " + write("car.compact")
-        return TextError("FS011", f"`{_short(text)}` is no name of a model", help, place)
+        return TextError("FS011", f"`{_short(text)}` is not the name of a model", help, place)
     if not text:
         return TextError("FS017", f"this {field} is empty", "write something between the quotes", place)
     import unicodedata
@@ -174,7 +174,7 @@ def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
     help = "names are snake_case: small letters a-z, digits and underscores, a letter first"
     if plain and plain != text:
         help += ", such as " + write(_short(plain))
-    return TextError("FS011", f"`{_short(text)}` is no name", help, place)
+    return TextError("FS011", f"`{_short(text)}` is not a name", help, place)
 
 
 def _what(node: Node) -> str:
@@ -185,7 +185,7 @@ def _what(node: Node) -> str:
 
 
 def _head(node: Node) -> Span:
-    """The statement up to its brace: a whole underlined block hides the place."""
+    """Return the place of a statement up to its brace, because a whole underlined block would be unreadable."""
     if node.block is None:
         return node.span
     return Span(node.span.line, node.span.column, node.block.line, node.block.column)

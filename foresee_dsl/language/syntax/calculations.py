@@ -1,4 +1,4 @@
-"""From the flat list of a calculation to nodes: `*` and `/` bind stronger than `+` and `-`, from the left."""
+"""Turns the flat list of a calculation into nodes: `*` and `/` bind stronger than `+` and `-`, from the left."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ _STRONG = ("*", "/")
 
 
 def calculation(operands: Sequence[tuple[Node, Span]], signs: Sequence[tuple[str, Span]]) -> Node:
-    """Return the node of `a + b * c`: its operands, each with its place (brackets included), and the signs between."""
+    """Return the node of `a + b * c`, from its operands, each with its place including brackets, and the signs between
+    them."""
     terms, between = [operands[0]], []
     for sign, operand in zip(signs, operands[1:], strict=True):
         if sign[0] in _STRONG:
@@ -21,10 +22,10 @@ def calculation(operands: Sequence[tuple[Node, Span]], signs: Sequence[tuple[str
         else:
             terms.append(operand)
             between.append(sign)
-    found = terms[0]
+    total = terms[0]
     for sign, operand in zip(between, terms[1:], strict=True):
-        found = _of(m.Sum, found, sign, operand)
-    return found[0]
+        total = _of(m.Sum, total, sign, operand)
+    return total[0]
 
 
 def negative(operand: Node, span: Span) -> Node:

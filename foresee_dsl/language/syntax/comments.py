@@ -1,4 +1,4 @@
-"""Which comment and which blank line belongs to which statement."""
+"""Assigns each comment and blank line to the statement that it belongs to."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _START = attrgetter("start")
 HEADER: Key = ("header",)
 """The key of the line `foresee 1`."""
 END: Key = ("end",)
-"""The key of what stands after the last brace."""
+"""The key of the comments after the last brace."""
 BARE = " "
-"""The text of a comment without one (an empty string is a blank line)."""
+"""The text of an empty comment (an empty string is a blank line)."""
 
 
 @dataclass
 class _Entry:
-    """One statement: where it is, what is inside it (in the order of the file), and the comments found so far."""
+    """One statement: its place, the statements inside it (in the order of the file), and its comments so far."""
 
     key: Key
     start: _Place
     end: _Place
     block: tuple[_Place, _Place] | None = None
     children: list[_Entry] = field(default_factory=list)
-    before: list[tuple[int, str]] = field(default_factory=list)  # line (0: no place of its own), text
+    before: list[tuple[int, str]] = field(default_factory=list)  # line (0: from inside the statement), text
     after: str | None = None
     at_end: list[tuple[int, str]] = field(default_factory=list)
     after_end: str | None = None
@@ -42,7 +42,7 @@ class _Entry:
 def attach(root: Node, header: Span, comments: Sequence[Token], text: str) -> Mapping[Key, Comments]:
     """Return the comments and blank lines of each statement that has any, by its path in the model.
 
-    `header` is where `foresee 1` stands; the comments are in order; newlines in the text are `\\n`.
+    `header`: the place of `foresee 1`. The comments are in order, and newlines in the text are `\\n`.
     """
     head = _Entry(HEADER, *_places(header))
     file = _Entry(END, (0, 0), (10**9, 0), ((0, 0), (10**9, 0)), [head, _entry((), root.span, root)])
@@ -51,13 +51,13 @@ def attach(root: Node, header: Span, comments: Sequence[Token], text: str) -> Ma
         line, column = comment.line or 1, comment.column or 1
         own_line = not lines[line - 1][: column - 1].strip()
         _place(file, (line, column), _text(comment), own_line)
-    found: dict[Key, Comments] = {}
-    _collect(file, found)
-    at_end = found.pop(END, None)
+    by_key: dict[Key, Comments] = {}
+    _collect(file, by_key)
+    at_end = by_key.pop(END, None)
     if at_end is not None and at_end.at_end:
         texts = at_end.at_end
-        found[END] = Comments(before=texts[1:] if not texts[0] else texts)
-    return found
+        by_key[END] = Comments(before=texts[1:] if not texts[0] else texts)
+    return by_key
 
 
 def _text(comment: Token) -> str:
@@ -78,7 +78,7 @@ def _entry(key: Key, span: Span, node: Node | None) -> _Entry:
 
 
 def _place(container: _Entry, at: _Place, text: str, own_line: bool) -> None:
-    """Give one comment to the statement that it belongs to."""
+    """Add one comment to the statement that it belongs to."""
     k = bisect_left(container.children, at, key=_START)
     last = container.children[k - 1] if k else None
     if last is not None and last.block is not None and last.block[0] <= at < last.block[1]:
@@ -104,22 +104,22 @@ def _behind(entry: _Entry, text: str, *, same_line: bool = True) -> None:
         entry.before.append((0, text))
 
 
-def _collect(container: _Entry, found: dict[Key, Comments]) -> None:
+def _collect(container: _Entry, by_key: dict[Key, Comments]) -> None:
     previous = container.block[0][0] if container.block is not None else container.start[0]
     for child in container.children:
         before, blank = _with_gaps(child.before, previous, child.start[0])
-        _collect(child, found)  # first, because it finds the comments at the child's end
-        at_end = found.get(child.key, Comments()).at_end
-        found[child.key] = Comments(
+        _collect(child, by_key)  # first, because it finds the comments at the child's end
+        at_end = by_key.get(child.key, Comments()).at_end
+        by_key[child.key] = Comments(
             before=before, blank_before=blank, after=child.after, at_end=at_end, after_end=child.after_end
         )
-        if found[child.key] == Comments():
-            del found[child.key]
+        if by_key[child.key] == Comments():
+            del by_key[child.key]
         previous = child.end[0]
     if container.at_end:
         texts, blank = _with_gaps(container.at_end, previous, None)
         leading = ("",) if blank and container.children else ()
-        found[container.key] = Comments(at_end=leading + texts)
+        by_key[container.key] = Comments(at_end=leading + texts)
 
 
 def _with_gaps(

@@ -1,4 +1,4 @@
-"""What the grammar expected at a place of a statement, in people's words."""
+"""The terminals that the grammar expected at a place of a statement, in words for people."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from foresee_dsl.language.units import Dimension
 
 _LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
 REACH = 300
-"""So many characters before the place they are looked for in (ours: names have 80 at most; the search is quadratic)."""
+"""Number of characters before the place in which patterns are searched (ours: names have at most 80; the search is
+quadratic)."""
 _DEEP = 200
-"""Parser states on its stack from which no terminal is tried any more (ours: the bundled files reach 38)."""
+"""Size of the parser's stack above which no terminal is tried (ours: the bundled files reach 38)."""
 END = "the end of the statement"
 
 
 def expected(accepted: Set[str], text: str, start: int, *, place: bool) -> str:
-    """Return what could have stood at a place of a statement's text, in people's words, most telling first.
+    """Return what is possible at a place of a statement's text, in words for people, the most helpful first.
 
-    `accepted`: the names of the terminals that could. `place`: whether a point may begin there.
+    `accepted`: names of the possible terminals. `place`: True if a point may begin there.
     """
     words = words_of_terminals(accepted)
     signs = [sign for name in sorted(accepted) if (sign := text_of(name)) and not sign[0].isalpha()]
@@ -67,7 +68,7 @@ def _value(text: str, start: int, *, place: bool) -> str:
 
 
 def takes_a_place(error: UnexpectedInput) -> bool:
-    """Whether a point may begin where a bracket may: there its `(1 m` goes on with a comma."""
+    """Return whether a bracket at the place may begin a point: then a comma may follow `(1 m`."""
     state = getattr(error, "interactive_parser", None)
     if state is None:
         return False
@@ -76,12 +77,12 @@ def takes_a_place(error: UnexpectedInput) -> bool:
         probe.feed_token(Token("LPAR", "("))
         probe.feed_token(Token("NUMBER", "1"))
         return "COMMA" in next_terminals(probe)
-    except (UnexpectedInput, RecursionError):  # what is copied may be nested deeply
+    except (UnexpectedInput, RecursionError):  # copying the parser's state recurses, and it may be nested deeply
         return False
 
 
 def accepted_by(error: UnexpectedInput) -> set[str]:
-    """The names of the terminals that could have stood at the place."""
+    """Return the names of the terminals that are possible at the place of an error."""
     state = getattr(error, "interactive_parser", None)
     if state is not None:
         return next_terminals(state)
@@ -89,7 +90,7 @@ def accepted_by(error: UnexpectedInput) -> set[str]:
 
 
 def next_terminals(state: Any) -> set[str]:  # noqa: ANN401  Lark leaves its interactive parser without types
-    """The names of the terminals that may come next; none where too much is nested to find out.
+    """Return the names of the terminals that may come next; none if the text is nested too deeply to try.
 
     Lark (1.3.1) tries each of some forty terminals, and in `- - - - 2` each try closes every minus.
     """
@@ -98,52 +99,52 @@ def next_terminals(state: Any) -> set[str]:  # noqa: ANN401  Lark leaves its int
 
 @cache
 def keywords() -> frozenset[str]:
-    """Every fixed word of the grammar."""
+    """Return every fixed word of the grammar."""
     return frozenset(words_of_terminals(terminal.name for terminal in statement_parser().terminals))
 
 
 @cache
 def homes() -> Mapping[str, tuple[str, ...]]:
-    """Where the first word of a statement may stand, read off the grammar."""
-    found: dict[str, list[str]] = {}
+    """Return the blocks in which each first word of a statement is allowed, read from the grammar."""
+    blocks: dict[str, list[str]] = {}
     for rule, place in PLACES.items():
         state: Any = statement_parser().parse_interactive("", start=rule)  # Lark leaves `accepts` without types
         for word in words_of_terminals(next_terminals(state)):
-            found.setdefault(word, []).append(place)
-    return {word: tuple(places) for word, places in found.items()}
+            blocks.setdefault(word, []).append(place)
+    return {word: tuple(places) for word, places in blocks.items()}
 
 
 @cache
 def _dimensions() -> Mapping[str, Dimension]:
-    """What kind of value follows a word, by the patterns; only for messages, the model decides."""
-    found: dict[str, Dimension] = {"(": "length"}
+    """Return the dimension of the value that follows a word, by the patterns; for messages only, the model decides."""
+    dimensions: dict[str, Dimension] = {"(": "length"}
     for kind in m.ITEMS:
         for word, field in words_before(read_pattern(kind.pattern)):
             dimension = form_of(kind, field).dimension
             if dimension is not None:
-                found.setdefault(word, dimension)
-    return found
+                dimensions.setdefault(word, dimension)
+    return dimensions
 
 
 @cache
 def dimensions_behind() -> Mapping[str, frozenset[Dimension]]:
-    """What kinds of value may follow a word, by the patterns."""
-    found: dict[str, set[Dimension]] = {}
+    """Return the dimensions of the values that may follow a word, by the patterns."""
+    dimensions: dict[str, set[Dimension]] = {}
     for kind in m.ITEMS:
         for word, field in words_before(read_pattern(kind.pattern)):
             dimension = form_of(kind, field).dimension
             if dimension is not None:
-                found.setdefault(word, set()).add(dimension)
-    return {word: frozenset(kinds) for word, kinds in found.items()}
+                dimensions.setdefault(word, set()).add(dimension)
+    return {word: frozenset(kinds) for word, kinds in dimensions.items()}
 
 
 def words_of_terminals(terminals: Iterable[str]) -> list[str]:
-    """The fixed words among some terminals, in a fixed order."""
+    """Return the fixed words among some terminals, in a fixed order."""
     return [word for name in sorted(terminals) if (word := text_of(name)) is not None and word[0].isalpha()]
 
 
 def text_of(name: str) -> str | None:
-    """The text of a terminal that is a fixed word or sign."""
+    """Return the text of a terminal that is a fixed word or sign; None for others."""
     if name == "$END":
         return None
     pattern = statement_parser().get_terminal(name).pattern

@@ -1,4 +1,4 @@
-"""Messages for statements that the grammar refuses: spelling first, then what was expected, in plain words."""
+"""Messages for statements that the grammar refuses: first spelling errors, then what was expected, in plain words."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
 _SHOWN = 40
 _QUANTITY = re.compile(r"-?\d+(?:\.\d+)?\s*(?P<unit>[%°]|[^\W\d][\w^²/]*)")
 _SIGNS = ("+", "-", "*", "/")
-"""Signs of calculations, which the lexer knows wherever they stand."""
+"""Signs of calculations, which the lexer recognises at every place."""
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
 
 _ABOUT_HERE = (
@@ -49,7 +49,7 @@ _ABOUT_HERE = (
     (re.compile(r"^expect\s+\w+\s+$"), "expect safe: never collision(ego)"),
     (re.compile(r"^when\s+(once\s+|every\s+|next\s+)?\w+\s+$"), "when late: ego.eta(j4) < 4 s { runner stops }"),
 )
-"""What stands before the place, and how what it began is written."""
+"""A pattern of the text before the place, and an example of the statement that it begins."""
 _THEN = re.compile(r"then\s+(?P<rest>(?!when\b)[^{}]+)$")
 
 _OFTEN = (
@@ -58,7 +58,7 @@ _OFTEN = (
             r"expect\s+(?:[^\W\d]\w*\s*:\s*)?(?P<place>(?!never|always|eventually)[a-z][\w.]*)\s*(?P<rest>[(.<>].*)$"
         ),
         "an expectation begins with `never`, `always` or `eventually`",
-        "write " + write(r"expect never \g<place>\g<rest>") + ", or how it is to hold",
+        "write " + write(r"expect never \g<place>\g<rest>") + ", for example",
     ),
     (
         re.compile(r"expect\s+.*?(?P<place>within)\s+(?P<rest>[a-z]\w*\(.*)$"),
@@ -66,7 +66,7 @@ _OFTEN = (
         "write " + write(r"within 60 s \g<rest>") + ", for example",
     ),
 )
-"""Errors that are often made and that the grammar notices only later: a pattern, the message and the help."""
+"""Frequent errors that the grammar notices only further on: a pattern, the message and the help."""
 
 
 _OF_NETWORKS = ("network_item", "junction_item", "road_item", "roundabout_item", "ramp_item")
@@ -80,7 +80,8 @@ class Refusal:
     """
 
     def __init__(self, error: UnexpectedInput, text: str, rule: str) -> None:
-        """Look at Lark's error in a statement (its braces are empty) that was to be of a rule such as `actor_item`."""
+        """Explain Lark's error in a statement (its braces are empty) that was parsed with a rule such as
+        `actor_item`."""
         self._text = text
         self._rule = rule
         self._accepted = accepted_by(error)
@@ -89,8 +90,8 @@ class Refusal:
         at_end = isinstance(error, UnexpectedEOF) or (isinstance(error, UnexpectedToken) and error.token.type == "$END")
         where = None if at_end else error.pos_in_stream
         self.start = len(text) if where is None else where
-        found = _WORD.match(text, self.start)
-        self.word = found[0] if found else ""
+        match = _WORD.match(text, self.start)
+        self.word = match[0] if match else ""
         self.end = self.start + max(1, len(self.word))
         self.code, self.message, self.help = self._explain(error)
 
@@ -102,7 +103,7 @@ class Refusal:
         if other is None and then is not None and self._reads(then["rest"]):
             self.start, self.end = 0, len(self._text)
             help = meant_code(f"then {{ {then['rest'].strip()} }}")
-            return "FS003", "what comes then stands in a block", help
+            return "FS003", "the actions after `then` are written in a block", help
         if other is None:
             return self._explain_ours(error)
         self.start, self.end = other.start, other.end
@@ -112,10 +113,10 @@ class Refusal:
         words = words_of_terminals(self._accepted)
         short = self._rule in ("scenario_item", "action") and len(self._text) <= REACH  # the patterns are quadratic
         for pattern, message, help_ in _OFTEN if short else ():
-            found = pattern.match(self._text)
-            if found is not None:
-                self.start, self.end = found.span("place")
-                help = help_.expanded(found.expand)
+            match = pattern.match(self._text)
+            if match is not None:
+                self.start, self.end = match.span("place")
+                help = help_.expanded(match.expand)
                 written = [
                     edit.text for edit in help.edits if isinstance(edit, Write) and edit.text.startswith("expect")
                 ]
@@ -126,38 +127,38 @@ class Refusal:
         if arrow >= 0:
             self.start, self.end = arrow, arrow + 2
             return "FS015", "unexpected `->`", meant_code("=>")
-        shown = self.word if len(self.word) <= _SHOWN else self.word[: _SHOWN - 3] + "..."
+        excerpt = self.word if len(self.word) <= _SHOWN else self.word[: _SHOWN - 3] + "..."
         if self.word.startswith('"') and (len(self.word) == 1 or not self.word.endswith('"')):
             return "FS015", "this text is not closed", "end it with " + write('"') + " on the same line"
         unit = self._behind(_UNIT_BEFORE)
         if unit is not None and unit[1] not in UNITS and unit[1] not in keywords():
             return self._unknown_unit(unit, words)
         if self.start == 0:
-            return self._unknown_statement(words, shown)
-        return self._unexpected(error, words, shown)
+            return self._unknown_statement(words, excerpt)
+        return self._unexpected(error, words, excerpt)
 
-    def _unexpected(self, error: UnexpectedInput, words: Collection[str], shown: str) -> tuple[str, str, HelpText]:
+    def _unexpected(self, error: UnexpectedInput, words: Collection[str], excerpt: str) -> tuple[str, str, HelpText]:
         usage = self._usage()
-        if self._is_word() and (found := closest(self.word, words)) is not None and found != self.word:
-            goes_on = self._goes_on(self._text[: self.start] + found, self._text[self.end :])
-            help = "the word is " + write(found) + (": " + usage if usage else "")
-            help = meant_word(found, self.word) if goes_on else help
-            return "FS004", f"unknown word '{shown}'", help
+        if self._is_word() and (nearest := closest(self.word, words)) is not None and nearest != self.word:
+            goes_on = self._goes_on(self._text[: self.start] + nearest, self._text[self.end :])
+            help = "the correct word is " + write(nearest) + (": " + usage if usage else "")
+            help = meant_word(nearest, self.word) if goes_on else help
+            return "FS004", f"unknown word '{excerpt}'", help
         if (isinstance(error, UnexpectedCharacters) and not self._is_word()) or self.word in _SIGNS:
-            return self._stray(shown, usage)
+            return self._stray(excerpt, usage)
         if self._misspelt_before(error):
             return "FS004", f"unknown word '{self.word}'", meant_word(self._meant, self.word)
-        return self._out_of_place(words, shown, usage)
+        return self._out_of_place(words, excerpt, usage)
 
-    def _out_of_place(self, words: Collection[str], shown: str, usage: HelpText) -> tuple[str, str, HelpText]:
+    def _out_of_place(self, words: Collection[str], excerpt: str, usage: HelpText) -> tuple[str, str, HelpText]:
         if not self.word:
             return "FS003", f"the statement stops too early: expected {self._expected}", self._going_on() or usage
         if self._rule == "action" and self._is_word() and "starts" in words:
-            return "FS004", f"unknown action '{shown}'", "an actor can do one of: " + one_of(sorted(words))
+            return "FS004", f"unknown action '{excerpt}'", "write one of: " + one_of(sorted(words))
         if self._expected == END and (not usage or self.word == ","):
             return (
                 "FS003",
-                f"unexpected `{shown}`: expected {END}",
+                f"unexpected `{excerpt}`: expected {END}",
                 "begin a new line, or write " + write(";") + " between them",
             )
         meant = self._meant_here(words)
@@ -165,10 +166,10 @@ class Refusal:
             usage = meant_code(meant)
         if "PIN" in self._accepted:
             usage = "write a pin such as " + write("sha256:5ef2c6120a41")
-        return "FS003", f"unexpected `{shown}`: expected {self._expected}", usage
+        return "FS003", f"unexpected `{excerpt}`: expected {self._expected}", usage
 
     def _meant_here(self, words: Collection[str]) -> str:
-        """Return what to write where the unexpected word stands, so that the statement could be read; else nothing."""
+        """Return the text for the place of the unexpected word that makes the statement valid; else an empty text."""
         missing = self._missing(words)
         if missing:
             return f"{missing} {self._whole_quantity()}"
@@ -189,15 +190,15 @@ class Refusal:
         return ""
 
     def _whole_quantity(self) -> str:
-        """Return the unexpected word; a number with the unit behind it, which then belongs to the place."""
-        found = _QUANTITY.match(self._text, self.start)
-        if found is None or found["unit"] not in UNITS:
+        """Return the unexpected word, with its unit if it is a number; the place then includes the unit."""
+        match = _QUANTITY.match(self._text, self.start)
+        if match is None or match["unit"] not in UNITS:
             return self.word
-        self.end = found.end()
-        return found[0]
+        self.end = match.end()
+        return match[0]
 
     def _missing_values(self) -> Iterable[str]:
-        """Return values that may be missing before the place, each with its sign."""
+        """Yield values that may be missing before the place, each with its sign."""
         if "COMMA" in self._accepted and "(" in self._text[: self.start]:
             yield from (", 0 m", ", ego")
         measured = self._behind(_MEASURED)
@@ -205,37 +206,39 @@ class Refusal:
             yield f" < {EXAMPLES[m.MEASURED[measured[1]]]} "
 
     def _going_on(self) -> HelpText:
-        """Return how a statement that stops too early could go on: by a bracket, or as its example does; or nothing."""
+        """Return a help that completes a statement that stops too early: a bracket, or the rest of its example; else
+        an empty text."""
         closing = next((sign for sign in ")]" if self._reads(f"{self._text.rstrip()}{sign}")), "")
         if closing:
-            return "close it by " + write(closing)
+            return "close it with " + write(closing)
         example = re.sub(r"\s*\{.*", "", self._example())
-        for found in re.finditer(r"(?<=\s)\S", example):
-            tail = example[found.start() :]
+        for match in re.finditer(r"(?<=\s)\S", example):
+            tail = example[match.start() :]
             if tail.split()[0] in words_of_terminals(self._accepted) and self._reads(f"{self._text.rstrip()} {tail}"):
                 return go_on(tail) + ": " + self._usage()
         return ""
 
     def _missing(self, words: Collection[str]) -> str:
-        """Return the one sign or word with which, in front of the place, the statement could be read; else nothing."""
+        """Return the only sign or word that, inserted before the place, makes the statement valid; else an empty
+        text."""
         signs = [sign for name in self._accepted if (sign := text_of(name)) and not sign[0].isalpha()]
-        found = [
+        candidates = [
             sign
             for sign in (*sorted(set(signs) - {"{", "}", ";", "(", "[", "]", "-"}), *words)
             if self._reads(f"{self._text[: self.start]}{sign} {self._text[self.start :]}") and self._measures(sign)
         ]
-        if len(found) > 1:  # the one of the example: `ego in junction j4`, not `in lane j4`
-            found = [word for word in found if word in self._example().split()]
-        return found[0] if len(found) == 1 else ""
+        if len(candidates) > 1:  # take the word of the example: `ego in junction j4`, not `in lane j4`
+            candidates = [word for word in candidates if word in self._example().split()]
+        return candidates[0] if len(candidates) == 1 else ""
 
     def _measures(self, word: str) -> bool:
-        """Whether the quantity at the place may be what a word takes: `speed` takes no metres."""
-        found = _QUANTITY.match(self._text, self.start)
-        unit = UNITS.get(found["unit"]) if found is not None else None
+        """Return whether a word takes the quantity at the place: `speed` does not take metres."""
+        match = _QUANTITY.match(self._text, self.start)
+        unit = UNITS.get(match["unit"]) if match is not None else None
         return unit is None or unit.dimension in dimensions_behind().get(word, (unit.dimension,))
 
     def _goes_on(self, text: str, behind: str) -> bool:
-        """Whether the statement is one with this text before the rest; or is wrong again only further behind."""
+        """Return whether the statement is valid with this text before the rest, or has its next error further on."""
         try:
             parse_tree(text + behind, self._rule)
         except UnexpectedEOF:
@@ -245,7 +248,7 @@ class Refusal:
         return True
 
     def _reads(self, text: str) -> bool:
-        """Whether the statement, written like this, is one."""
+        """Return whether a text is a valid statement."""
         if len(text) > REACH:
             return False
         try:
@@ -255,11 +258,12 @@ class Refusal:
         return True
 
     def _behind(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
-        """Return what a pattern finds right before the place."""
+        """Return a pattern's match right before the place."""
         return pattern.search(self._text, max(0, self.start - REACH), self.start)
 
     def _misspelt_before(self, error: UnexpectedInput) -> bool:
-        """Whether the word before was taken for a name but meant as a keyword: `expect nevr collision(ego)`."""
+        """Return whether the word before the place, which the grammar took for a name, is a misspelt keyword, as in
+        `expect nevr collision(ego)`."""
         before = self._behind(_WORD_BEFORE)
         if before is None or isinstance(error, UnexpectedEOF):
             return False
@@ -279,47 +283,47 @@ class Refusal:
         return True
 
     def _unknown_unit(self, unit: re.Match[str], words: Collection[str]) -> tuple[str, str, HelpText]:
-        """`start at 20 alng west`: the word after a number was taken for a unit."""
+        """Return the message for a word that the grammar took for a unit: `50 kmh`, or `start at 20 alng west`."""
         self.start, self.end = unit.span(1)
-        found = closest(unit[1], [*UNITS, *words])
-        if found is not None and found not in UNITS:
-            return "FS004", f"unknown word '{unit[1]}'", meant_word(found, unit[1])
-        return "FS005", f"unknown unit '{unit[1]}'", meant_word(found, unit[1]) if found else self._usage()
+        nearest = closest(unit[1], [*UNITS, *words])
+        if nearest is not None and nearest not in UNITS:
+            return "FS004", f"unknown word '{unit[1]}'", meant_word(nearest, unit[1])
+        return "FS005", f"unknown unit '{unit[1]}'", meant_word(nearest, unit[1]) if nearest else self._usage()
 
-    def _unknown_statement(self, words: Collection[str], shown: str) -> tuple[str, str, HelpText]:
+    def _unknown_statement(self, words: Collection[str], excerpt: str) -> tuple[str, str, HelpText]:
         place = PLACES.get(self._rule, "a file")
         if self._rule in _OF_NETWORKS and (why := next((w for words, w in UNSUPPORTED if self.word in words), "")):
-            return "FS271", f"'{shown}' is not supported", why
+            return "FS271", f"'{excerpt}' is not supported", why
         ours = OF_ROADS.get(self.word) if self._rule in _OF_NETWORKS else None
         places = homes().get(self.word, ()) if ours is None else ()
         if places and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in places:
             help = "put " + write("add") + " or " + write("change") + f" in front of it: `add {self.word} ...`"
-            return "FS008", f"'{shown}' cannot stand alone in {place}", help
+            return "FS008", f"'{excerpt}' needs `add` or `change` in {place}", help
         meant = ours or (closest(self.word, words) if self._is_word() else None)
         if places and self.word not in words and (meant is None or meant.rstrip("s") != self.word):
-            return "FS008", f"'{shown}' cannot stand in {place}", move_inside(f"it belongs in {_either(places)}")
+            return "FS008", f"'{excerpt}' is not allowed in {place}", move_inside(f"it belongs in {_either(places)}")
         if meant is not None:
-            return "FS004", f"unknown statement '{shown}'", meant_word(meant, self.word)
+            return "FS004", f"unknown statement '{excerpt}'", meant_word(meant, self.word)
         if self._is_word() and words:
-            return "FS004", f"unknown statement '{shown}'", f"in {place} you can write: " + one_of(sorted(words))
-        return "FS003", f"unexpected `{shown}` in {place}", self._usage()
+            return "FS004", f"unknown statement '{excerpt}'", f"in {place} you can write: " + one_of(sorted(words))
+        return "FS003", f"unexpected `{excerpt}` in {place}", self._usage()
 
-    def _stray(self, shown: str, usage: HelpText) -> tuple[str, str, HelpText]:
+    def _stray(self, excerpt: str, usage: HelpText) -> tuple[str, str, HelpText]:
         if self.word == "'" and (closed := self._text.find("'", self.start + 1)) > 0:
             written = self._text[self.start : closed + 1]
             self.end = closed + 1
-            return "FS015", "texts stand in double quotes", meant_code(f'"{written[1:-1]}"')
+            return "FS015", "a text needs double quotes", meant_code(f'"{written[1:-1]}"')
         if self.word == "'":
-            return "FS015", "unexpected `'`", "texts stand in double quotes: " + write('"like this"')
+            return "FS015", "unexpected `'`", "write a text in double quotes: " + write('"like this"')
         parts = _HYPHENED.search(self._text[: self.start + _SHOWN], max(0, self.start - _SHOWN))
         if self.word == "-" and parts is not None and parts.start() < self.start < parts.end():
             self.start, self.end = parts.span()
             written = parts[0]
             return "FS015", f"unexpected `-` in `{written}`", meant_code(written.replace("-", "_"))
         if self.word == "-":
-            return "FS015", "unexpected `-`", "names are written with underscores: " + write("red_light")
+            return "FS015", "unexpected `-`", "write names with underscores: " + write("red_light")
         if self.word.isprintable():
-            return "FS015", f"unexpected character `{shown}`: expected {self._expected}", usage
+            return "FS015", f"unexpected character `{excerpt}`: expected {self._expected}", usage
         return "FS015", f"unexpected character U+{ord(self.word[0]):04X}", remove("remove it")
 
     @property
@@ -334,7 +338,7 @@ class Refusal:
         return "write it like " + write(example) if example else ""
 
     def _example(self) -> str:
-        """How what is at fault is written."""
+        """Return an example of the wrong statement or part."""
         first = re.match(r"[^\W\d]\w*", self._text)
         word = first[0] if first is not None else ""
         if self._rule == "traffic_item" and word == "models":
@@ -355,14 +359,14 @@ class Refusal:
 
 @cache
 def _usages() -> Mapping[str, str]:
-    """How each action is written, by its verb: the first example of its class's docstring."""
-    found: dict[str, str] = {}
+    """Return an example of each action, by its verb: the first example in its class's docstring."""
+    examples: dict[str, str] = {}
     for kind in m.ITEMS:
         verb = re.match(r"\{actor\} (\w+)", kind.pattern)
         example = re.match(r"`([^`]+)`", kind.__doc__ or "")
         if verb is not None and example is not None and not issubclass(kind, m.Phrase):
-            found.setdefault(verb[1], " ".join(example[1].split()))
-    return found
+            examples.setdefault(verb[1], " ".join(example[1].split()))
+    return examples
 
 
 def _usage_of(verb: str) -> str:

@@ -1,6 +1,7 @@
-"""Words and signs of other languages: what is written here instead.
+"""Recognises statements with words and signs of other languages, and tells how this language writes them.
 
-Programming languages, Scenic, ASAM OpenSCENARIO XML and DSL. Only statements that the grammar refused come here.
+The others are programming languages, Scenic, and ASAM OpenSCENARIO XML and DSL. Only statements that the grammar
+refused come here.
 """
 
 from __future__ import annotations
@@ -40,18 +41,19 @@ _OTHER_ACTIONS: Mapping[str, str] = MappingProxyType(
     }
 )
 _VERBS = ("starts", "stops", "leaves")
-"""Actions that need no more than their actor."""
+"""Actions that need only their actor."""
 _TURNS = re.compile(r"(?P<name>[^\W\d]\w*)\s+turns\s+(?P<colour>(?:to\s+)?(?:red|green|amber|yellow))\b")
 
 
 def foreign(text: str, rule: str, at: int) -> Foreign | None:
-    """Return what is said of a statement with something of another language, or None; `at`: where it was refused."""
+    """Return the message for a statement with words or signs of another language, or None; `at`: where the grammar
+    refused it."""
     word = re.match(r"[^\W\d]\w*", text)
     return (_statement(text, rule, word[0]) if word is not None else None) or sign(text, at) or inside(text, rule, at)
 
 
 def _statement(text: str, rule: str, word: str) -> Foreign | None:
-    """What is known by its first words."""
+    """Return the message for a statement that its first words tell, or None."""
     if rule == "action":
         return _action(text, word)
     plain = text.removesuffix(" {}")
@@ -70,95 +72,97 @@ _ROAD_ENDS = re.compile(r"road\s+(?P<name>\w+)\s+(?:from\s+)?(?P<one>\w+)\s*(?:-
 
 
 def _road(text: str) -> Foreign | None:
-    """A road whose ends are not said by `from` and `to`."""
-    found = _ROAD_ENDS.match(text)
-    if found is None or re.match(r"road\s+\w+\s+from\s+\w+\s+to\b", text):
+    """Return the message for a road whose ends are not written with `from` and `to`, or None."""
+    match = _ROAD_ENDS.match(text)
+    if match is None or re.match(r"road\s+\w+\s+from\s+\w+\s+to\b", text):
         return None
-    help = meant_code(f"road {found['name']} from {found['one']} to {found['other']}")
-    return Foreign(0, found.end(), f"`{found[0]}`: a road has its ends behind `from` and `to`", help)
+    help = meant_code(f"road {match['name']} from {match['one']} to {match['other']}")
+    return Foreign(0, match.end(), f"`{match[0]}`: write the ends of a road behind `from` and `to`", help)
 
 
 def _variable(text: str) -> Foreign | None:
     untyped = _UNTYPED.match(text)
     if untyped is not None:
-        known = UNITS.get(untyped["unit"] or "")
-        help = meant_code(f"{untyped[0]}: {known.dimension if known is not None else 'ratio'}")
-        return Foreign(0, untyped.end(), f"`{untyped[0]}`: a parameter has a type", help)
-    found = _PARAM.match(text)
-    if found is None:
+        declared = UNITS.get(untyped["unit"] or "")
+        help = meant_code(f"{untyped[0]}: {declared.dimension if declared is not None else 'ratio'}")
+        return Foreign(0, untyped.end(), f"`{untyped[0]}`: a parameter needs a type", help)
+    match = _PARAM.match(text)
+    if match is None:
         return None
-    unit = UNITS.get(found["unit"] or "")
-    param = f"param {found['name']}: {unit.dimension if unit is not None else 'ratio'} = {found['value'].strip()}"
-    message = f"`{found['all']}`: a value with a name is a parameter"
-    return Foreign(0, len(found["all"]), message, meant_code(param))
+    unit = UNITS.get(match["unit"] or "")
+    param = f"param {match['name']}: {unit.dimension if unit is not None else 'ratio'} = {match['value'].strip()}"
+    message = f"`{match['all']}`: a value with a name is a parameter"
+    return Foreign(0, len(match["all"]), message, meant_code(param))
 
 
 def _expectation(text: str) -> Foreign | None:
-    found = _ALWAYS.match(text)
-    if found is None:
+    match = _ALWAYS.match(text)
+    if match is None:
         return None
-    message = f"`{found[0]}`: what is to hold while it runs is an expectation"
-    return Foreign(0, found.end(), message, meant_code(f"expect {found['how']}"))
+    message = f"`{match[0]}`: a condition that is to hold in the run is an expectation"
+    return Foreign(0, match.end(), message, meant_code(f"expect {match['how']}"))
 
 
 def _spawned(text: str) -> Foreign | None:
-    found = _SPAWN.match(text)
-    if found is None:
+    match = _SPAWN.match(text)
+    if match is None:
         return None
-    message = f"`{found[0]}`: an actor is there from the beginning"
-    return Foreign(0, found.end(), message, meant_code(found["kind"]))
+    message = f"`{match[0]}`: an actor is declared without such a word, and exists from the beginning"
+    return Foreign(0, match.end(), message, meant_code(match["kind"]))
 
 
 def _scenic(text: str) -> Foreign | None:
-    found = _SCENIC.match(text)
-    if found is None:
+    match = _SCENIC.match(text)
+    if match is None:
         return None
-    kind, model = SCENIC_CLASSES.get(found["kind"], ("vehicle", "car.sedan"))
-    name = "ego" if found["name"] == "ego" else f"{kind} {found['name'] or 'other'}"
-    named = re.match(r"\s+([a-z]\w*)\s*(?:\{\})?$", text[found.end("kind") :])
-    if named is not None and not found["name"]:
+    kind, model = SCENIC_CLASSES.get(match["kind"], ("vehicle", "car.sedan"))
+    name = "ego" if match["name"] == "ego" else f"{kind} {match['name'] or 'other'}"
+    named = re.match(r"\s+([a-z]\w*)\s*(?:\{\})?$", text[match.end("kind") :])
+    if named is not None and not match["name"]:
         help = meant_code(f"{kind} {named[1]}: {model}")
-        end = found.end("kind") + named.end(1)
-        written = text[found.start("kind") : end]
-        return Foreign(found.start("kind"), end, f"`{written}`: this is a class of Scenic", help)
-    help = "an actor is a block: " + write(f"{name}: {model} {{ start at 20 m along ego.route }}")
-    return Foreign(found.start("kind"), found.end("kind"), f"`{found['kind']}` is a class of Scenic", help)
+        end = match.end("kind") + named.end(1)
+        written = text[match.start("kind") : end]
+        return Foreign(match.start("kind"), end, f"`{written}`: this is a class of Scenic", help)
+    help = "write an actor as a block: " + write(f"{name}: {model} {{ start at 20 m along ego.route }}")
+    return Foreign(match.start("kind"), match.end("kind"), f"`{match['kind']}` is a class of Scenic", help)
 
 
 def _kind(word: str) -> Foreign | None:
     kind = ACTORS.get(word.lower())
     if kind is None:
         return None
-    message = f"`{word}` is no kind of actor"
+    message = f"`{word}` is not a kind of actor"
     return Foreign(0, len(word), message, meant_code(kind))
 
 
 def _of_weather(text: str) -> Foreign | None:
-    """What is said of the weather, without the word."""
-    found = re.match(r"(?P<word>rain|fog|wetness|sun)\b\s*=?\s*(?P<number>[0-9][0-9.]*)?", text)
-    if found is None:
+    """Return the message for a statement about the weather without `weather`, or None."""
+    match = re.match(r"(?P<word>rain|fog|wetness|sun)\b\s*=?\s*(?P<number>[0-9][0-9.]*)?", text)
+    if match is None:
         return None
-    help = meant_code(f"weather {found['word']} {found['number'] or '0.5'}")
-    return Foreign(0, len(text), f"`{found['word']}` is said of the weather, by a number from 0 to 1", help)
+    help = meant_code(f"weather {match['word']} {match['number'] or '0.5'}")
+    message = f"`{match['word']}` is a part of `weather`, with a number from 0 to 1"
+    return Foreign(0, len(text), message, help)
 
 
 _TOLD = re.compile(r"[a-z]\w*\s+(?:changes|follows|keeps|leads|leaves|matches|reverses|starts|stops|turns)\b[^{}]*$")
 
 
 def _at_once(text: str) -> Foreign | None:
-    """An action outside a trigger."""
+    """Return the message for an action outside a trigger, or None."""
     if _TOLD.match(text) is None:
         return None
-    said = text.strip()
-    return Foreign(0, len(text), "an action stands in a trigger", meant_code(f"when time >= 0 s {{ {said} }}"))
+    action = text.strip()
+    return Foreign(0, len(text), "an action belongs in a trigger", meant_code(f"when time >= 0 s {{ {action} }}"))
 
 
 def _assigned(text: str) -> Foreign | None:
-    found = _ASSIGNED.match(text)
-    if found is None:
+    match = _ASSIGNED.match(text)
+    if match is None:
         return None
-    what = {"end": "end after", "start": "start speed"}.get(found["what"], found["what"])
-    return Foreign(0, len(found[0]), f"`{found[0]}`: nothing is assigned here", meant_code(f"{what} {found['rest']}"))
+    what = {"end": "end after", "start": "start speed"}.get(match["what"], match["what"])
+    message = f"`{match[0]}`: this statement has no `{match['sign']}`"
+    return Foreign(0, len(match[0]), message, meant_code(f"{what} {match['rest']}"))
 
 
 def _first(text: str, rule: str, word: str) -> Foreign | None:
@@ -168,12 +172,8 @@ def _first(text: str, rule: str, word: str) -> Foreign | None:
     if word in OPENSCENARIO:
         message, help, ours = f"`{word}` is a word of OpenSCENARIO's files", OPENSCENARIO[word], ""
     elif rule == "actor_item" and _ACTION.match(text) is not None:
-        help = (
-            as_trigger("what it does stands in a trigger")
-            + " of the scenario: "
-            + write("when time >= 0 s { lead stops }")
-        )
-        message = f"`{word}` is an action, and this block says how the actor begins"
+        help = as_trigger("write it in a trigger") + " of the scenario: " + write("when time >= 0 s { lead stops }")
+        message = f"`{word}` is an action, but this block describes how the actor begins"
     elif ours and rule in TOP:
         help = meant_code(ours)
     elif ours or rule not in (*TOP, "actor_item", "junction_item"):
@@ -182,29 +182,24 @@ def _first(text: str, rule: str, word: str) -> Foreign | None:
 
 
 def _action(text: str, word: str) -> Foreign | None:
-    if (found := _WAIT.match(text)) is not None and not text[found.end() :].strip()[:1].isdigit():
-        message = f"`{found[0]}`: a wait has a time; what waits for a condition is a block"
+    if (match := _WAIT.match(text)) is not None and not text[match.end() :].strip()[:1].isdigit():
+        message = f"`{match[0]}`: `wait` takes a time; to wait for a condition, write a block"
         return Foreign(
             0,
-            found.end(),
+            match.end(),
             message,
             "write `then when CONDITION { ... }`, such as " + write("then when ego.speed < 3 m/s { lead stops }"),
         )
-    if (found := _TURNS.match(text)) is not None:
-        turns = f"{found['name']} turns to ns_go"
-        which = (
-            "name the stage, and behind it one of its lights if need be: "
-            + write(turns)
-            + " or "
-            + write(f"{turns} amber")
-        )
-        message = "a signal shows each way another light, so it turns to one of its stages"
-        return Foreign(found.start("colour"), found.end("colour"), message, which)
+    if (match := _TURNS.match(text)) is not None:
+        turns = f"{match['name']} turns to ns_go"
+        which = "name the stage, and behind it a colour if needed: " + write(turns) + " or " + write(f"{turns} amber")
+        message = "a signal shows different lights to different ways, so it turns to one of its stages"
+        return Foreign(match.start("colour"), match.end("colour"), message, which)
     ours, help = ("when", "") if word == "when" else FIRST.get(word, ("", ""))
     if ours == "when":
-        said = f"`{word}` is a word of other languages"
-        said = "`when` begins a trigger, and this is one already" if word == "when" else said
-        return Foreign(0, len(word), said, meant_code("then when"))
+        remark = f"`{word}` is a word of other languages"
+        remark = "`when` begins a trigger, but this is already inside one" if word == "when" else remark
+        return Foreign(0, len(word), remark, meant_code("then when"))
     if help and not re.match(r"\w+\s+(?:starts|stops|changes|meets|ignores)\b", text):
         return Foreign(0, len(word), f"`{word}` is a word of other languages", help)
     return _told(text) or _other_verb(text)
@@ -216,7 +211,7 @@ def _other_verb(text: str) -> Foreign | None:
         return None
     verb = second["verb"]
     help = meant_code(_OTHER_ACTIONS[verb])
-    return Foreign(second.start("verb"), second.end("verb"), f"`{verb}` is no action", help)
+    return Foreign(second.start("verb"), second.end("verb"), f"`{verb}` is not an action", help)
 
 
 _CALLED = re.compile(r"(?P<who>[a-z]\w*)\.(?P<verb>[a-z]+)\w*\s*\([^()]*\)")
@@ -225,25 +220,26 @@ _DOOR = re.compile(r"(?P<who>[a-z]\w*)\s+(?P<verb>opens|closes)\s+(?:(?:the|its)
 
 
 def _told(text: str) -> Foreign | None:
-    """An action whose words are in another order: `child.start()`, `start child`, `van opens door`."""
+    """Return the message for an action with another order of words, or None: `child.start()`, `start child`, `van
+    opens door`."""
     door = _DOOR.match(text)
     if door is not None:
         help = meant_code(f"door of {door['who']} {door['verb']}")
-        return Foreign(0, door.end(), f"`{door[0]}`: a door opens by itself", help)
-    found = _CALLED.match(text) or _VERB_FIRST.match(text)
-    verb = closest(found["verb"], _VERBS) if found is not None else None
-    if found is None or verb is None:
+        return Foreign(0, door.end(), f"`{door[0]}`: name the door first, then what it does", help)
+    match = _CALLED.match(text) or _VERB_FIRST.match(text)
+    verb = closest(match["verb"], _VERBS) if match is not None else None
+    if match is None or verb is None:
         return None
-    message = f"`{found[0]}`: first the actor, then what it does"
-    return Foreign(0, found.end(), message, meant_code(f"{found['who']} {verb}"))
+    message = f"`{match[0]}`: write the actor first, then what it does"
+    return Foreign(0, match.end(), message, meant_code(f"{match['who']} {verb}"))
 
 
 _COMMENT = re.compile(r'"[^"\n]*"?|#[^\n]*|(?P<line>//[^\n]*)|(?P<block>/\*(?:.|\n)*?(?:\*/|\Z))')
 
 
 def block_of(word: str) -> str | None:
-    """Return the rule of what stands in the braces behind a word of another language: "" for nothing that can be read,
-    None for a word that is not known here."""
+    """Return the rule for the statements in the braces behind a word of another language: "" if they cannot be read,
+    None for an unknown word."""
     if word in OPENSCENARIO:
         return ""
     if word.lower() in ACTORS:
@@ -252,25 +248,25 @@ def block_of(word: str) -> str | None:
 
 
 def without_comments(text: str) -> tuple[str, list[Foreign]]:
-    """Return a text in which the comments of other languages (`//`, `/* */`) are blanks, and what is said of each."""
-    found: list[Foreign] = []
+    """Return a text in which the comments of other languages (`//`, `/* */`) are blanks, and the message for each."""
+    comments: list[Foreign] = []
 
     def blank(match: re.Match[str]) -> str:
         if match["line"] is None and match["block"] is None:
             return match[0]
-        found.append(_comment(match))
+        comments.append(_comment(match))
         return re.sub(r"[^\n]", " ", match[0])
 
-    return _COMMENT.sub(blank, text), found
+    return _COMMENT.sub(blank, text), comments
 
 
 def _comment(match: re.Match[str]) -> Foreign:
     start, first = match.start(), match[0].split("\n")[0]
     if match["line"] is not None:
-        return Foreign(start, start + 2, "`//` begins no comment here", meant_code("#"))
+        return Foreign(start, start + 2, "`//` does not begin a comment", meant_code("#"))
     behind = match.string[match.end() :].split("\n")[0].strip()
     if behind or "\n" in match[0]:
         help = as_comment("begin each line of it with `#`") + "; a comment goes to the end of its line"
-        return Foreign(start, start + len(first), "`/*` begins no comment here", help)
-    said = first.removeprefix("/*").removesuffix("*/").strip()
-    return Foreign(start, start + len(first), f"`{first}` is no comment here", meant_code(f"# {said}".strip()))
+        return Foreign(start, start + len(first), "`/*` does not begin a comment", help)
+    remark = first.removeprefix("/*").removesuffix("*/").strip()
+    return Foreign(start, start + len(first), f"`{first}` is not a comment", meant_code(f"# {remark}".strip()))

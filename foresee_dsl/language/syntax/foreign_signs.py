@@ -1,4 +1,4 @@
-"""Signs, functions and calculations of other languages inside a statement."""
+"""Recognises signs, functions and calculations of other languages inside a statement."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SIGNS = (
         "==",
         re.compile(r"==(?=\s*-?[0-9])"),
         "",
-        "numbers are compared by " + write("<") + ", " + write("<=") + ", " + write(">") + " and " + write(">="),
+        "compare numbers with " + write("<") + ", " + write("<=") + ", " + write(">") + " or " + write(">="),
     ),
     ("==", re.compile(r"=="), "is", ""),
     (
@@ -25,16 +25,16 @@ _SIGNS = (
         + write("not")
         + " in front: "
         + write("not ego.signal(j4) is red")
-        + "; numbers are compared by "
+        + "; compare numbers with "
         + write("<")
-        + " and "
+        + " or "
         + write(">"),
     ),
     ("&&", re.compile(r"&&?"), "and", ""),
     ("||", re.compile(r"\|\|?"), "or", ""),
     ("!", re.compile(r"!\s*(\w+)"), r"not \1", ""),
 )
-"""Signs that have a word here: the sign, where it stands, the word, or else the help."""
+"""Signs that are words in this language: the sign, its pattern, and the word or else the help."""
 
 _WEATHERS = re.compile(rf"weather\s+(?:.*?,\s*)?(?P<word>{'|'.join(WEATHER)})\b\s*(?=,|$)")
 _PERCENT = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)\s*%(?P<of>\s*of\b)?")
@@ -89,45 +89,46 @@ _OF_OURS = {
     ("minimum", 2): "min({0}, {1})",
     ("maximum", 2): "max({0}, {1})",
 }
-"""Functions of other languages, with how many values they take, and how they are written here."""
+"""Functions of other languages, with their number of values, and how this language writes them."""
 
 
 def sign(text: str, at: int) -> Foreign | None:
-    """Signs of programming languages, at or right before the place where the statement was refused."""
+    """Return the message for a sign of programming languages at or right before a place, or None."""
     for written, pattern, ours, help in _SIGNS:
-        for found in pattern.finditer(text[:at] + text[at : at + _FAR]):
-            if found.start() <= at <= found.start() + len(written):
-                said = help or meant_code(found.expand(ours))
-                return Foreign(found.start(), found.end(), f"`{found[0]}`: signs of conditions are words here", said)
+        for match in pattern.finditer(text[:at] + text[at : at + _FAR]):
+            if match.start() <= at <= match.start() + len(written):
+                replacement = help or meant_code(match.expand(ours))
+                message = f"`{match[0]}`: conditions are joined by words, not by signs"
+                return Foreign(match.start(), match.end(), message, replacement)
     return None
 
 
 def _weather(text: str) -> Foreign | None:
-    found = _WEATHERS.match(text)
-    if found is None:
+    match = _WEATHERS.match(text)
+    if match is None:
         return None
-    said = f"`{found['word']}` is said by a number from 0 to 1"
-    return Foreign(found.start("word"), found.end("word"), said, meant_code(WEATHER[found["word"]]))
+    message = f"`{match['word']}` is written as a number from 0 to 1"
+    return Foreign(match.start("word"), match.end("word"), message, meant_code(WEATHER[match["word"]]))
 
 
 def _share(text: str, at: int) -> Foreign | None:
-    """A percentage: `50% of pace`."""
-    found = next((f for f in _PERCENT.finditer(text) if f.start() <= at <= f.end() + 1), None)
-    if found is None:
+    """Return the message for a percentage, or None: `50% of pace`."""
+    match = next((f for f in _PERCENT.finditer(text) if f.start() <= at <= f.end() + 1), None)
+    if match is None:
         return None
-    share = f"{Decimal(found['number']) / 100:f}"
-    written = found[0].rstrip()
-    times = " *" if found["of"] else ""
+    share = f"{Decimal(match['number']) / 100:f}"
+    written = match[0].rstrip()
+    times = " *" if match["of"] else ""
     return Foreign(
-        found.start(),
-        found.start() + len(written),
+        match.start(),
+        match.start() + len(written),
         f"`{written}`: a share is a plain number",
         meant_code(f"{share}{times}"),
     )
 
 
 def inside(text: str, rule: str, at: int) -> Foreign | None:
-    """What is at fault inside a statement, with values."""
+    """Return the message for a value or calculation in the form of another language, or None."""
     return (
         _weather(text)
         or _share(text, at)
@@ -142,17 +143,17 @@ def inside(text: str, rule: str, at: int) -> Foreign | None:
 
 
 def _behind_of(text: str) -> Foreign | None:
-    found = re.search(r"\bbehind\s+of\b", text)
-    if found is None:
+    match = re.search(r"\bbehind\s+of\b", text)
+    if match is None:
         return None
-    return Foreign(found.start(), found.end(), f"`{found[0]}` is one word too many", meant_code("behind"))
+    return Foreign(match.start(), match.end(), f"`{match[0]}` has a word too many", meant_code("behind"))
 
 
 def _plus(text: str, at: int) -> Foreign | None:
     plus = _PLUS.match(text, at)
     if plus is None or not re.search(r"\w\s*$", text[:at]):
         return None
-    return Foreign(at, plus.end(), f"`{plus[0]}`: a value has no `+` in front", meant_code(plus["value"]))
+    return Foreign(at, plus.end(), f"`{plus[0]}`: write a value without `+`", meant_code(plus["value"]))
 
 
 def _one_value(text: str, at: int) -> Foreign | None:
@@ -160,20 +161,20 @@ def _one_value(text: str, at: int) -> Foreign | None:
     if alone is None or text[at : at + 1] != ")":
         return None
     help = "write " + write(f"{alone['name']}({alone['value'].strip()}, 2 s)") + ", for example"
-    return Foreign(alone.start(), at + 1, f"`{alone['name']}` takes two values or more", help)
+    return Foreign(alone.start(), at + 1, f"`{alone['name']}` needs two values or more", help)
 
 
 def _power(text: str, at: int) -> Foreign | None:
-    found = next((f for f in _POWER.finditer(text) if f.start() <= at <= f.end()), None)
-    if found is None:
+    match = next((f for f in _POWER.finditer(text) if f.start() <= at <= f.end()), None)
+    if match is None:
         return None
     whole = _RAISED.search(text)
-    if whole is not None and whole.start() <= found.start() < whole.end():
+    if whole is not None and whole.start() <= match.start() < whole.end():
         base, times = whole["base"].strip(), int(whole["times"])
         help = meant_code(" * ".join([base] * times))
-        return Foreign(whole.start(), whole.end(), f"`{whole[0]}`: there is no `{found[0]}`", help)
+        return Foreign(whole.start(), whole.end(), f"`{whole[0]}`: the language has no `{match[0]}`", help)
     help = "multiply: " + write("speed * speed") + " is a speed squared"
-    return Foreign(found.start(), found.end(), f"there is no `{found[0]}`", help)
+    return Foreign(match.start(), match.end(), f"the language has no `{match[0]}`", help)
 
 
 def _function(text: str, at: int) -> Foreign | None:
@@ -182,14 +183,14 @@ def _function(text: str, at: int) -> Foreign | None:
         return None
     message = f"there is no function `{called['name']}`"
     closed = text.find(")", at)
-    given = [part.strip() for part in text[at + 1 : closed].split(",")] if closed > at else []
-    ours = _OF_OURS.get((called["name"], len(given)))
+    arguments = [part.strip() for part in text[at + 1 : closed].split(",")] if closed > at else []
+    ours = _OF_OURS.get((called["name"], len(arguments)))
     if ours is not None and "(" not in text[at + 1 : closed]:
-        help = meant_code(ours.format(*given))
+        help = meant_code(ours.format(*arguments))
         return Foreign(called.start(), closed + 1, f"{message}: `{text[called.start() : closed + 1]}`", help)
     if called["name"] in _DRAWN:
         help = (
-            "a parameter is drawn: "
+            "draw a parameter: "
             + write("param gap: time = 1.5 s in 0 s..4 s as uniform")
             + ", with "
             + write("cases 20 from seed 7")
@@ -204,19 +205,19 @@ def _measured_left(text: str, rule: str, at: int) -> Foreign | None:
     if measured is None or text[at : at + 1] not in ("+", "-", "*", "/") or rule not in (*TOP, "action"):
         return None
     help = "calculate on the other side, with parameters and values: " + write("ego.eta(j4) < gap + 1 s")
-    message = f"`{measured['what']}` is measured while it runs: nothing is calculated with it"
+    message = f"`{measured['what']}` is measured in the run, so a calculation cannot use it"
     return Foreign(measured.start("what"), measured.end("what"), message, help)
 
 
 def _measured_right(text: str, rule: str, at: int) -> Foreign | None:
-    found = _MEASURED.match(text, max(0, text.rfind(" ", 0, at) + 1))
-    if found is None or rule not in (*TOP, "action"):
+    match = _MEASURED.match(text, max(0, text.rfind(" ", 0, at) + 1))
+    if match is None or rule not in (*TOP, "action"):
         return None
-    if re.search(r"(?:[<>]=?|[-+*/(,])\s*$", text[: found.start()]) is None:
+    if re.search(r"(?:[<>]=?|[-+*/(,])\s*$", text[: match.start()]) is None:
         return None
-    what = found[0].rpartition(".")[2]
+    what = match[0].rpartition(".")[2]
     example = {"speed": "50 km/h", "acceleration": "3 m/s^2", "eta": "2.5 s"}.get(what, "12 m")
     measures = "relative_speed(a, b), headway(a, b), distance(a, b)"
-    help = "write a value such as " + write(example) + f"; of two actors there are {measures}"
-    message = f"`{found[0]}` is measured while it runs, and a value belongs here"
-    return Foreign(found.start(), found.end(), message, help)
+    help = "write a value such as " + write(example) + f"; between two actors there are {measures}"
+    message = f"`{match[0]}` is measured in the run, but a value is needed here"
+    return Foreign(match.start(), match.end(), message, help)

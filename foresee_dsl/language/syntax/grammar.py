@@ -1,4 +1,4 @@
-"""The parser made from `grammars/foresee.lark`: built once, then read from a private cache."""
+"""The parser for `grammars/foresee.lark`: built once, then read from a private cache."""
 
 from __future__ import annotations
 
@@ -42,15 +42,16 @@ PLACES = MappingProxyType(
         "header": "the first line",
     }
 )
-"""What a block is called, by the rule of its statements."""
+"""The name of each block in messages, by the rule of its statements."""
 STARTS = (*PLACES, *(m.rule_of(kind) for kind in get_args(m.Definition)))
-"""What can be parsed on its own, besides a file, to find further errors: one statement of a block, a definition."""
+"""Rules that can be parsed on their own, besides a file, to find further errors: a statement of a block, a
+definition."""
 
 _comments: ContextVar[list[Token]] = ContextVar("comments")
 
 
 class WholeWords:
-    """Has the lexer read whole words everywhere: a keyword ends where its word does."""
+    """Makes the lexer read whole words at every place: a keyword ends where its word ends."""
 
     always_accept = ("WORD",)
 
@@ -73,7 +74,7 @@ def parse_tree(text: str, start: str = "file") -> tuple[Tree[Token], list[Token]
 
 @functools.cache
 def parser() -> Lark:
-    """Return the parser of whole files; from the cache in about 30 ms, else built in about 300 ms and put there if
+    """Return the parser of whole files: from the cache in about 30 ms, otherwise built in about 300 ms and stored if
     possible."""
     return _cached(("file",))
 
@@ -122,12 +123,12 @@ def _build(grammar: str, starts: tuple[str, ...]) -> Lark:
         propagate_positions=True,
         maybe_placeholders=True,
         lexer_callbacks={"COMMENT": _collect},
-        postlex=WholeWords(),  # of its interface only `always_accept` is meant
+        postlex=WholeWords(),  # used only for its `always_accept`
     )
 
 
 def _collect(token: Token) -> Token:
-    found = _comments.get(None)  # None: the text behind an error is parsed without collecting comments
-    if found is not None:
-        found.append(token)
+    comments = _comments.get(None)  # None: the text behind an error is parsed without collecting comments
+    if comments is not None:
+        comments.append(token)
     return token

@@ -1,4 +1,4 @@
-"""A node: one item of the model to be, with the places of its parts; and an error that was seen on the way."""
+"""The records between the tree and the model: a node with the places of its parts, and an error in the text."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Key = tuple[str | int, ...]
 
 @dataclass(slots=True)
 class Node:
-    """One item of the model to be: its class, the place of the whole statement, and its fields.
+    """One future item of the model: its class, the place of the whole statement, and its fields.
 
     Attributes:
         fields: raw values by name: str, Decimal, bool, Node, or a tuple of these.
-        places: where each field stands (`green`, and `green.1` for the second element).
-        lines: the statements inside its braces: their key in the model's path, their place, their node if they are
-        items themselves.
-        block: where its braces are, if it has any.
+        places: the place of each field (`green`, and `green.1` for the second element).
+        lines: for each statement inside its braces: its key in the model's path, its place, and its node if it is an
+            item itself.
+        block: the place of its braces, if it has any.
     """
 
     kind: type[m.Item]
@@ -34,7 +34,7 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class TextError:
-    """Something wrong that was seen on the way; the parser adds the file and the source line."""
+    """An error in the text; the parser adds the file and the source line."""
 
     code: str
     message: str

@@ -1,4 +1,4 @@
-"""From Lark's tree to positioned nodes: which rule makes which class of the model, and where each field stands."""
+"""Turns Lark's tree into nodes with places: the class of the model for each rule, and the place of each field."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ _Child = _Tree | Token | None
 
 _BEHIND_SPEED = re.compile(r"(\w+)\.speed")
 _BEHIND_DOT = re.compile(r"\{actor\}\.\]?(\w+)")
-"""What stands behind an actor's name and a dot in a pattern."""
+"""The word behind an actor's name and a dot in a pattern."""
 _MEANT_PROPERTIES = {
     **dict.fromkeys(("velocity", "v", "pace", "vel", "speed_mps"), "speed"),
     **dict.fromkeys(("accel", "deceleration", "decel", "a", "braking"), "acceleration"),
     **dict.fromkeys(("lateral_offset", "y_offset"), "offset"),
     **dict.fromkeys(("arrival", "time_to", "tta"), "eta"),
 }
-"""What properties are called elsewhere."""
+"""Names of properties in other languages, with ours."""
 _PLACES_OF_ACTORS = ("x", "y", "position", "pos", "location", "place", "lane", "road", "edge", "junction")
 _READ_OFF = ("speed", "acceleration", "offset")
 """Measures of one actor that take no argument."""
 MAX_DEPTH = 40
-"""How deep conditions may nest (ours: far beyond what a person reads, far below Python's recursion limit)."""
+"""Maximum nesting of conditions (ours: far more than people write, far below Python's recursion limit)."""
 
 
 class _AnyName(frozenset[str]):
@@ -48,18 +48,18 @@ class _AnyName(frozenset[str]):
 
 
 ANY_NAME: frozenset[str] = _AnyName()
-"""The parameters of a scenario that extends another: a word may be one of the other's, which are not in this file.
+"""The parameters of a scenario that extends another: a word may be a parameter of the other, in another file.
 
-A word that turns out to be no parameter becomes a name again when the two are joined (`extend.extended`).
+A word that is not a parameter becomes a name again when the two scenarios are joined (`extend.extended`).
 """
 
 
 _TURNS = form_of(m.Leg, "turn").words
 RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
-"""Words that are never read as a parameter's name, wherever they stand; so no parameter can have one as its name."""
+"""Words that are never read as a parameter's name, at any place; so no parameter can have such a name."""
 
 _KINDS = MappingProxyType({m.rule_of(kind): kind for kind in m.ITEMS})
-"""Which class a rule of the grammar makes."""
+"""The class of the model for each rule of the grammar."""
 _CALCULATED = frozenset({"calculation", "negative", "extreme"})
 _WORKED_OUT = _CALCULATED | {"ref"}
 _NESTED = _CALCULATED | {"either", "both", "not", "sustained", "then"}
@@ -72,13 +72,13 @@ def _slots_of(pattern: str) -> tuple[Slot, ...]:
 
 
 def span_of(thing: _Tree | Token) -> Span:
-    """Return where a tree or token stands."""
+    """Return the place of a tree or token."""
     at = thing.meta if isinstance(thing, Tree) else thing
     return Span(at.line or 1, at.column or 1, at.end_line or 1, at.end_column or 1)
 
 
 class NodeMaker:
-    """Turns the tree of one file into nodes, and collects the errors that can be seen from the tree's form alone."""
+    """Turns the tree of one file into nodes, and collects the errors that the tree's form alone shows."""
 
     def __init__(self, tree: _Tree) -> None:
         self.errors: list[TextError] = []
@@ -86,7 +86,7 @@ class NodeMaker:
         self.stated: list[Node] = []
         """The statements of parameters and of drawn cases."""
         self.settles = False
-        """Whether they hold expressions, which `parameters.settle` evaluates once all nodes are made."""
+        """True if these statements have expressions, which `parameters.settle` evaluates after all nodes are made."""
         extends = any(part.data == "extension" for part in _trees(tree.children))
         self._parameters = ANY_NAME if extends else frozenset(_parameter_names(tree))
         self.calculates = False
@@ -129,7 +129,7 @@ class NodeMaker:
     # ---- the general case -----------------------------------------------------------------------------------------
 
     def _made(self, tree: _Tree, children: Sequence[_Child]) -> Node:
-        """Make a node of a tree's class; None among the children is a field that is not given."""
+        """Make a node of a tree's class; None among the children is an absent field."""
         node = Node(_KINDS[str(tree.data)], span_of(tree))
         slots = _slots_of(node.kind.pattern)
         node.fields |= {slot.field: () for slot in slots[len(children) :] if slot.between is not None}
@@ -151,8 +151,8 @@ class NodeMaker:
             self._put_all(node, name, [c for c in child.children if c is not None])
             node.places[name] = span_of(child)
         elif isinstance(child, Token) and child.type == "DOTTED" and form.form is Form.NAME:
-            found = _BEHIND_DOT.search(node.kind.pattern)
-            self._dotted(child, node, name, (found[1],) if found is not None else ())
+            match = _BEHIND_DOT.search(node.kind.pattern)
+            self._dotted(child, node, name, (match[1],) if match is not None else ())
         else:
             node.fields[name] = self._value(form, child)
 
@@ -166,26 +166,26 @@ class NodeMaker:
             node.places[name] = Span(first.line, first.column, last.end_line, last.end_column)
 
     def _put_block(self, node: Node, block: _Tree) -> None:
-        """Divide the lines of a block: statements go into the field that the pattern names, settings give a field of
-        the node itself."""
+        """Put the lines of a block into a node: statements into the field that the pattern names, settings into their
+        own fields."""
         node.block = span_of(block)
-        made: list[Node] = []
+        statements: list[Node] = []
         body = read_pattern(node.kind.pattern).body
         for child in _trees(block.children):
             if child.data == "setting":
                 self._put_setting(node, child)
                 node.lines.append(((str(child.children[0]),), span_of(child), None))
             else:
-                made.append(self.make(child))
-                node.lines.append(((body, len(made) - 1), made[-1].span, made[-1]))
+                statements.append(self.make(child))
+                node.lines.append(((body, len(statements) - 1), statements[-1].span, statements[-1]))
         if body:
-            node.fields[body] = tuple(made)
+            node.fields[body] = tuple(statements)
 
     def _put_setting(self, node: Node, setting: _Tree) -> None:
         word, value, *rest = setting.children
         name, place = str(word), span_of(setting)
         if name in node.fields:
-            self._error("FS013", f"'{name}' is given twice", remove("keep one of the two"), place)
+            self._error("FS013", f"'{name}' is written twice", remove("keep one of the two"), place)
         if value is None:  # `crossings` without a list
             node.fields[name], node.places[name] = (), place
         else:
@@ -195,11 +195,11 @@ class NodeMaker:
             self._error("FS006", f"traffic cannot be around '{rest[0]}'", help, span_of(_token(rest[0])))
 
     def _value(self, form: FieldForm, child: _Tree | Token) -> Node | str:
-        """The node of a tree, or the text of a token; a parameter's name where one may stand."""
+        """Return the node of a tree, or the text of a token; a parameter's name, where allowed, becomes a reference."""
         if isinstance(child, Tree):
             return self.make(child)
-        known = form.form is Form.MODEL or (str(child) in self._parameters and str(child) not in RESERVED)
-        if form.parameter and child.type == "NAME" and known:
+        refers = form.form is Form.MODEL or (str(child) in self._parameters and str(child) not in RESERVED)
+        if form.parameter and child.type == "NAME" and refers:
             return Node(m.Ref, span_of(child), {"name": str(child)})
         return _text(child)
 
@@ -218,7 +218,7 @@ class NodeMaker:
             self._error("FS005", f"`{written}`: a share is a plain number", meant_code(share), node.span)
             return Node(m.Quantity, node.span)
         if str(unit) not in UNITS and self._parameters is not ANY_NAME and str(unit) in self._parameters:
-            message = f"between `{number}` and '{unit}' the sign is missing"
+            message = f"the sign between `{number}` and '{unit}' is missing"
             self._error("FS060", message, meant_code(f"{number} * {unit}"), node.span)
             return Node(m.Quantity, node.span)
         node.fields["unit"] = str(unit)
@@ -231,10 +231,10 @@ class NodeMaker:
         operands, signs = tree.children[::2], tree.children[1::2]
         if len(operands) > MAX_DEPTH:
             message = f"a calculation of {len(operands)} values"
-            self._error("FS018", message, f"at most {MAX_DEPTH} are read: split it", span_of(tree))
+            self._error("FS018", message, f"use at most {MAX_DEPTH}: split it", span_of(tree))
             operands = operands[:1]
-        made = [(self.make(operand), _with_brackets(operand)) for operand in operands if isinstance(operand, Tree)]
-        return calculation(made, [(str(s), span_of(_token(s))) for s in signs[: len(made) - 1]])
+        nodes = [(self.make(operand), _with_brackets(operand)) for operand in operands if isinstance(operand, Tree)]
+        return calculation(nodes, [(str(s), span_of(_token(s))) for s in signs[: len(nodes) - 1]])
 
     def _negative(self, tree: _Tree) -> Node:
         from foresee_dsl.language.syntax.calculations import negative
@@ -249,11 +249,11 @@ class NodeMaker:
             speeds = [_BEHIND_SPEED.fullmatch(_as_text(side)) for side in _trees(tree.children)]
             if speeds[0] is not None and speeds[1] is not None:
                 help = meant_code(f"relative_speed({speeds[0][1]}, {speeds[1][1]}) {op} 0 m/s")
-            self._error("FS061", "both sides of this are measured while it runs", help, span_of(tree))
+            self._error("FS061", "both sides of this comparison are measured in the run", help, span_of(tree))
         elif measured and isinstance(left, Tree) and isinstance(right, Tree):
             turned = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}[str(op)]
             help = meant_code(f"{_as_text(right)} {turned} {_as_text(left)}")
-            self._error("FS061", "what is measured while it runs stands on the left", help, span_of(tree))
+            self._error("FS061", "a quantity that is measured in the run belongs on the left", help, span_of(tree))
         else:
             return self._made(tree, tree.children)
         return Node(m.Comparison, span_of(tree))
@@ -262,32 +262,33 @@ class NodeMaker:
         return self._made(tree, [_word_of_ref(child) for child in tree.children])
 
     def _dotted(self, token: Token, node: Node, name: str, properties: tuple[str, ...], argument: str = "") -> str:
-        """Split `ego.route`: put the actor into field `name`, return the property, which must be one of some."""
-        actor, _, found = str(token).partition(".")
+        """Split `ego.route`: put the actor into field `name` and return the property; report one not in `properties`
+        (empty: any)."""
+        actor, _, word = str(token).partition(".")
         node.fields[name] = actor
         whole = span_of(token)
         dot = whole.column + len(actor)
         node.places[name] = Span(whole.line, whole.column, whole.line, dot)
-        if properties and found not in properties:
+        if properties and word not in properties:
             self._unknown_property(
-                actor, found, properties, Span(whole.line, dot + 1, whole.line, whole.end_column), argument
+                actor, word, properties, Span(whole.line, dot + 1, whole.line, whole.end_column), argument
             )
-        return found
+        return word
 
     def _unknown_property(
-        self, actor: str, found: str, properties: tuple[str, ...], place: Span, argument: str = ""
+        self, actor: str, word: str, properties: tuple[str, ...], place: Span, argument: str = ""
     ) -> None:
-        if found in (*m.BETWEEN_ACTORS, "distance") and "speed" in properties:
+        if word in (*m.BETWEEN_ACTORS, "distance") and "speed" in properties:
             other = argument or next((name for name in self._actors() if name != actor), "lead")
             whole = Span(place.line, place.column - len(actor) - 1, place.line, place.end_column)
-            help: HelpText = meant_code(f"{found}({actor}, {other})")
-            self._error("FS006", f"`{actor}.{found}`: this is between two", help, whole)
+            help: HelpText = meant_code(f"{word}({actor}, {other})")
+            self._error("FS006", f"`{actor}.{word}`: this is measured between two actors", help, whole)
             return
-        help = did_you_mean(_MEANT_PROPERTIES.get(found, found), properties) or "known are " + one_of(properties)
-        if found in _PLACES_OF_ACTORS and "eta" in properties:
+        help = did_you_mean(_MEANT_PROPERTIES.get(word, word), properties) or "write one of " + one_of(properties)
+        if word in _PLACES_OF_ACTORS and "eta" in properties:
             places = (f"{actor} within 5 m of (20 m, 0 m)", f"{actor} in junction j4", f"{actor} in lane 1")
-            help = "ask for a place, such as " + write("` or `".join(places))
-        self._error("FS006", f"unknown property '{found}' of '{actor}'", help, place)
+            help = "write a condition about a place, such as " + write("` or `".join(places))
+        self._error("FS006", f"unknown property '{word}' of '{actor}'", help, place)
 
     def _actors(self) -> Iterator[str]:
         """Yield the names of the actors, the ego last."""
@@ -325,12 +326,12 @@ class NodeMaker:
         deviation, whose, ego = tree.children
         if whose is not None and str(whose) != "ego":
             help = "write it like " + write("fidelity 0.00 m ego 0.12 m")
-            message = f"a clip's fidelity tells of the ego, not of '{whose}'"
+            message = f"a clip's fidelity is that of the ego, not of '{whose}'"
             self._error("FS003", message, help, span_of(_token(whose)))
         return self._made(tree, (deviation, ego))
 
     def _holding(self, tree: _Tree) -> Node:
-        """Return the statement behind `add` or `change`: its lines count as those of the `add` or `change`."""
+        """Return the node of `add` or `change`, which also has the lines of the statement behind it."""
         held = self.make(next(_trees(tree.children)))
         node = Node(_KINDS[tree.data], span_of(tree), {"item": held}, {"item": held.span}, block=held.block)
         node.lines = [(("item", *key), span, inner) for key, span, inner in held.lines]
@@ -347,11 +348,11 @@ class NodeMaker:
         return node
 
     def _change(self, tree: _Tree) -> Node:
-        what, *rest = tree.children  # WAS, NOW, from, for; fewer while somebody types
+        what, *rest = tree.children  # WAS, NOW, from, for; fewer while the author still types
         node = self._made(tree, (None, None, *map(_word_of_ref, rest[:2]), *rest[2:]))
         token = _token(what)
-        known = m.changeable_of(str(token).partition(".")[0])
-        node.fields["property"] = self._dotted(token, node, "actor", known)
+        properties = m.changeable_of(str(token).partition(".")[0])
+        node.fields["property"] = self._dotted(token, node, "actor", properties)
         node.places["property"] = span_of(token)
         return node
 
@@ -377,7 +378,7 @@ class NodeMaker:
         return node
 
     def _word_or_ref(self, child: _Child, *, numbers: bool) -> _Child:
-        """Return a value of a parameter; a bare name is another parameter's where a number belongs."""
+        """Return a value of a parameter; in the place of a number, a bare name refers to another parameter."""
         if not isinstance(child, Tree) or child.data != "ref":
             return child
         return child if numbers and str(child.children[0]) in self._parameters else _word_of_ref(child)
@@ -403,10 +404,10 @@ class NodeMaker:
 
 
 def _with_brackets(tree: _Tree) -> Span:
-    """Return where a value stands, with the brackets around it."""
-    found = span_of(tree)
+    """Return the place of a value, with the brackets around it."""
+    span = span_of(tree)
     ends = [getattr(tree.meta, f"container_{name}", None) for name in ("line", "column", "end_line", "end_column")]
-    return Span(*(int(end) for end in ends if end is not None)) if None not in ends else found
+    return Span(*(int(end) for end in ends if end is not None)) if None not in ends else span
 
 
 def _text(token: Token) -> str:
@@ -414,12 +415,13 @@ def _text(token: Token) -> str:
 
 
 def _token(child: object) -> Token:
-    """Return a child that the grammar makes a token; for the type checker."""
+    """Return a child that is always a token by the grammar; for the type checker."""
     return cast(Token, child)
 
 
 def _word_of_ref(child: _Child) -> _Child:
-    """Return a bare name that may be a word or a parameter: which one is known once the parameters' types are."""
+    """Return a bare name as a token: whether it is a word or a parameter depends on the parameters' types, which are
+    read later."""
     return child.children[0] if isinstance(child, Tree) and child.data == "ref" else child
 
 

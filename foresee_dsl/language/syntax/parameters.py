@@ -1,4 +1,4 @@
-"""What is worked out in the statements that define parameters and draw cases: values, by the parameters' defaults."""
+"""Evaluates the expressions in the statements that define parameters and draw cases, with the parameters' defaults."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from foresee_dsl.language.units import SI_WORD, Dimension
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Ref)
 _Slot = tuple[Node, str, int | None]
-"""A value in a statement: the node that has it, the field, and its number in a list."""
+"""A value in a statement: its node, its field, and its index in a list."""
 
 
 def settle(statements: Sequence[Node], *, whole: bool, partial: bool = False) -> list[TextError]:
-    """Put what each value in the `param` and `cases` statements of a file comes to, with how it is written, in its
-    place; return what is wrong.
+    """Replace each expression in the `param` and `cases` statements of a file by its result (with its text), and
+    return the errors.
 
     Args:
-        whole: every parameter is in this file (in an extension they are not).
-        partial: some statements could not be read: what is worked out of their parameters has some value, not known.
+        whole: True if every parameter is in this file (in an extension they are not).
+        partial: True if some statements could not be read; calculations with their parameters then get an arbitrary
+            value.
     """
     settler = _Settler(statements, whole=whole)
     settler.settle()
@@ -44,7 +45,7 @@ def settle(statements: Sequence[Node], *, whole: bool, partial: bool = False) ->
 
 
 class _Settler:
-    """Works out what stands in some statements of one file; errors are collected."""
+    """Evaluates the expressions in some statements of one file, and collects the errors."""
 
     def __init__(self, statements: Sequence[Node], *, whole: bool) -> None:
         self.errors: list[TextError] = []
@@ -54,7 +55,7 @@ class _Settler:
         self._types: dict[str, m.ParamType] = {n: t for n, word in types for t in get_args(m.ParamType) if t == word}
 
     def settle(self) -> None:
-        """Put what each value comes to, with how it is written, in its place."""
+        """Replace each expression by its result, with its text."""
         for node in self._statements:
             for slot in _slots(node):
                 self._settle(slot, ())
@@ -65,16 +66,18 @@ class _Settler:
         if not isinstance(raw, Node) or raw.kind not in _WORKED_OUT:
             return
         own = raw.kind is m.Ref and raw.fields.get("name") == holder.fields.get("name")
-        # One of the words that a parameter may be can be its own name.
-        made = str(raw.fields["name"]) if own and field in ("default", "options") else self._made(raw, holder, asking)
+        # An option of a parameter of words may be the same word as the parameter's name.
+        settled = (
+            str(raw.fields["name"]) if own and field in ("default", "options") else self._made(raw, holder, asking)
+        )
         values = holder.fields[field]
         if k is None:
-            holder.fields[field] = made
+            holder.fields[field] = settled
         elif isinstance(values, tuple):
-            holder.fields[field] = (*values[:k], made, *values[k + 1 :])
+            holder.fields[field] = (*values[:k], settled, *values[k + 1 :])
 
     def _made(self, raw: Node, holder: Node, asking: tuple[str, ...]) -> Node:
-        """Return the node of a value with what it comes to; an empty one, which is no error of its own, for none."""
+        """Return the node of an expression with its result; an empty node, without a further error, if it has none."""
         nothing = Node(m.Quantity, raw.span)
         builder = Builder(partial=True)
         expression = builder.build(raw)
@@ -93,34 +96,34 @@ class _Settler:
         if values is None:
             return nothing
         try:
-            found = evaluate(expression, values)
+            result = evaluate(expression, values)
         except ExpressionError as error:
             place = builder.spans.get((id(error.item), ""), raw.span)
             self.errors.append(TextError(c.NO_RESULT, error.message, "write another value", place))
             return nothing
-        fields: dict[str, object] = {"value": found.value, "unit": found.unit, "expression": raw}
+        fields: dict[str, object] = {"value": result.value, "unit": result.unit, "expression": raw}
         return Node(m.Calculated, raw.span, fields, {"expression": raw.span})
 
     def _known(self, expression: m.Item, raw: Node, builder: Builder) -> bool:
-        """Report the names in an expression that are no parameters; return whether there are none."""
+        """Report the names in an expression that are not parameters; return True if all are."""
         unknown = [ref for ref in references(expression) if ref.name not in self._types]
         for ref in unknown:
             help = did_you_mean(ref.name, self._types)
             if not self._whole:
-                help = "a scenario that extends another writes values here: the other's parameters are not known"
+                help = "write a value: the parameters of the extended scenario cannot be used here"
             place = builder.spans.get((id(ref), ""), raw.span)
             self.errors.append(TextError(c.UNKNOWN_PARAMETER, f"unknown parameter '{ref.name}'", help, place))
         return not unknown
 
     def _defaults(self, expression: m.Item, holder: Node, asking: tuple[str, ...]) -> Mapping[str, m.ParamValue] | None:
-        """Return the defaults of the parameters in an expression; None where one has none, which is reported."""
+        """Return the defaults of the parameters in an expression; None if one has none, which is reported."""
         own = str(holder.fields.get("name")) if holder.kind is m.Param else ""
-        found: dict[str, m.ParamValue] = {}
+        defaults: dict[str, m.ParamValue] = {}
         for ref in references(expression):
             chain = (*asking, own, ref.name) if own else (*asking, ref.name)
             if ref.name in chain[:-1]:
-                shown = " -> ".join(chain[chain.index(ref.name) :])
-                message = f"'{ref.name}' is worked out of itself: {shown}"
+                path = " -> ".join(chain[chain.index(ref.name) :])
+                message = f"'{ref.name}' depends on itself: {path}"
                 self.errors.append(TextError(c.NO_RESULT, message, "write a value", holder.span))
                 return None
             param = self._params[ref.name]
@@ -129,12 +132,12 @@ class _Settler:
             value = Builder(partial=True).build(default) if isinstance(default, Node) and default.fields else default
             if not isinstance(value, m.Quantity):
                 return None
-            found[ref.name] = value
-        return found
+            defaults[ref.name] = value
+        return defaults
 
 
 def _slots(node: Node) -> Iterator[_Slot]:
-    """Yield the values of a statement that may be worked out."""
+    """Yield the values of a statement that may be expressions."""
     for field in ("default", "count", "seed"):
         yield node, field, None
     options = node.fields.get("options")

@@ -45,7 +45,7 @@ _QUOTED = re.compile(r"'([^']+)'")
 
 
 def with_certain(
-    found: tuple[Diagnostic, ...],
+    diagnostics: tuple[Diagnostic, ...],
     nodes: Sequence[Node],
     text: str,
     path: str,
@@ -53,18 +53,18 @@ def with_certain(
 ) -> tuple[Diagnostic, ...]:
     """Add the errors that are certain, of definitions without what could not be parsed, to those that the text alone
     shows; in the order of their places; `load` reads the network that it uses."""
-    if len(nodes) != 1 or len(found) >= MOST or any(d.code in _WHOLE_FILE for d in found):
-        return found
+    if len(nodes) != 1 or len(diagnostics) >= MOST or any(d.code in _WHOLE_FILE for d in diagnostics):
+        return diagnostics
     lines = Lines(text)
     statements = list(_flat(scan(text, lines)[0]))
-    broken = [_around(d, statements, lines) for d in found]
+    broken = [_around(d, statements, lines) for d in diagnostics]
     unread = frozenset(word for raw in broken if raw is not None for word in _definable(raw, text))
     unread |= {word for raw in broken if raw is not None for word in _around_it(raw, statements, text)}
     node = _whole(nodes[0])
     builder = Builder(partial=True)
     model = builder.build(node) if node is not None else None
     if None in broken or not isinstance(model, Definition):
-        return found
+        return diagnostics
     document = Document(path, text, model, builder.spans)
     more = [
         certain
@@ -73,31 +73,31 @@ def with_certain(
     ]
     # Errors at or right behind names that are words of the language go with the name.
     taken = {name[1] for d in more if d.code == _TAKEN and (name := _QUOTED.search(d.message))}
-    found = tuple(d for d in found if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
+    diagnostics = tuple(d for d in diagnostics if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
     first = Span(0, 0, 0, 0)
-    return tuple(sorted((*found, *more), key=lambda d: ((d.span or first).line, (d.span or first).column)))
+    return tuple(sorted((*diagnostics, *more), key=lambda d: ((d.span or first).line, (d.span or first).column)))
 
 
-def _is_at(found: Diagnostic, name: str) -> bool:
-    if found.span is None:
+def _is_at(diagnostic: Diagnostic, name: str) -> bool:
+    if diagnostic.span is None:
         return False
-    at = found.span.column - 1
-    before, here = found.source_line[:at], found.source_line[at:]
+    at = diagnostic.span.column - 1
+    before, here = diagnostic.source_line[:at], diagnostic.source_line[at:]
     return re.search(rf"\b{name}\s*$", before) is not None or re.match(rf"{name}\b", here) is not None
 
 
-def _certain(found: Diagnostic, unread: frozenset[str]) -> Diagnostic | None:
-    if found.code in _OF_WHAT_IS_THERE:
-        return found
-    name = _QUOTED.search(found.message) or _CALLED.search(found.message)
-    if found.code not in _OF_NAMES or name is None or {name[1], name[1].rpartition("_")[0]} & unread:
+def _certain(diagnostic: Diagnostic, unread: frozenset[str]) -> Diagnostic | None:
+    if diagnostic.code in _OF_WHAT_IS_THERE:
+        return diagnostic
+    name = _QUOTED.search(diagnostic.message) or _CALLED.search(diagnostic.message)
+    if diagnostic.code not in _OF_NAMES or name is None or {name[1], name[1].rpartition("_")[0]} & unread:
         return None
-    guessed = any(isinstance(edit, Meant) for edit in found.fixes)
+    guessed = any(isinstance(edit, Meant) for edit in diagnostic.fixes)
     meant = closest(name[1], sorted(unread - KEYWORDS.keys())) if not guessed else None
     if meant is None:
-        return found
+        return diagnostic
     helped = meant_word(meant, name[1])
-    return replace(found, help=helped.text, fixes=helped.edits)
+    return replace(diagnostic, help=helped.text, fixes=helped.edits)
 
 
 def _whole(node: Node) -> Node | None:
@@ -114,11 +114,11 @@ def _whole(node: Node) -> Node | None:
     return trimmed if Builder(partial=True).build(trimmed) is not None else None
 
 
-def _around(found: Diagnostic, statements: Sequence[Raw], lines: Lines) -> Raw | None:
+def _around(diagnostic: Diagnostic, statements: Sequence[Raw], lines: Lines) -> Raw | None:
     """Return the innermost statement that an error is in; None when it is in none."""
-    if found.span is None:
+    if diagnostic.span is None:
         return None
-    at = lines.offset(found.span.line, found.span.column)
+    at = lines.offset(diagnostic.span.line, diagnostic.span.column)
     around = (raw for raw in statements if raw.start <= at <= (raw.end if raw.block is None else raw.close))
     return max(around, key=lambda raw: raw.start, default=None)
 
@@ -148,8 +148,8 @@ def _first_words(raw: Raw, text: str) -> list[str]:
     return re.findall(r"[^\W\d]\w*", text[raw.start : raw.end].lower())[:3]
 
 
-def _flat(found: Iterable[Raw]) -> Iterator[Raw]:
-    waiting = [*found][::-1]  # no recursion: braces may be nested by the thousand
+def _flat(statements: Iterable[Raw]) -> Iterator[Raw]:
+    waiting = [*statements][::-1]  # no recursion: braces may be nested by the thousand
     while waiting:
         raw = waiting.pop()
         yield raw

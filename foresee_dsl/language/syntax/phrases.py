@@ -33,12 +33,12 @@ class Phrase:
         """Return what is said of a statement, if it holds the phrase."""
         if self.rules and rule not in self.rules:
             return None
-        found = self.pattern.search(text)
-        if found is None:
+        match = self.pattern.search(text)
+        if match is None:
             return None
         group = "place" if "place" in self.pattern.groupindex else 0
-        start, end = found.span(group)
-        return Foreign(start, end, found.expand(self.message), expanded(self.help, found.expand))
+        start, end = match.span(group)
+        return Foreign(start, end, match.expand(self.message), expanded(self.help, match.expand))
 
 
 def _phrase(rules: tuple[str, ...], pattern: str, message: str, help: HelpText) -> Phrase:
@@ -306,20 +306,20 @@ def phrase(text: str, rule: str, reads: Callable[[str], bool]) -> Foreign | None
     expected = _expectation(text, reads) if rule in TOP else None
     if expected is not None:
         return expected
-    return next((said for one in PHRASES if (said := one.find(text, rule)) is not None), None)
+    return next((message for known_phrase in PHRASES if (message := known_phrase.find(text, rule)) is not None), None)
 
 
 def _expectation(text: str, reads: Callable[[str], bool]) -> Foreign | None:
     """An expectation without its mode: the one under which what is written holds, never the opposite."""
-    found = _EXPECTS.match(text)
-    if found is None:
+    match = _EXPECTS.match(text)
+    if match is None:
         return None
-    inner = _BARE.sub(r"\g<what>(ego)", found["inner"].strip())
+    inner = _BARE.sub(r"\g<what>(ego)", match["inner"].strip())
     if not reads(f"expect never {inner}"):
         return None
     message = "an expectation begins with `never`, `always` or `eventually`"
-    start, end = found.span("c")
-    if found["not"] or inner.startswith("collision"):
+    start, end = match.span("c")
+    if match["not"] or inner.startswith("collision"):
         return Foreign(start, end, message, meant_code(f"never {inner}"))
     if re.match(r"arrived\b|\w+\s+sees\b", inner):
         return Foreign(start, end, message, meant_code(f"eventually {inner}"))

@@ -42,13 +42,13 @@ _HOLDERS = ("add", "change")
 @cache
 def _blocks() -> Mapping[str, str]:
     """The rule of the statements inside the braces of a statement, by its first word; read off the grammar."""
-    found = dict.fromkeys(form_of(m.Actor, "kind").words, "actor_item")
+    rules = dict.fromkeys(form_of(m.Actor, "kind").words, "actor_item")
     for line in grammar_text().split("\n"):
         inner = re.search(r"block\{(\w+)\}", line)
         word = re.search(r'[:|] "(\w+)"', line)
         if inner is not None and word is not None:
-            found.setdefault(word[1], inner[1])
-    return found
+            rules.setdefault(word[1], inner[1])
+    return rules
 
 
 def recover(text: str) -> tuple[_Tree, list[TextError]]:
@@ -58,7 +58,9 @@ def recover(text: str) -> tuple[_Tree, list[TextError]]:
     lines = Lines(text)
     elses = {error.span for error in errors if error.code == CODE}  # `} else {`: one mistake
     errors = [error for error in errors if error.code == CODE or error.span not in elses]
-    others = [TextError(CODE, said.message, said.help, lines.span(said.start, said.end)) for said in comments]
+    others = [
+        TextError(CODE, comment.message, comment.help, lines.span(comment.start, comment.end)) for comment in comments
+    ]
     return tree, [*others, *errors]
 
 

@@ -64,7 +64,7 @@ class _Frame:
 
     raw: Raw
     indent: int
-    found: list[Raw] = field(default_factory=list)
+    statements: list[Raw] = field(default_factory=list)
     without_brace: bool = False
     """Its brace was forgotten: the indentation tells where it ends."""
 
@@ -75,14 +75,14 @@ def scan(text: str, lines: Lines) -> tuple[list[Raw], list[TextError]]:
     Where braces do not balance, the indentation tells which block was meant to end where.
     """
     scanner = _Scanner(text, lines, trust_indentation=False)
-    found = scanner.run()
+    statements = scanner.run()
     if scanner.balanced:
-        return found, scanner.errors
+        return statements, scanner.errors
     repaired = _Scanner(text, lines, trust_indentation=True)
     found_again = repaired.run()
     if 0 < repaired.wrong <= max(_PLAUSIBLE, scanner.wrong):
         return found_again, repaired.errors
-    return found, scanner.errors  # the file is not indented
+    return statements, scanner.errors  # the file is not indented
 
 
 class _Scanner:
@@ -110,7 +110,7 @@ class _Scanner:
         while len(self._stack) > 1:
             self._unclosed(len(self._text))
         self._few_of_the_unclosed()
-        return self._stack[0].found
+        return self._stack[0].statements
 
     def _take(self, piece: str, at: int) -> None:
         if piece[0] == "#":
@@ -154,7 +154,7 @@ class _Scanner:
                 self.errors.append(TextError("FS003", "two statements on one line", help, self._lines.span(start, end)))
                 self._after_brace = False
             self._current = Raw(start, end)
-            self._stack[-1].found.append(self._current)
+            self._stack[-1].statements.append(self._current)
         self._current.end = end
         return self._current
 

@@ -1,4 +1,4 @@
-"""What a lint finds, before it has its place in the file."""
+"""The result of a lint, before it has its place in the file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from foresee_dsl.language import model as m
 
 
 @dataclass(frozen=True)
-class Found:
+class LintFinding:
     """A lint before it has its place: the item and its field, the code, what is unusual, what to write instead."""
 
     item: m.Item
