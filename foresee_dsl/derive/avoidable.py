@@ -11,27 +11,28 @@ from foresee_dsl.avoidance.candidates.behaviours import Candidate, Kind
 from foresee_dsl.avoidance.candidates.recorded import Recorded
 from foresee_dsl.avoidance.candidates.scoring import Scored, search
 from foresee_dsl.compile.roads.polyline import Polyline
-from foresee_dsl.derive.operators.situation import Situation, touches_nobody
+from foresee_dsl.derive.operators.situation import Situation, is_free
 from foresee_dsl.derive.operators.steer import largest_share
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.language.model import Change, IgnoresRule, Quantity
 from foresee_dsl.language.model.derived import NOTHING
 
 SAME_KIND = 0.5
-"""A candidate counts so much less for each one of the same actor and kind that is a child already. Ours: a second
+"""Factor on a candidate's score for each child of the same actor and kind that is chosen already. Ours: a second
 strength of one behaviour often ends the same way."""
 SAME_ACTOR = 0.8
-"""And so much less for each of the same actor. Ours."""
+"""Factor on a candidate's score for each child of the same actor that is chosen already. Ours."""
 LEAST = 0.15
-"""Of candidates with a smaller score a clip gets a few only. Ours: so much has who hits a driver that reacts, if late.
-Of 116 children of 11 test cases, 6 of 9 with a score of 0.4 failed, 1 of 18 from 0.2 on, none of 89 below."""
+"""Score below which a clip gets at most `UNSURE` candidates. Ours: the score of a candidate that hits even a driver
+that reacts late. Of 116 children of 11 test cases, 6 of 9 with a score of 0.4 failed, 1 of 18 from 0.2 on, none of 89
+below."""
 HARDLY = 0.08
-"""Candidates with a smaller score are not driven. Ours: they miss a driver that does not react."""
+"""Score below which a candidate is not simulated. Ours: it misses even a driver that does not react."""
 ALIKE = 2
-"""So many children at most are of one actor and kind. Ours: a third one tells the same story."""
+"""Maximum number of children per actor and kind of change. Ours: a third one ends like the first two."""
 UNSURE = 2
-"""So many children at most have a score between the two. Ours: they ask whether the driver reacts at all; of cyclists
-beside `pdm`, one in four of them failed."""
+"""Maximum number of children with a score between `HARDLY` and `LEAST`. Ours: they test whether the driver reacts at
+all; of cyclists beside `pdm`, one in four of them failed."""
 _PROPERTY = {
     Kind.LATE: ("delay", "late_start"),
     Kind.EARLY: ("moving", "early_start"),
@@ -45,39 +46,39 @@ _PROPERTY = {
     Kind.RUNS_LIGHT: ("ignores", "runs_light"),
     Kind.TAKES_WAY: ("ignores", "takes_right_of_way"),
 }
-"""The property that each behaviour changes, and its name."""
+"""For each behaviour, the property that it changes and its name in a mutant's `origin`."""
 NAMES = {kind: name for kind, (_, name) in _PROPERTY.items()}
-"""What a mutant's `origin` calls the behaviours."""
+"""The name of each behaviour in a mutant's `origin`."""
 
-_Found = list[tuple[tuple[str, ...], tuple[Change, ...]]]
+Children = list[tuple[tuple[str, ...], tuple[Change, ...]]]
 
 
-def avoidable(situation: Situation, preset: Preset, count: int, rng: Generator) -> _Found:
-    """Return up to `count` children, best first and of several kinds: operators and changes."""
+def avoidable(situation: Situation, preset: Preset, count: int, rng: Generator) -> Children:
+    """Return up to `count` children (names of operators, and changes), best first and of several kinds."""
     if preset.search is None:
         return []
     trace = situation.trace
     heights = {name: spec.height_m for name, spec in situation.models.items()}
     run = Recorded.of(trace, heights)
     candidates = search(run, list(situation.columns.values()), 0, trace.frames - 1, situation.frame, rng, preset.search)
-    left = [
+    remaining = [
         (scored, change)
         for scored in candidates
         if scored.score >= HARDLY and (change := _change(situation, preset, scored.candidate))
     ]
-    found: _Found = []
+    children: Children = []
     chosen: list[Candidate] = []
     unsure = 0
-    while left and len(found) < count and unsure < UNSURE:
-        sure = [one for one in left if one[0].score >= LEAST]
-        best, change = max(sure or left, key=lambda one: _worth(one[0], chosen))
+    while remaining and len(children) < count and unsure < UNSURE:
+        sure = [pair for pair in remaining if pair[0].score >= LEAST]
+        best, change = max(sure or remaining, key=lambda pair: _worth(pair[0], chosen))
         unsure += not sure
-        left = [one for one in left if one[1] != change]
+        remaining = [pair for pair in remaining if pair[1] != change]
         chosen.append(best.candidate)
         if sum(map(best.candidate.is_like, chosen)) == ALIKE:
-            left = [one for one in left if not one[0].candidate.is_like(best.candidate)]
-        found.append(((NAMES[best.candidate.kind],), (change,)))
-    return found
+            remaining = [pair for pair in remaining if not pair[0].candidate.is_like(best.candidate)]
+        children.append(((NAMES[best.candidate.kind],), (change,)))
+    return children
 
 
 def _worth(scored: Scored, chosen: list[Candidate]) -> float:
@@ -88,7 +89,7 @@ def _worth(scored: Scored, chosen: list[Candidate]) -> float:
 
 
 def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
-    """Return a candidate as a change; None where it cannot be made of this actor."""
+    """Return the change that makes an actor behave as the candidate; None where the actor cannot do so."""
     name, actor = _PROPERTY[candidate.kind][0], candidate.actor
     if name == "ignores":
         obeys = not any(isinstance(item, IgnoresRule) for item in situation.actors[actor].body)
@@ -111,7 +112,7 @@ def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Chang
 
 
 def _value(situation: Situation, preset: Preset, candidate: Candidate, was: float) -> float | None:
-    """Return the property's new value, in SI; None where it cannot be."""
+    """Return the property's new value in SI units; None where the model or the place does not allow the behaviour."""
     spec = situation.spec(candidate.actor)
     match candidate.kind:
         case Kind.PACE:
@@ -129,7 +130,7 @@ def _value(situation: Situation, preset: Preset, candidate: Candidate, was: floa
 
 
 def _free(situation: Situation, actor: str, along_m: float) -> bool:
-    """Say whether an actor touches nobody at a place of its path, at the beginning."""
+    """Return whether an actor's footprint at a place of its path touches no other actor at the first frame."""
     info, column = situation.info(actor), situation.columns[actor]
     box = np.array([*Polyline.of(info.path).at(along_m), info.length_m, info.width_m])
-    return touches_nobody(situation.trace, column, 0, box)
+    return is_free(situation.trace, column, 0, box)

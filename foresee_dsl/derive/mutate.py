@@ -1,4 +1,4 @@
-"""Make the mutated children of a clip: each a few checked changes, the same for the same seed."""
+"""Makes the mutants of a clip: each has a few checked changes; the same seed gives the same mutants."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.trace import Trace
 
 CHILDREN = 4
-"""c, the number of children a risky point (paper, section 4.4)."""
+"""c, the number of children per risky point (paper, section 4.4)."""
 UNPROMISING = 0.25
-"""The share of its children that a clip gets of which a search finds nothing good. Ours: one in four by default."""
+"""Share of its children that a clip gets if the preset's search finds no candidate. Ours: one in four by default."""
 _DRAWS = 32
-"""How often a child is drawn anew when it equals an earlier one. Ours: two values of a hundred agree once in a
-hundred draws, 32 in a row never; where the operators have fewer values than children, there are fewer children."""
+"""Maximum number of draws for one child, since a draw that equals an earlier child is repeated. Ours: two draws of a
+hundred values are equal once in a hundred times, 32 in a row practically never. Where the operators have fewer values
+than children, there are fewer children."""
 
 
 def mutate(
@@ -45,7 +46,7 @@ def mutate(
     driver: str = "",
     models: Collection[str] | None = None,
 ) -> tuple[Mutant, ...]:
-    """Make up to `count` children of a clip; no two of them are equal, none is without effect.
+    """Make up to `count` children of a clip; no two are equal, and each has an effect.
 
     Args:
         case: the clip, expanded.
@@ -53,12 +54,12 @@ def mutate(
         trace: the clip's own run, unmutated; its first frame is the clip's beginning. The risky point, and the actor
             that it is about, are those of the clip's `risk` line (the middle of the run where there is none).
         preset: a preset or its name.
-        seed: with the clip's pin and the child's number it decides every draw.
+        seed: every draw depends on it, the clip's pin and the child's number, and on nothing else.
         driver: name and version of the driver under test, for the origin.
-        models: the names of those of the case's models that may be swapped in (default: all).
+        models: names of the models of the case that may be swapped in (default: all).
 
     Returns:
-        The children; fewer than `count`, or none, where the operators cannot do more to the targets.
+        The children; fewer than `count`, or none, where the operators have no more changes for the targets.
 
     Raises:
         UnknownPresetError: there is no such preset.
@@ -67,7 +68,7 @@ def mutate(
 
 
 class Mutator:
-    """Makes children of one clip, with any number of seeds; arguments and errors as those of `mutate`."""
+    """Makes children of one clip, with any number of seeds; arguments and errors are those of `mutate`."""
 
     def __init__(
         self,
@@ -79,9 +80,9 @@ class Mutator:
         models: Collection[str] | None = None,
         plans: Sequence[PlanNames] = (),
     ) -> None:
-        """Find out which operators can act on which actors (in `situation`); that does not depend on the seed.
+        """Determine which operators can act on which actors (in `situation`); that does not depend on the seed.
 
-        `plans`: what another mutator of the same clip found out (its `plans`), which saves the time.
+        `plans`: the `plans` of another mutator of the same clip, to save the time to determine them again.
 
         Raises:
             ForeseeError: the clip's `risk` line names an operator that is not installed.
@@ -103,33 +104,33 @@ class Mutator:
         if self._proposed and self._proposed not in operators():
             names = ", ".join(sorted(operators()))
             raise ForeseeError(f"clip {clip.name}: its `risk` line says `by {self._proposed}`, write one of: {names}")
-        known = operators() if plans else {}
-        given = [tuple((known[name], target) for name, target in plan) for plan in plans]
-        self._plans = given or _proposed_first(_plans(self.situation, self._preset, self._proposed), self._proposed)
+        by_name = operators() if plans else {}
+        stated = [tuple((by_name[name], target) for name, target in plan) for plan in plans]
+        self._plans = stated or _proposed_first(_plans(self.situation, self._preset, self._proposed), self._proposed)
 
     @property
     def plans(self) -> tuple[PlanNames, ...]:
-        """What its children consist of, in turn: the names of operators, each with its target."""
+        """The plans of the children, which take turns: names of operators, each with its target."""
         return tuple(tuple((operator.name, target) for operator, target in plan) for plan in self._plans)
 
     def searched(self, seed: int, most: int) -> int:
-        """Return how many children the preset's search has for a seed, of `most`."""
+        """Return how many children the preset's search yields for a seed, at most `most`."""
         return len(self._best(seed, most))
 
     def children(self, count: int = CHILDREN, *, seed: int = 0, driver: str = "") -> tuple[Mutant, ...]:
         """Make up to `count` children."""
-        made: list[Mutant] = []
+        mutants: list[Mutant] = []
         seen: set[tuple[Change, ...]] = set()
         best = self.searched(seed, count)
-        if self._preset.search is not None:  # where nothing is promising, hardly anything is driven
+        if self._preset.search is not None:  # a clip without a promising candidate gets few children
             count = best or math.ceil(count * UNPROMISING)
         for k in range(1, count + 1) if self._plans or best else ():
             draw = Draw.numbered(k, len(self._plans), best)
             child = self.child(draw, seed=seed, driver=driver, seen=seen) if draw is not None else None
             if child is not None:
                 seen.add(child.changes)
-                made.append(child.model_copy(update={"name": f"{self._clip.name}_m{k}"}))
-        return tuple(made)
+                mutants.append(child.model_copy(update={"name": f"{self._clip.name}_m{k}"}))
+        return tuple(mutants)
 
     def child(
         self,
@@ -140,9 +141,9 @@ class Mutator:
         seen: Collection[tuple[Change, ...]] = (),
         near: Mutant | None = None,
     ) -> Mutant | None:
-        """Make the child of a draw, which no `seen` one equals; None where there is none left.
+        """Make the child of a draw; None if all its changes were `seen`.
 
-        `near`: a child of that plan, by which it is drawn: its changes moved a little (`derive.local_search`).
+        `near`: a child of the same plan; the new child has its changes, varied a little (`derive.local_search`).
         """
         drawn = self._near(draw, near, seed, seen) if near is not None else self._drawn(draw, seed, seen)
         if drawn is None:
@@ -181,53 +182,55 @@ class Mutator:
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
     def _best(self, seed: int, most: int) -> list[Drawn]:
-        """Return the first children of the preset's search; those of fewer are the first of those of more."""
-        asked, found = self._searched.get(seed, (0, []))
-        if asked < most:
-            found = avoidable(self.situation, self._preset, most, np.random.default_rng([seed, self._pinned]))
-            self._searched[seed] = most, found
-        return found[:most]
+        """Return the first children of the preset's search; a search for fewer yields the first of a search for
+        more."""
+        searched_for, children = self._searched.get(seed, (0, []))
+        if searched_for < most:
+            children = avoidable(self.situation, self._preset, most, np.random.default_rng([seed, self._pinned]))
+            self._searched[seed] = most, children
+        return children[:most]
 
 
 SEARCHED = -1
-"""The plan whose children are those of the preset's search."""
+"""The number that stands for the preset's search in place of a plan."""
 
 
 class Draw(NamedTuple):
-    """Which draw of a clip a child is: the `turn`-th (from 0) of a plan (its place among `Mutator.plans`)."""
+    """Which draw of a clip a child is. `plan`: index in `Mutator.plans`. `turn`: number of the draw of that plan, from
+    0."""
 
     plan: int
     turn: int
 
     @classmethod
     def numbered(cls, k: int, plans: int, searched: int) -> Draw | None:
-        """Return the draw of child `k` where clips get as many each: what was searched, then each plan in turn."""
+        """Return the draw of child `k` (from 1): first the children of the search, then the plans in turn."""
         if k <= searched:
             return cls(SEARCHED, k - 1)
         return cls((k - 1) % plans, (k - 1) // plans) if plans else None
 
     def number(self, plans: int) -> int:
-        """Return which child it would be then."""
+        """Return the number that a child of this draw has (the reverse of `numbered`)."""
         return self.turn + 1 if self.plan == SEARCHED else self.plan + 1 + self.turn * plans
 
 
 Drawn = tuple[tuple[str, ...], tuple[Change, ...]]
-"""The names of operators, and what they change."""
+"""The names of operators, and their changes."""
 PlanNames = tuple[tuple[str, str], ...]
 """A plan by names: its operators and their targets."""
 
 
 def _entropy(child: Mutant) -> tuple[int, ...]:
-    """Return what makes the draws near one child differ from those near another: a hash of its changes."""
+    """Return a hash of a child's changes; it makes draws near one child differ from draws near another."""
     text = repr([change.model_dump_json() for change in child.changes])
     return 1, int(hashlib.sha256(text.encode()).hexdigest()[:12], 16)
 
 
 def _weather(case: TestCase) -> dict[str, Quantity]:
-    """Return how much it rains, how thick the fog is and how wet the road; 0 where the case says nothing."""
+    """Return rain, fog and wetness of the road as ratios; 0 where the case does not state them."""
     stated = case.scenario.one(Weather)
-    found = {name: getattr(stated, name, None) for name in ("rain", "fog", "wetness")}
-    return {name: has if isinstance(has, Quantity) else Quantity(value=Decimal(0)) for name, has in found.items()}
+    values = {name: getattr(stated, name, None) for name in ("rain", "fog", "wetness")}
+    return {name: has if isinstance(has, Quantity) else Quantity(value=Decimal(0)) for name, has in values.items()}
 
 
 def _risky_frame(clip: Clip, trace: Trace) -> int:
@@ -239,43 +242,43 @@ def _risky_frame(clip: Clip, trace: Trace) -> int:
 
 
 def _handover_s(clip: Clip) -> float:
-    """Return for how long the ego follows its recorded states at the clip's beginning."""
+    """Return how long the ego follows its recorded states at the clip's beginning, s."""
     ego = next(item for item in clip.body if isinstance(item, Ego))
     return max((si_of(item.time) for item in ego.body if isinstance(item, Recorded)), default=0.0)
 
 
 def _proposed_first(plans: list[Plan], operator: str) -> list[Plan]:
     """Return the plans with those first that contain the proposed operator."""
-    return sorted(plans, key=lambda plan: all(one.name != operator for one, _ in plan))
+    return sorted(plans, key=lambda plan: all(candidate.name != operator for candidate, _ in plan))
 
 
 def _plans(situation: Situation, preset: Preset, proposed: str) -> list[Plan]:
-    """Return the recipes of a preset that can be done, with their targets; else the parts of them that can.
+    """Return the recipes whose operators can all act on their targets; if there are none, the parts that can.
 
-    `proposed`: the operator with which the ranked actor is to be changed, "" for none.
+    `proposed`: name of the operator that the risky point proposes for the ranked actor, "" for none.
     """
-    known = operators()
+    by_name = operators()
     ranked = situation.ranked if situation.ranked in situation.columns else ""
     if preset.targets == "letter":
-        letter = {n: known[n].letter_target(situation) for recipe in preset.recipes for n in recipe}
+        letter = {n: by_name[n].letter_target(situation) for recipe in preset.recipes for n in recipe}
         targets = letter | ({proposed: ranked} if proposed in letter and ranked else {})
-        full = [tuple((known[n], targets[n]) for n in recipe) for recipe in preset.recipes]
+        full = [tuple((by_name[n], targets[n]) for n in recipe) for recipe in preset.recipes]
     else:
-        target = ranked if proposed and ranked else _ranked_target(situation, preset, known)
-        full = [tuple((known[n], target) for n in recipe) for recipe in preset.recipes]
+        target = ranked if proposed and ranked else _ranked_target(situation, preset, by_name)
+        full = [tuple((by_name[n], target) for n in recipe) for recipe in preset.recipes]
     parts = [tuple((o, t) for o, t in plan if t and _acts(situation, preset, o, t)) for plan in full]
     whole = [part for part, plan in zip(parts, full, strict=True) if part == plan]
     return whole or list(dict.fromkeys(part for part in parts if part))
 
 
-def _ranked_target(situation: Situation, preset: Preset, known: dict[str, Operator]) -> str:
+def _ranked_target(situation: Situation, preset: Preset, by_name: dict[str, Operator]) -> str:
     """Return the ranked actor, else the closest one that can be brought near the ego, else the first, or ""."""
     names = sorted({name for recipe in preset.recipes for name in recipe})
     near = situation.closest(situation.frame, list(situation.columns))
     if situation.ranked in near:
         near = [situation.ranked, *(a for a in near if a != situation.ranked)]
     usable = [a for a in near if _is_target(situation, preset, a)]
-    usable = [a for a in usable if any(_acts(situation, preset, known[n], a) for n in names)]
+    usable = [a for a in usable if any(_acts(situation, preset, by_name[n], a) for n in names)]
     if preset.reach_m is None:
         return next(iter(usable), "")
     rng = np.random.default_rng(0)  # the target does not depend on the seed
@@ -283,7 +286,7 @@ def _ranked_target(situation: Situation, preset: Preset, known: dict[str, Operat
         actor
         for actor in usable
         if any(
-            _gap_m(situation, known[n].changes(situation, actor, preset, rng))[0] <= preset.reach_m
+            _gap_m(situation, by_name[n].changes(situation, actor, preset, rng))[0] <= preset.reach_m
             for n in names
             for _ in range(preset.draws)
         )
@@ -297,33 +300,33 @@ def _is_target(situation: Situation, preset: Preset, actor: str) -> bool:
 
 
 def _gap_m(situation: Situation, changes: tuple[Change, ...]) -> tuple[float, float]:
-    """Return how near the roll-out of changes brings any of their actors to the recorded ego: footprints, centres."""
+    """Return how near the roll-out of changes brings an actor to the recorded ego: of footprints and of centres, m."""
     of = {c.actor: tuple(d for d in changes if d.actor == c.actor) for c in changes}
     gaps = (predicted_gap_m(situation.trace, situation.columns[a], own, situation.models) for a, own in of.items())
     return min(gaps, default=(np.inf, np.inf))
 
 
 def _acts(situation: Situation, preset: Preset, operator: Operator, target: str) -> bool:
-    """Say whether an operator can do anything to a target: whether it can does not depend on the random choices."""
+    """Return whether an operator can change a target; this does not depend on the random choices."""
     return bool(operator.changes(situation, target, preset, np.random.default_rng(0)))
 
 
 def _child(
     situation: Situation, preset: Preset, plan: Plan, rng: np.random.Generator, seen: Collection[tuple[Change, ...]]
 ) -> Drawn | None:
-    """Draw one child's operators and changes that no earlier child has; None where there are none left.
+    """Draw the operators and changes of one child; None if earlier children have all of them.
 
-    Of the preset's number of draws it is the one that comes nearest to the ego.
+    Of `preset.draws` draws, the child is the one whose roll-out comes nearest to the ego.
     """
-    found: dict[tuple[Change, ...], tuple[str, ...]] = {}
+    draws: dict[tuple[Change, ...], tuple[str, ...]] = {}
     for _ in range(_DRAWS * preset.draws):
         drawn = [(operator.name, operator.changes(situation, target, preset, rng)) for operator, target in plan]
-        changes = tuple(change for _, made in drawn for change in made)
+        changes = tuple(change for _, part in drawn for change in part)
         if changes and changes not in seen:
-            found.setdefault(changes, tuple(name for name, made in drawn if made))
-        if len(found) >= preset.draws:
+            draws.setdefault(changes, tuple(name for name, part in drawn if part))
+        if len(draws) >= preset.draws:
             break
-    if not found:
+    if not draws:
         return None
-    best = min(found, key=lambda changes: _gap_m(situation, changes)) if len(found) > 1 else next(iter(found))
-    return found[best], best
+    best = min(draws, key=lambda changes: _gap_m(situation, changes)) if len(draws) > 1 else next(iter(draws))
+    return draws[best], best

@@ -1,4 +1,4 @@
-"""Presets: named sets of everything that the mutation operators leave to be chosen."""
+"""Presets: named settings of the mutation operators."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Target = Literal["ranked", "letter"]
 
 
 class UnknownPresetError(ForeseeError):
-    """There is no preset of that name."""
+    """The name is not that of a preset."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,15 +23,15 @@ class SteerSettings:
     """Steering perturbations.
 
     Attributes:
-        low, high: from -1 (right) to 1 (left) of the largest angle (paper, section 3.4).
-        step: values are rounded to it.
-        least_share: no value nearer to 0 than this share of what is allowed: it would do nothing.
-        before_point_s: the onset, this long before the risky point; None for the clip's beginning.
-        hold_s: how long it is held; None for the whole clip.
-        lateral_g: the lateral acceleration that the steering alone may cause, in g; None for what the tyres hold.
-        rate_rad_s: the front wheels must be able to reach the angle at this rate in half of `hold_s`; None for no such
+        low, high: bounds of the angle, as shares of the largest one: -1 (right) to 1 (left) (paper, section 3.4).
+        step: values are multiples of it.
+        least_share: share of the largest allowed angle below which values are left out, as they have no effect.
+        before_point_s: time from the onset to the risky point; None: the onset is the clip's beginning.
+        hold_s: how long the angle is held; None for the whole clip.
+        lateral_g: largest lateral acceleration from the steering alone, in g; None: as much as the tyres hold.
+        rate_rad_s: turning rate at which the front wheels must reach the angle within half of `hold_s`; None: no such
             limit.
-        least_speed_mps: a target slower than this at the onset is not steered.
+        least_speed_mps: speed at the onset below which a target is not steered.
     """
 
     low: float = -1.0
@@ -47,13 +47,15 @@ class SteerSettings:
 
 @dataclass(frozen=True, slots=True)
 class TimingSettings:
-    """Timing: the speed along one's own path, scaled.
+    """Timing: scales the speed of a target along its own path.
 
     Attributes:
-        low, high: the factor. Ours: within what drivers on one road differ by.
-        step: values are rounded to it.
-        least_change: no factor nearer to 1 than this. Ours: 0.05 shifts 5 s of driving by a quarter of a second.
-        least_way_m: a target that drives less than this up to the risky point has no timing. Ours: a step's length.
+        low, high: bounds of the factor. Ours: within the differences between drivers on one road.
+        step: values are multiples of it.
+        least_change: smallest difference of the factor from 1. Ours: 0.05 shifts 5 s of driving by a quarter of a
+            second.
+        least_way_m: distance driven up to the risky point below which a target's timing is not changed. Ours: the
+            length of a step.
     """
 
     low: float = 0.6
@@ -65,11 +67,12 @@ class TimingSettings:
 
 @dataclass(frozen=True, slots=True)
 class DelaySettings:
-    """Delay: how much longer a target stands before it moves.
+    """Delay: lets a target stand longer before it moves.
 
     Attributes:
-        low_s, high_s: ours; 1.5 s is an ordinary hesitation at a kerb, 0.2 s moves a walker by a foot's length.
-        step_s: values are rounded to it (one step of the simulation).
+        low_s, high_s: smallest and largest delay. Ours: 1.5 s is an ordinary hesitation at a kerb, 0.2 s moves a walker
+            by a foot's length.
+        step_s: values are multiples of it (one step of the simulation).
     """
 
     low_s: float = 0.2
@@ -79,12 +82,12 @@ class DelaySettings:
 
 @dataclass(frozen=True, slots=True)
 class HeadStartSettings:
-    """Head start: how much further along its path a target is at the beginning.
+    """Head start: puts a target further along its path at the beginning.
 
     Attributes:
-        low_s, high_s: it begins where it was so much later. Ours: 0.2 s moves a walker by a foot's length; with a
-            second at most, four fifths of the way to the risky point are left.
-        least_m: no head start under this: it would do nothing. Ours: half a walker's depth.
+        low_s, high_s: the target begins at a place where it was this much later in the run. Ours: 0.2 s moves a walker
+            by a foot's length; with a second at most, four fifths of the way to the risky point are left.
+        least_m: smallest head start, as a smaller one has no effect. Ours: half a walker's depth.
     """
 
     low_s: float = 0.2
@@ -94,13 +97,13 @@ class HeadStartSettings:
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """Line: how far beside its own path a target walks or rides.
+    """Line: lets a target walk or ride beside its own path.
 
     Attributes:
-        high_m: at most so far to either side. Ours: from the middle of a lane of 3.3 m, a bicycle 0.6 m wide comes
+        high_m: largest offset to either side. Ours: from the middle of a lane of 3.3 m, a bicycle 0.6 m wide comes
             within 0.35 m of the marking; a walker stays on a crossing of 4 m.
-        step_m: values are rounded to it.
-        least_m: none nearer to 0. Ours: half a bicycle's or walker's width.
+        step_m: values are multiples of it.
+        least_m: smallest offset. Ours: half a bicycle's or walker's width.
     """
 
     high_m: float = 1.0
@@ -113,18 +116,18 @@ class Preset:
     """How clips are mutated.
 
     Attributes:
-        recipes: the operators of one child each; child k takes recipe k modulo their number, of those all of whose
-            operators can act on their targets (where there is none, what can act of each).
-        targets: `letter`: model swap on the closest of the relevant actors, steering on the vehicle closest to the
-            ego at the clip's beginning (paper, section 3.4). `ranked`: everything on the actor that the point is
-            about, or where there is none (or one that nothing can act on) on the closest to the ego at the point.
-        draws: of so many draws a child is the one whose roll-out comes nearest to the recorded ego; 1 for
-            the first, whatever it does.
-        reach_m: the ranked actor is left for the closest one that can where no draw brings it nearer than this to the
-            ego (behind a fence no timing brings an actor near); None: it is not.
-        farthest_m: a target farther from the ego than this at the risky point is not mutated; None for no limit.
-        search: children are the best candidates of this search (`avoidance.candidates`), whoever behaves otherwise in
-            them; the rest of this preset makes those that it leaves over. None: no search.
+        recipes: each lists the operators of one child. The children take turns over the recipes whose operators can all
+            act on their targets (if there are none, over the operators of each that can).
+        targets: `letter`: model swap acts on the closest relevant actor, steering on the vehicle closest to the ego at
+            the clip's beginning (paper, section 3.4). `ranked`: all operators act on the actor that the risky point
+            names; if it names none, or one that no operator can change, on the actor closest to the ego at the point.
+        draws: number of draws per child; the one whose roll-out comes nearest to the recorded ego becomes the child.
+        reach_m: gap to the ego that a draw must reach for the ranked actor to be the target; otherwise the closest
+            actor that reaches it is (no timing brings an actor near from behind a fence). None: the ranked actor stays
+            the target.
+        farthest_m: distance to the ego at the risky point above which an actor is not a target; None for no limit.
+        search: the children are first the best candidates of this search (`avoidance.candidates`), for any actor; the
+            other settings of this preset make the remaining children. None: no search.
     """
 
     name: str
@@ -153,10 +156,10 @@ PAPER = Preset(
 
 FOCUSED = Preset(
     name="focused",
-    # Ours. Steering finds most, but nearly all of that no braking could have avoided; what timing finds, it could
-    # three times in five (pilot): half of the children each. What cannot be done to a class is left out, so that the
-    # first four are for a vehicle steer, timing and both with a swap; for a bicycle on a lane steer, timing, line and
-    # swap with steer; for a pedestrian timing, line, delay and head start.
+    # Ours. Steering finds most failures, but braking could have avoided hardly any of them; it could have avoided three
+    # in five of those that timing finds (pilot). So each gets half of the children. Recipes that cannot act on a class
+    # are left out: the first four are, for a vehicle, steer, timing and both with a swap; for a bicycle on a lane
+    # steer, timing, line and swap with steer; for a pedestrian timing, line, delay and head start.
     recipes=(
         ("steer",),
         ("timing",),
@@ -176,7 +179,7 @@ FOCUSED = Preset(
         least_share=0.3,
         before_point_s=1.0,  # at the clip's beginning, 108 of 117 failures came before the risky point (pilot)
         hold_s=1.0,  # 0.3 s does nothing, 1 s does what the whole clip does (pilot)
-        lateral_g=0.3,  # the strongest that ordinary drivers do in an unhurried manoeuvre
+        lateral_g=0.3,  # the strongest of ordinary drivers in an unhurried manoeuvre
         rate_rad_s=0.52,  # 30 deg/s at the wheels: a hand wheel turned with 450 deg/s through a ratio of 15
         least_speed_mps=2.0,  # slower, a second of steering moves it sideways by less than a hand
     ),
@@ -184,19 +187,19 @@ FOCUSED = Preset(
 """Ours, the default: the ranked actor, one second before the risky point."""
 
 AVOIDABLE = replace(FOCUSED, name="avoidable", search=CarefulSettings())
-"""Ours: first what hits the ego as it drove and a careful driver could have avoided; then as `focused`."""
+"""Ours: first changes that hit the recorded ego and that a careful driver could have avoided; then as `focused`."""
 
 HEAVY_WEATHER = Preset(
     name="heavy_weather", recipes=(("heavy_weather",),), targets="letter", farthest_m=None, steer=SteerSettings()
 )
-"""One child: the same in heavy weather, and nothing else is changed (paper, section 4.4, RQ5)."""
+"""One child: heavy weather, without other changes (paper, section 4.4, RQ5)."""
 
 PRESETS: Mapping[str, Preset] = MappingProxyType({p.name: p for p in (FOCUSED, PAPER, AVOIDABLE, HEAVY_WEATHER)})
-"""All presets by name. A study makes its own with `dataclasses.replace` and passes the object."""
+"""All presets by name. A study derives its own with `dataclasses.replace` and passes the object."""
 
 
 def preset(name: str | Preset) -> Preset:
-    """Return a preset by name; one that is given as such comes back."""
+    """Return the preset of a name; a preset object is returned as it is."""
     if isinstance(name, Preset):
         return name
     if name not in PRESETS:

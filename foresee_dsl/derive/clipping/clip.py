@@ -1,8 +1,7 @@
-"""Cut a clip out of a run: the seconds around a risky point, as a file that rebuilds them exactly.
+"""Cuts a clip out of a run: the seconds around a risky point, as a file that rebuilds them exactly.
 
-All actors of the first frame are restored, not only those near the ego: with those within 120 m alone, one in ten
-deviated by over 0.5 m after 10 s, because car-following reaches far along a queue.
-"""
+All actors of the first frame are restored, not only those near the ego: if only those within 120 m are, one actor in
+ten deviates by over 0.5 m after 10 s, because car-following reaches far along a queue."""
 
 from __future__ import annotations
 
@@ -28,16 +27,19 @@ from foresee_dsl.simulate.triggers.record import ActorOrders
 _Timed = m.Steers | m.Line | m.Brakes
 DIGITS = 4
 """Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3, the
-driver decides otherwise in 5 of them (up to 0.64 m after 10 s); with 4 all actors stay within 1 cm, with 6 exactly."""
+driver decides otherwise in 5 of them (up to 0.64 m after 10 s); with 4 all actors stay within 1 cm, with 6 there is no
+deviation."""
 RECORDED_EVERY_S = 0.05
-"""The ego's states of a hand-over: at each frame. Ours: with every second one it is millimetres off in between."""
+"""Time between the ego's recorded states of a hand-over, s: each frame. Ours: with every second frame the ego is
+millimetres off in between."""
 PLANS_EVERY_S = 0.2
-"""A clip with a hand-over begins at a multiple of this in the run. Ours: a driver that plans 5 or 10 times a second
-then plans at the same moments as in the run."""
+"""A clip with a hand-over begins at a multiple of this time of the run, s. Ours: a driver that plans 5 or 10 times a
+second then plans at the same moments as in the run."""
 DRIVES_S = 1.0
-"""The driver drives for so long before the risky point, at least. Ours: a mutation's onset in the preset `focused`."""
+"""Shortest time that the driver drives before the risky point, s. Ours: the time of a mutation's onset in the preset
+`focused`."""
 _WAYPOINT_M = 2.0
-"""The spacing of `Trace.waypoints`."""
+"""Spacing of `Trace.waypoints`, m."""
 
 
 def clip(
@@ -51,25 +53,25 @@ def clip(
     parent: str,
     handover_s: float = 0.0,
 ) -> m.Clip:
-    """Make the clip of the window [point - before_s, point + after_s], bounded by the run.
+    """Return the clip of the window [point - before_s, point + after_s], bounded by the run.
 
-    The clip of a point that says where the proposed change begins begins there, or a hand-over before it.
+    If the point has a proposed change, its clip begins with the change, or a hand-over before it.
 
     Args:
-        case: what was run.
+        case: the test case.
         trace: its run.
-        point: around which moment.
-        before_s: o_b. after_s: o_a (paper, section 3.3).
+        point: the risky point.
+        before_s, after_s: o_b and o_a (paper, section 3.3).
         name: the clip's name.
         parent: the case's file as the clip's file names it.
-        handover_s: for so long the ego follows its recorded states while its driver watches. A clip that begins where
-            its parent's run did needs none and has none.
+        handover_s: how long the ego follows its recorded states while its driver watches. A clip that begins where its
+            parent's run did has no hand-over, as it needs none.
 
     Returns:
         The clip, without a fidelity line (see `fidelity.with_fidelity`).
 
     Raises:
-        ValueError: the trace has no such frame, does not say what its triggers did, or is of another scenario; or the
+        ValueError: the trace does not have the frame, has no record of its triggers, or is of another scenario; or the
             hand-over ends less than `DRIVES_S` before the risky point.
     """
     if not 0 <= point.frame < trace.frames:
@@ -102,11 +104,10 @@ def clip(
 
 
 def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:
-    """Return the waypoint nearest to where the ego was at frame `last`, never behind it, m.
+    """Return the waypoint nearest to the ego at frame `last` and not behind it, m.
 
-    Only waypoints that it can have reached since frame `first` are looked at, as a route may cross itself. Without
-    waypoints it is the ego's front.
-    """
+    As a route may cross itself, only waypoints within the distance driven since frame `first` count. Without waypoints,
+    the goal is the middle of the ego's front."""
     here = np.array(front(trace, 0, last))
     points = trace.waypoints
     if not len(points):
@@ -164,9 +165,9 @@ class _Beginning:
                 case m.When() | m.SignalState() | m.Traffic() | m.End():
                     pass  # restated for this frame: triggers, signals, each actor of the traffic, the window
                 case m.UseNetwork() | m.UseModels() | m.Network() | m.Weather() | m.Tags() | m.Expect():
-                    pass  # a clip has its parent's (see `language.project.expand.expand_clip`)
+                    pass  # taken from the parent (see `language.project.expand.expand_clip`)
                 case m.Doc() | m.Expected() | m.Param() | m.Require() | m.Case() | m.Cases():
-                    pass  # about the parent's text and its parameters, which have values here
+                    pass  # about the parent's text, and parameters, which have their values here
                 case _:
                     assert_never(item)
         self._triggers = triggers_at(case.scenario, trace, frame)
@@ -180,7 +181,7 @@ class _Beginning:
         self._waiting = frozenset(started)
 
     def ego(self, drives_from: int) -> m.Ego:
-        """Return the ego, with the states that it follows up to the frame from which its driver drives."""
+        """Return the ego, with its recorded states up to the frame from which its driver drives."""
         trace, first = self._trace, self._frame
         kept = [item for item in (self._ego.body if self._ego else ()) if isinstance(item, m.CruiseSpeed)]
         route = remaining_route(trace, 0, first)
@@ -191,17 +192,17 @@ class _Beginning:
         return m.Ego(model=trace.actors[0].model, state=_state(trace, 0, first), body=(*body, *kept, *recorded))
 
     def actors(self) -> list[m.Actor]:
-        """Return the other actors that are there."""
+        """Return the other actors that are present."""
         return [self._actor(k) for k in self._others]
 
     def patches(self) -> list[m.Slippery]:
-        """Return the slippery patches, where they are in the world: what their places count from moves."""
+        """Return the slippery patches at their world positions, as the reference of their written places may move."""
         at = {event.actor: event.detail for event in self._trace.events if event.what == "slippery"}
         spots = ((patch, at[patch.name]) for patch in self._patches if patch.name in at)
         return [patch.model_copy(update={"place": _at((spot["x"], spot["y"]))}) for patch, spot in spots]
 
     def signals(self) -> list[m.SignalState]:
-        """Return what the signals show."""
+        """Return the stage of each signal, and how long it has lasted."""
         trace, frame = self._trace, self._frame
         return [
             m.SignalState(
@@ -213,22 +214,22 @@ class _Beginning:
         ]
 
     def whens(self) -> list[m.When]:
-        """Return the triggers that resume what actors are doing, and those of the run."""
+        """Return triggers that resume the actors' unfinished orders, and the run's triggers that may still fire."""
         resumed = [*self._triggers.things(), *(self._resumed(k) for k in self._others)]
         kept = [self._ends_keeping(k) for k in self._others]
         return [when for when in (*resumed, *kept) if when is not None] + list(self._later)
 
     def _source(self, actor: str) -> tuple[m.ActorItem, ...]:
-        """Return the scenario's statements about an actor; none about one of the background traffic."""
+        """Return the scenario's statements about an actor; empty for an actor of the background traffic."""
         written = self._written.get(actor)
         return written.body if written else ()
 
     def _actor(self, k: int) -> m.Actor:
-        info, orders = self._trace.actors[k], self._triggers.told(self._trace.actors[k].id)
+        info, orders = self._trace.actors[k], self._triggers.orders_of(self._trace.actors[k].id)
         source = self._source(info.id)
         timing = next((si_of(item.factor) for item in source if isinstance(item, m.Timing)), 1.0)
         cruise = self._cruise(info, orders) if orders.keeps_mps is None else _quantity(orders.keeps_mps, "speed")
-        carried = [found for item in source for found in self._carried(item, info, orders)]
+        carried = [statement for item in source for statement in self._carried(item, info, orders)]
         if orders.line_m is not None and not any(isinstance(item, m.Line) for item in carried):
             carried.append(m.Line(left=_quantity(orders.line_m, "length")))
         return m.Actor(
@@ -256,14 +257,15 @@ class _Beginning:
         return (m.EdgeRoute(edges=route),) if route else ()
 
     def _cruise(self, info: ActorInfo, orders: ActorOrders) -> m.Value | None:
-        """Return an actor's cruise speed: as a trigger set it last, as its author wrote it, or as in the trace."""
+        """Return an actor's cruise speed: as a trigger set it last, else as its author wrote it, else as in the
+        trace."""
         if orders.cruise is not None:
             return orders.cruise
         written = next((item.speed for item in self._source(info.id) if isinstance(item, m.CruiseSpeed)), None)
         return written or (_quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
 
     def _rules(self, k: int, orders: ActorOrders) -> tuple[m.IgnoresRule | m.MeetsState, ...]:
-        """Return the rules that are ignored and the actor that is met, but for junctions that lie behind."""
+        """Return the rules that an actor ignores and the actor that it meets, without junctions that it has passed."""
         name = self._trace.actors[k].id
         items: list[m.IgnoresRule | m.MeetsState] = [i for i in self._source(name) if isinstance(i, m.IgnoresRule)]
         items += [m.IgnoresRule(what=i.what, junction=i.junction) for i in orders.ignores]
@@ -275,12 +277,12 @@ class _Beginning:
         return tuple(dict.fromkeys(item for item, over in zip(items, passed, strict=True) if not over))
 
     def _carried(self, item: m.ActorItem, info: ActorInfo, orders: ActorOrders) -> tuple[m.ActorItem, ...]:
-        """Return what the author or a mutation gave an actor, with times counted from the clip's beginning."""
+        """Return a statement of the author or of a mutation about an actor, with times from the clip's beginning."""
         match item:
             case m.Timing() | m.PassesInLane():
                 return (item,)
             case m.Line(start=None, duration=None):
-                return () if info.path or orders.line_m is not None else (item,)  # a path has it in its points
+                return () if info.path or orders.line_m is not None else (item,)  # the points of a path contain it
             case m.Steers() | m.Line() | m.Brakes():
                 return _left(item, self._now_s)
             case m.Delay():
@@ -293,7 +295,7 @@ class _Beginning:
                 m.CruiseSpeed()
                 | m.IgnoresRule()
                 | m.MeetsState()
-                # The trace has its place, its speed and what is left of its route.
+                # The trace has the actor's place, its speed and the rest of its route.
                 | m.Route()
                 | m.EdgeRoute()
                 | m.Path()
@@ -303,7 +305,7 @@ class _Beginning:
                 | m.StartAt()
                 | m.StartSpeed()
                 | m.GoalAt()
-                # Of the ego only, and over.
+                # Of the ego only; the recorded states are over.
                 | m.Recorded()
             ):
                 return ()
@@ -313,11 +315,11 @@ class _Beginning:
     def _resumed(self, k: int) -> m.When | None:
         """Return a trigger that resumes at once an actor's unfinished stop or change of speed or lane.
 
-        What a sequence waits for is resumed in that sequence.
+        An order for which a sequence waits is resumed in that sequence.
         """
         again: list[m.Action] = []
         name = self._trace.actors[k].id
-        orders = self._triggers.told(name)
+        orders = self._triggers.orders_of(name)
         if orders.speed is not None:
             action = orders.speed.action
             if isinstance(action, Resumed) and (name, "speed") not in self._taken:
@@ -335,9 +337,10 @@ class _Beginning:
         return at_once(*again) if again else None
 
     def _ends_keeping(self, k: int) -> m.When | None:
-        """Return the trigger that gives an actor its own speed back, while it keeps another to meet an actor."""
+        """Return the trigger that restores an actor's cruise speed once it has met the actor for which it keeps
+        another."""
         info = self._trace.actors[k]
-        orders = self._triggers.told(info.id)
+        orders = self._triggers.orders_of(info.id)
         meets = orders.speed.action if orders.speed else None
         cruise = self._cruise(info, orders)
         if orders.keeps_mps is None or not isinstance(meets, m.Meets) or cruise is None:
@@ -357,22 +360,22 @@ def _kind(info: ActorInfo) -> Literal["vehicle", "bicycle", "pedestrian", "obsta
 
 def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> m.State:
     info, row = trace.actors[actor], trace.states[frame, actor]
-    wheels = info.kind in VEHICLE_KINDS  # placed by the front; a pedestrian or an obstacle by its middle
+    wheels = info.kind in VEHICLE_KINDS  # placed by the front; pedestrians and obstacles are placed by their middle
     on_lanes = math.isnan(trace.along[frame, actor])
     acceleration, steer = float(row[ACCELERATION]), float(row[STEER])
     heading = math.remainder(float(row[HEADING]), math.tau)
     return m.State(
         at=_at(front(trace, actor, frame) if wheels else (float(row[X]), float(row[Y]))),
         heading=_quantity(heading, "angle"),
-        speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` scales the speed that a file says
-        # A path-follower's acceleration decides nothing, as its speed is given; SUMO continues from a vehicle's.
+        speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` scales the speed of the file
+        # A path-follower's acceleration has no effect, as its speed is prescribed; SUMO continues from a vehicle's.
         acceleration=_unless_zero(acceleration, "acceleration") if wheels and on_lanes else None,
         steer=_unless_zero(steer, "angle") if actor == 0 else None,
     )
 
 
 def _left(item: _Timed, now_s: float) -> tuple[_Timed, ...]:
-    """Return what is left of a statement that holds for a time."""
+    """Return the rest of a statement that holds for a time; empty if it is over."""
     start_s = 0.0 if item.start is None else si_of(item.start)
     left = None
     if item.duration is not None:
@@ -397,8 +400,8 @@ def _quantity(value: float, dimension: Dimension) -> m.Quantity:
 
 
 def _unless_zero(value: float, dimension: Dimension) -> m.Quantity | None:
-    found = _quantity(0.0 if math.isnan(value) else value, dimension)
-    return found if found.value else None
+    quantity = _quantity(0.0 if math.isnan(value) else value, dimension)
+    return quantity if quantity.value else None
 
 
 def _at(place: tuple[float, float]) -> m.Point:

@@ -1,9 +1,7 @@
 """Rewrites a condition for a clip, which begins in the middle of a run.
 
-Times count from the clip's beginning, what is known of actors that have left is put in, and a `for` that had begun says
-`since` when. That time is read from the run's record; how the condition then reads is the same for any run, so that it
-is computed here and not recorded.
-"""
+Times count from the clip's beginning, conditions about actors that have left get their final outcome, and a `for` that
+had begun says `since` when. That time is read from the run's record."""
 
 from __future__ import annotations
 
@@ -18,8 +16,8 @@ from foresee_dsl.language.traversal import mentioned, parts, si_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.record import Run, Runs
 
-Known = m.Condition | bool
-"""A condition, or what it is known to be from the clip's beginning on."""
+Rewritten = m.Condition | bool
+"""A rewritten condition, or its outcome if that is fixed from the clip's beginning on."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +25,9 @@ class Moment:
     """The beginning of a clip.
 
     Attributes:
-        time_s: in the run.
+        time_s: its time in the run.
         gone: actors that have left.
-        places: where the places on routes are, by their text: a route begins elsewhere now.
+        places: points of the places on routes, by their text, as routes begin elsewhere in the clip.
     """
 
     time_s: float
@@ -37,19 +35,19 @@ class Moment:
     places: Mapping[str, m.Point]
 
 
-def rebased(condition: m.Condition, moment: Moment, runs: Runs | None = None, *, held: bool | None = None) -> Known:
-    """Return a condition as the clip needs it: true at the same frames as in the run.
+def rebased(condition: m.Condition, moment: Moment, runs: Runs | None = None, *, held: bool | None = None) -> Rewritten:
+    """Return a condition for the clip, which is true at the same frames as in the run.
 
     Args:
         condition: as its author wrote it.
         moment: the clip's beginning.
-        runs: since when what a `for` is about holds, by the place of the `for` among the condition's `parts`; absent
-            where it does not hold. None for a condition that was not looked at yet.
-        held: of an `every` or `next`, whether the condition has to be false before it fires; None of what fires once.
-            It is exact to the frame as well when the condition is false and when it has no outcome, where that tells
-            whether the trigger fires again.
+        runs: for each `for` whose condition holds, since when it does, by the index of the `for` among the condition's
+            `parts`. None for a condition that was not evaluated yet.
+        held: for an `every` or `next`, whether the condition has to become false before the trigger fires again; None
+            for a trigger that fires once. For a trigger that may fire again, the frames at which the condition is
+            false, or has no outcome, are exact too.
     """
-    # The first time that all parts of an `and` are true, all is known. Beside an `or`, a `for` may still be unknown.
+    # When all parts of an `and` are first true, each `for` has a known beginning. Beside an `or`, one may be unknown.
     unsure = (part for part in parts(condition) if isinstance(part, m.Either | m.Not))
     again = held or (held is not None and any(isinstance(p, m.Sustained) for part in unsure for p in parts(part)))
     return _Rebase(moment, runs, again=again).part(condition, 0, positive=True)
@@ -59,8 +57,8 @@ class _Rebase:
     def __init__(self, moment: Moment, runs: Runs | None, *, again: bool) -> None:
         self._moment, self._runs, self._again = moment, runs, again
 
-    def part(self, condition: m.Condition, number: int, *, positive: bool) -> Known:
-        """Return a part as the clip needs it; `positive`: it is under an even number of `not`."""
+    def part(self, condition: m.Condition, number: int, *, positive: bool) -> Rewritten:
+        """Return a part of the condition for the clip; `positive`: it is under an even number of `not`."""
         match condition:
             case m.Not():
                 inner = self.part(condition.condition, number + 1, positive=not positive)
@@ -68,39 +66,39 @@ class _Rebase:
             case m.Sustained():
                 return self._sustained(condition, number, positive=positive)
             case m.Both() | m.Either():
-                found, after = [], number + 1
+                rewritten, after = [], number + 1
                 for part in condition.conditions:
-                    found.append(self.part(part, after, positive=positive))
+                    rewritten.append(self.part(part, after, positive=positive))
                     after += sum(1 for _ in parts(part))
-                return both(*found) if isinstance(condition, m.Both) else either(*found)
+                return both(*rewritten) if isinstance(condition, m.Both) else either(*rewritten)
             case m.Comparison() | m.Equals() | m.Predicate() | m.InJunction() | m.Within() | m.Shows():
                 return self._innermost(condition, positive=positive)
             case m.Ahead() | m.Behind() | m.SameLane() | m.InLane() | m.Sees() | m.InSight():
-                return self._innermost(condition, positive=positive)  # about the moment: as it is
+                return self._innermost(condition, positive=positive)  # about the present moment: unchanged
             case _:
                 assert_never(condition)
 
-    def _innermost(self, condition: m.Condition, *, positive: bool) -> Known:
+    def _innermost(self, condition: m.Condition, *, positive: bool) -> Rewritten:
         if isinstance(condition, m.Within):
             place = "" if isinstance(condition.of, m.Named) else text_of(condition.of, frozenset())
             point = self._moment.places.get(place)
             condition = condition if point is None else condition.model_copy(update={"of": point})
         if mentioned(condition) & self._moment.gone:
             if isinstance(condition, m.Predicate):
-                return condition.what == "arrived"  # an actor that has left has; it touches nothing
-            return not positive  # it will never have an outcome, so that it never makes the whole true
+                return condition.what == "arrived"  # an actor that has left has arrived, and touches nothing
+            return not positive  # it never has an outcome, so it never makes the whole condition true
         left = condition.left if isinstance(condition, m.Comparison) else None
         if isinstance(condition, m.Comparison) and isinstance(left, m.Measure) and left.what == "time":
             return self._time(condition)
         return condition
 
-    def _time(self, condition: m.Comparison) -> Known:
+    def _time(self, condition: m.Comparison) -> Rewritten:
         left_s = si_of(condition.right) - self._moment.time_s
         if left_s < -1e-9 or (abs(left_s) <= 1e-9 and condition.op in (">=", "<")):
             return condition.op[0] == ">"
         return condition.model_copy(update={"right": seconds(left_s)})
 
-    def _sustained(self, condition: m.Sustained, number: int, *, positive: bool) -> Known:
+    def _sustained(self, condition: m.Sustained, number: int, *, positive: bool) -> Rewritten:
         inner = self.part(condition.condition, number + 1, positive=positive)
         if inner is False:
             return False
@@ -109,18 +107,17 @@ class _Rebase:
             return fresh if condition.since is None else self._since(fresh, si_of(condition.since))
         run = self._runs.get(number)
         if run is None:
-            return fresh  # it does not hold at the clip's first frame either, and so says the clip
+            return fresh  # it does not hold at the clip's first frame, so the clip needs no `since`
         left = _frames(si_of(condition.duration)) - _frames_since(run.since_s, self._moment.time_s)
         if inner is True and run.known:
             return at_least(left) if left > 0 else True
         return self._half_way(fresh, run, left, positive=positive)
 
     def _half_way(self, fresh: m.Sustained, run: Run, left: int, *, positive: bool) -> m.Condition:
-        """Return a `for` of which `left` frames are left: `since` says when it began, and that it was false before.
+        """Return a `for` with `left` frames to go. `since` states when it began, and that it was false before.
 
-        Where that is unknown, `since` is as good if only "true" matters; where only "false" does (under `not`), the
-        time before the window may be left unknown altogether.
-        """
+        If it is unknown whether it was false before, `since` is still right where only a true outcome matters. Where
+        only a false outcome matters (under `not`), `since` may be left out."""
         begun = self._since(fresh, run.since_s)
         held = run.since_s < self._moment.time_s - STEP_S / 2
         if run.known:
@@ -134,16 +131,16 @@ class _Rebase:
         return condition.model_copy(update={"since": seconds(-frames * STEP_S)})
 
 
-def both(*conditions: Known) -> Known:
-    """Return `and`, as far as it is known."""
+def both(*conditions: Rewritten) -> Rewritten:
+    """Return the `and` of conditions, without those whose outcome is fixed."""
     left = tuple(c for c in conditions if not isinstance(c, bool))
     if not all(c for c in conditions if isinstance(c, bool)):
         return False
     return m.Both(conditions=left) if len(left) > 1 else (left[0] if left else True)
 
 
-def either(*conditions: Known) -> Known:
-    """Return `or`, as far as it is known."""
+def either(*conditions: Rewritten) -> Rewritten:
+    """Return the `or` of conditions, without those whose outcome is fixed."""
     left = tuple(c for c in conditions if not isinstance(c, bool))
     if any(c for c in conditions if isinstance(c, bool)):
         return True
@@ -151,20 +148,20 @@ def either(*conditions: Known) -> Known:
 
 
 def at_least(frames: int) -> m.Comparison:
-    """Return `time >= TIME`."""
+    """Return `time >= TIME` for a number of steps."""
     return m.Comparison(left=m.Measure(what="time"), op=">=", right=seconds(frames * STEP_S))
 
 
 def seconds(value: float) -> m.Quantity:
-    """Return a time with two decimals, which hold every multiple of the step exactly, or more where it needs them."""
+    """Return a time with two decimals, which suffice for multiples of the step, or with six for other times."""
     return m.Quantity.of(value, "time", 2 if abs(round(value, 2) - value) < 1e-7 else 6)
 
 
 def _frames(time_s: float) -> int:
-    """Return how many steps a time takes, as `simulate.triggers.condition_history` counts them."""
+    """Return the number of steps of a duration, as `simulate.triggers.condition_history` counts them."""
     return max(0, math.ceil(time_s / STEP_S - 1e-6))
 
 
 def _frames_since(time_s: float, now_s: float) -> int:
-    """Return how many frames there were from a time on and before now."""
+    """Return the number of frames from a time on and before now."""
     return math.floor((now_s - time_s) / STEP_S + 1e-6)

@@ -1,4 +1,4 @@
-"""A run at one frame: which actors are there, where, and the rest of their routes."""
+"""Reads one frame of a run: which actors are present, their places, and the rest of their routes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,13 @@ def front(trace: Trace, actor: int, frame: int) -> tuple[float, float]:
     return float(state[X] + ahead * math.cos(state[HEADING])), float(state[Y] + ahead * math.sin(state[HEADING]))
 
 
-def remaining_route(trace: Trace, actor: int, frame: int, given: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Return the edges that an actor has still to drive, the first being the one it is on.
+def remaining_route(trace: Trace, actor: int, frame: int, current_route: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Return the edges that an actor has still to drive; the first is the edge that it is on.
 
-    On a junction (or off the lanes) that is the edge it came from, as SUMO wants it. The ego's begins as far back as it
-    does not come to the same edge twice: the line that it follows depends on where it came from. `given`: the route
-    that it has now, if not the one that it began with.
-    """
-    route = given or trace.actors[actor].route
+    On a junction (or off the lanes) the first is the edge from which it came, as SUMO needs it. The ego's route begins
+    as far back as possible without an edge occurring twice, as its line depends on where it came from. `current_route`:
+    the actor's present route, if it is not the one with which it began."""
+    route = current_route or trace.actors[actor].route
     at = 0
     for edge in edges_driven(trace, actor, frame):
         ahead = [k for k in range(at, len(route)) if route[k] == edge]
@@ -36,7 +35,7 @@ def remaining_route(trace: Trace, actor: int, frame: int, given: tuple[str, ...]
 
 
 def edges_driven(trace: Trace, actor: int, frame: int) -> list[str]:
-    """Return the edges that an actor was on up to a frame, in order, each change once; junctions' begin with `:`."""
+    """Return the edges on which an actor was up to a frame, in order; ids of junctions' edges begin with `:`."""
     edges: list[str] = []
     for lane in trace.lanes[: frame + 1, actor]:
         edge = trace.lane_ids[lane].rpartition("_")[0] if lane >= 0 else ""
@@ -46,11 +45,11 @@ def edges_driven(trace: Trace, actor: int, frame: int) -> list[str]:
 
 
 def has_passed(trace: Trace, actor: int, junction: str, frame: int) -> bool:
-    """Say whether an actor has been on a junction and left it again before a frame."""
+    """Return whether an actor was on a junction and has left it at a frame."""
     on = [_junction_of(edge) == junction for edge in edges_driven(trace, actor, frame)]
     return any(on) and not on[-1]
 
 
 def _junction_of(edge: str) -> str:
-    """`:j4_3` lies in junction `j4`."""
+    """Return the junction of an edge: `:j4_3` lies in junction `j4`."""
     return edge[1:].rpartition("_")[0] if edge.startswith(":") else ""

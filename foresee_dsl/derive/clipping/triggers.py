@@ -1,6 +1,6 @@
 """A clip's triggers: those of its parent that may still fire, and the rest of sequences that have begun.
 
-How far the triggers had come, and what they had told each actor, is read from the run's record (`Trace.director`).
+The progress of the triggers, and their orders to each actor, are read from the run's record (`Trace.director`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 from foresee_dsl.simulate.triggers.record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
 
 PLACE_DIGITS = 4
-"""As `derive.clipping.clip.DIGITS`."""
+"""Decimals of places, m; as `derive.clipping.clip.DIGITS`."""
 
 
 Resumed = (
@@ -38,7 +38,7 @@ Resumed = (
     | m.Synchronises
     | m.Reverses
 )
-"""Orders of which something may be left."""
+"""Orders that may be unfinished at the clip's beginning, and of which the clip states the rest."""
 _Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.MatchesSpeed, m.KeepsBeside, m.BrakesFor)
 
 
@@ -47,11 +47,11 @@ class Triggers:
     """The triggers of a run at the beginning of a clip.
 
     Attributes:
-        trace: the run. frame: at which the clip begins.
-        moment: the same, as conditions need it.
-        whens: the scenario's triggers. states: how far each has come.
-        orders: what they have told each actor.
-        timed: actors with a `timing`, which do not adapt to those that they meet.
+        trace: the run. frame: the frame at which the clip begins.
+        moment: that frame, for rewriting conditions.
+        whens: the scenario's triggers. states: the progress of each.
+        orders: the present orders to each actor.
+        timed: actors with a `timing`, which do not adapt their speed to the actors that they meet.
     """
 
     trace: Trace
@@ -62,13 +62,13 @@ class Triggers:
     orders: Mapping[str, ActorOrders]
     timed: frozenset[str]
 
-    def told(self, actor: str) -> ActorOrders:
-        """Return what an actor was told."""
+    def orders_of(self, actor: str) -> ActorOrders:
+        """Return the present orders to an actor."""
         return self.orders.get(actor, ActorOrders())
 
     def pending(self) -> tuple[m.When, ...]:
         """Return the triggers that may still fire."""
-        found: list[m.When] = []
+        triggers: list[m.When] = []
         for when, state in zip(self.whens, self.states, strict=True):
             again = when.repeat in ("every", "next")
             if state.fired_s is not None and not again:
@@ -78,13 +78,13 @@ class Triggers:
             actions = self.future(when.actions)
             if actions and not isinstance(condition, bool):
                 repeat = ("next" if state.held else "every") if again else when.repeat
-                found.append(m.When(repeat=repeat, name=when.name, condition=condition, actions=actions))
-        return tuple(found)
+                triggers.append(m.When(repeat=repeat, name=when.name, condition=condition, actions=actions))
+        return tuple(triggers)
 
     def under_way(self) -> tuple[tuple[m.When, ...], frozenset[tuple[str, str]]]:
-        """Return triggers that continue the sequences that have begun; and what they take up themselves, (actor,
-        `speed`) or (actor, `lane`), so that nothing else does."""
-        found: list[m.When] = []
+        """Return triggers that continue the sequences that have begun; and the orders that these triggers resume
+        themselves, as (actor, `speed`), (actor, `lane`) or (actor, `sideways`)."""
+        continuing: list[m.When] = []
         taken: set[tuple[str, str]] = set()
         for index, (when, state) in enumerate(zip(self.whens, self.states, strict=True)):
             if state.sequence is None:
@@ -93,50 +93,48 @@ class Triggers:
             actions = rest.block(when.actions, state.sequence, ())
             while len(actions) == 1 and isinstance(only := actions[0], m.Then) and only.condition is None:
                 actions = only.actions
-            if any(isinstance(action, m.Then) for action in actions):  # orders alone are taken up actor by actor
-                found.append(at_once(*actions))
+            if any(isinstance(action, m.Then) for action in actions):  # without steps, the orders are resumed per actor
+                continuing.append(at_once(*actions))
                 taken |= rest.taken
-        return tuple(found), frozenset(taken)
+        return tuple(continuing), frozenset(taken)
 
     def held_back(self, whens: Iterable[m.When]) -> tuple[m.When, ...]:
-        """Return a trigger that never fires, for the actors that none of `whens` will start any more.
+        """Return a trigger that never fires, for the actors that none of `whens` will start.
 
-        Without it they would not wait: an actor that no trigger starts moves off by itself.
+        It makes them wait, as an actor that no trigger starts moves off by itself.
         """
         still = {*_starts(whens), *self.moment.gone}
-        left = [name for name in _starts(self.whens) if name not in still and self.told(name).started_s is None]
+        left = [name for name in _starts(self.whens) if name not in still and self.orders_of(name).started_s is None]
         never = m.Comparison(left=m.Measure(what="time"), op="<", right=seconds(0.0))
         return (m.When(condition=never, actions=tuple(m.Starts(actor=name) for name in left)),) if left else ()
 
     def future(self, actions: Iterable[m.Action], until: m.Condition | bool = True) -> tuple[m.Action, ...]:
-        """Return actions that have not begun as the clip needs them; `until`: what each step waits for besides.
+        """Return, for the clip, actions that have not begun; `until`: a further condition for each step.
 
-        Those of actors that are gone are left out, and starts of actors that have been started: they would wait for it.
-        What comes `then` once a condition holds that never will is left out with all that comes after it.
-        """
-        found: list[m.Action] = []
+        Actions of actors that have left are left out; so are starts of actors that have started, which would otherwise
+        wait for them. A `then` whose condition can never hold is left out with everything after it."""
+        remaining: list[m.Action] = []
         for action in actions:
             if not isinstance(action, m.Then):
-                found += [] if self._is_over(action) else [self.placed(action)]
+                remaining += [] if self._is_over(action) else [self.placed(action)]
                 continue
             wanted = True if action.condition is None else rebased(action.condition, self.moment)
             condition = both(wanted, until)
             if condition is False:
                 break
             inner = self.future(action.actions, until)
-            found.append(_then(condition, inner))
-        return trimmed(found)
+            remaining.append(_then(condition, inner))
+        return trimmed(remaining)
 
     def _is_over(self, action: m.Action) -> bool:
         if isinstance(action, m.OfNobody):
             return False
         gone = self.moment.gone
-        started = isinstance(action, m.Starts) and self.told(action.actor).started_s is not None
+        started = isinstance(action, m.Starts) and self.orders_of(action.actor).started_s is not None
         return started or action.actor in gone or getattr(action, "other", None) in gone
 
     def things(self) -> tuple[m.When, ...]:
-        """Return the trigger that changes the speed limits again that had been changed, and opens the doors that were
-        open."""
+        """Return the trigger that restores the changed speed limits and the open doors."""
         record = self.trace.director or DirectorRecord()
         last: dict[tuple[object, ...], m.Action] = {}
         for order in record.things:
@@ -157,15 +155,16 @@ class Triggers:
         return (at_once(*last.values()),) if last else ()
 
     def placed(self, action: m.Action, *, now: bool = False) -> m.Action:
-        """Return an action with points for its places on routes, which begin elsewhere now; `now`: it is under way."""
-        found: dict[str, m.Point] = {}
-        told = self.told(getattr(action, "actor", "")).speed
-        if told is not None and type(told.action) is type(action) and now:
-            action = told.action  # with points for places relative to actors
+        """Return an action with points for its places on routes, as routes begin elsewhere in the clip; `now`: it has
+        begun."""
+        points_of_fields: dict[str, m.Point] = {}
+        current = self.orders_of(getattr(action, "actor", "")).speed
+        if current is not None and type(current.action) is type(action) and now:
+            action = current.action  # it has points for places relative to actors
         for field, value in fields_of(action):
             if isinstance(value, m.AlongRoute | m.PastJunction):
                 point = self.moment.places.get(text_of(value, frozenset()))
-                found |= {} if point is None else {field: point}
+                points_of_fields |= {} if point is None else {field: point}
         if isinstance(action, m.FollowsPath):
             points = tuple(
                 self.moment.places.get(text_of(place, frozenset()), place)
@@ -174,10 +173,10 @@ class Triggers:
                 for place in action.points
             )
             return action.model_copy(update={"points": points})
-        return action.model_copy(update=found) if found else action
+        return action.model_copy(update=points_of_fields) if points_of_fields else action
 
     def rest_of(self, action: Resumed, since_s: float) -> Resumed | None:
-        """Return what is left of an order that began at a time, None where it is over."""
+        """Return the rest of an order that began at `since_s`; None if it is over."""
         left: Resumed | None
         match action:
             case m.StopsAt():
@@ -204,7 +203,7 @@ class Triggers:
         return left
 
     def _rest_of_way_back(self, action: m.Reverses, since_s: float) -> m.Reverses | None:
-        """Return what is left of going backwards, None where it drives on."""
+        """Return the rest of reversing; None if the actor drives forwards again."""
         along = self.trace.along[self.trace.frame_at(since_s) : self.frame + 1, self.trace.index(action.actor)]
         began, now = bool((~np.isnan(along)).any()), float(along[-1])
         if not began:
@@ -215,7 +214,7 @@ class Triggers:
         return action.model_copy(update={"length": left}) if left.si > 0 else None
 
     def _until(self, action: _Timed, field: str, since_s: float, *, goes_on: bool) -> _Timed | None:
-        """Return an order with what is left of its time; `goes_on`: without a time it is not over."""
+        """Return an order with the rest of its time; `goes_on`: an order without a time lasts for ever."""
         length = getattr(action, field)
         if not isinstance(length, m.Quantity):
             return action if goes_on else None
@@ -223,9 +222,9 @@ class Triggers:
         return action.model_copy(update={field: seconds(left_s)}) if left_s > 1e-6 else None
 
     def _rest_of_stop(self, stop: m.Stops, since_s: float) -> m.Stops | None:
-        """Return what is left of a stop, None where it is over: its time counts from when the actor stands.
+        """Return the rest of a stop, None if it is over; its time counts from when the actor stands.
 
-        Since when it stands is told by the recorded speeds; the director would only say the same once more.
+        The recorded speeds show since when it stands.
         """
         if not isinstance(stop.duration, m.Quantity):
             return stop
@@ -237,22 +236,26 @@ class Triggers:
         return m.Stops(actor=stop.actor, duration=seconds(left_s)) if left_s > 1e-6 else None
 
     def _rest_of_halt(self, halt: m.StopsAt) -> m.StopsAt | None:
-        """Return what is left of a stop at a place, None where it is over."""
-        placed, stands_s = self.placed(halt, now=True), self.told(halt.actor).stands_s
+        """Return the rest of a stop at a place; None if it is over."""
+        placed, stands_s = self.placed(halt, now=True), self.orders_of(halt.actor).stands_s
         if not isinstance(placed, m.StopsAt) or not isinstance(placed.duration, m.Quantity) or stands_s is None:
             return placed if isinstance(placed, m.StopsAt) else None
         left_s = placed.duration.si - (self.moment.time_s - stands_s)
         return placed.model_copy(update={"duration": seconds(left_s)}) if left_s > 1e-6 else None
 
     def still_to_change(self, actor: str, since_s: float) -> bool:
-        """Say whether an actor is still on the lane on which it was asked to change: SUMO has not begun the change."""
+        """Return whether an actor is still on the lane on which it got the order to change, so SUMO has not begun
+        it."""
         lanes = self.trace.lanes[self.trace.frame_at(since_s) : self.frame + 1, self.trace.index(actor)]
         return bool(lanes.size and lanes[0] >= 0 and (lanes == lanes[0]).all())
 
 
 def triggers_at(scenario: m.Scenario, trace: Trace, frame: int) -> Triggers:
-    """Return the triggers of a run at a frame; a `ValueError` where the trace does not say what its triggers did, or is
-    of another scenario."""
+    """Return the triggers of a run at a frame.
+
+    Raises:
+        ValueError: the trace has no record of its triggers, or is of another scenario.
+    """
     record, whens, now_s = trace.director, scenario.all(m.When), float(trace.time_s[frame])
     if record is None:
         raise ValueError(
@@ -280,7 +283,7 @@ def at_once(*actions: m.Action) -> m.When:
 
 
 class _Rest:
-    """What is left of one trigger's sequence."""
+    """The rest of a trigger's sequence."""
 
     def __init__(self, triggers: Triggers, index: int) -> None:
         self._triggers, self._index = triggers, index
@@ -288,7 +291,7 @@ class _Rest:
         record = triggers.trace.director or DirectorRecord()
         self._completes_after = record.completes_after
         again_s = record.fires_after(index, self._now_s)
-        # Steps of the sequence come until then: it starts anew.
+        # Steps of the sequence may begin only before the trigger fires again, as it then starts anew.
         self._until: m.Condition | bool = (
             m.Comparison(left=m.Measure(what="time"), op="<", right=seconds(again_s - self._now_s))
             if again_s is not None
@@ -298,33 +301,33 @@ class _Rest:
 
     def block(self, actions: tuple[m.Action, ...], state: BlockState, place: Place) -> tuple[m.Action, ...]:
         """Return the rest of a block that has begun."""
-        found: list[m.Action] = []
+        remaining: list[m.Action] = []
         for k, action in enumerate(actions):
             if k in state.complete:
                 continue
             if not isinstance(action, m.Then):
-                found += self._action(action, state.began_s, (*place, k))
+                remaining += self._action(action, state.began_s, (*place, k))
             elif k in state.inner:
                 inner = self.block(action.actions, state.inner[k], (*place, k))
-                # Orders alone need no block of their own: what comes next waits for them here too.
+                # Orders without steps need no block of their own: the next step waits for them here too.
                 follows = any(isinstance(step, m.Then) for step in inner)
-                found += [m.Then(actions=inner)] if follows else inner
+                remaining += [m.Then(actions=inner)] if follows else inner
             else:
                 condition = self._condition(action, state.waits.get(k))
                 if condition is False:
                     break
-                found.append(_then(condition, self._triggers.future(action.actions, self._until)))
-        return trimmed(found)
+                remaining.append(_then(condition, self._triggers.future(action.actions, self._until)))
+        return trimmed(remaining)
 
     def _condition(self, then: m.Then, runs: Runs | None) -> m.Condition | bool:
-        """Return what a step that has not begun waits for."""
+        """Return the condition for which a step that has not begun waits."""
         wanted: m.Condition | bool = True
         if then.condition is not None:
             wanted = rebased(then.condition, self._triggers.moment, runs)
         return both(wanted, self._until)
 
     def _action(self, action: m.Action, since_s: float, place: Place) -> list[m.Action]:
-        """Return what is left of an action that is not complete: the rest of it, or the time until its end."""
+        """Return the rest of an incomplete action; if it cannot be stated, a wait for the time until its end."""
         if isinstance(action, m.Wait):
             end_s = since_s + si_of(action.duration)
             return [m.Wait(duration=seconds(max(0.0, end_s - self._now_s)))]
@@ -332,21 +335,21 @@ class _Rest:
         if left is not None:
             self.taken.add((left.actor, _sets(left)))
             return [left]
-        # It continues by itself (a lane is half changed, a junction half crossed): its end is known from the run.
+        # It continues without an order (a lane change or a crossing under way); the run gives the time of its end.
         completes_s = self._completes_after(self._index, place, self._now_s)
         after_run_s = float(self._triggers.trace.time_s[-1]) + STEP_S
         return [m.Wait(duration=seconds((after_run_s if completes_s is None else completes_s) - self._now_s))]
 
     def _order(self, action: m.Action, since_s: float) -> Resumed | m.Meets | m.ChangesLane | None:
-        """Return an order to give again."""
+        """Return the order to give again in the clip; None if it cannot be repeated or is over."""
         if isinstance(action, Resumed):
             return self._triggers.rest_of(action, since_s)
         match action:
             case m.ChangesLane():
                 return action if self._triggers.still_to_change(action.actor, since_s) else None
             case m.Meets():
-                told = self._triggers.told(action.actor)
-                meets = told.speed is not None and told.speed.action == action and told.keeps_mps is None
+                orders = self._triggers.orders_of(action.actor)
+                meets = orders.speed is not None and orders.speed.action == action and orders.keeps_mps is None
                 return action if meets and action.actor not in self._triggers.timed else None
             case (
                 m.Ignores()
@@ -363,14 +366,14 @@ class _Rest:
 
 
 def _sets(action: Resumed | m.Meets | m.ChangesLane) -> str:
-    """Return what of an actor an order sets: the next one of that kind replaces it."""
+    """Return the kind of an order (`speed`, `lane` or `sideways`): the next order of that kind replaces it."""
     if isinstance(action, m.ChangesLane):
         return "lane"
     return "sideways" if isinstance(action, m.ChangesLine | m.KeepsBeside) else "speed"
 
 
 def _then(condition: m.Condition | bool, inner: tuple[m.Action, ...]) -> m.Then:
-    """Return a step; one in which nothing is left to do still counts for what comes after it."""
+    """Return a step; without actions it gets a wait of 0 s, as later steps still wait for it."""
     wait = (m.Wait(duration=seconds(0.0)),)
     return m.Then(condition=None if isinstance(condition, bool) else condition, actions=inner or wait)
 
@@ -388,7 +391,7 @@ def _places(record: DirectorRecord) -> dict[str, m.Point]:
 
 
 def trimmed(actions: list[m.Action]) -> tuple[m.Action, ...]:
-    """Leave out the steps at the end in which nothing happens, and waiting that nothing waits for."""
+    """Return the actions without steps at the end that only wait, and without waits after the last step."""
     while actions and isinstance(last := actions[-1], m.Then) and all(isinstance(a, m.Wait) for a in last.actions):
         actions.pop()
     thens = [k for k, action in enumerate(actions) if isinstance(action, m.Then)]

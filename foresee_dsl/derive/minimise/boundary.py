@@ -1,4 +1,5 @@
-"""The boundary of a failure along its own change: the smallest value that fails, and the largest that does not."""
+"""Finds the boundary of a failure along a change: the value nearest to the unmutated one that fails, and the next one
+that passes."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from decimal import Decimal
 from types import MappingProxyType
 
 from foresee_dsl.derive.minimise.candidate import Candidate
-from foresee_dsl.derive.minimise.outcome import Boundary, Ended, Tried
+from foresee_dsl.derive.minimise.outcome import Boundary, Ended, ValueTrial
 from foresee_dsl.derive.minimise.trials import Trial, Trials
 from foresee_dsl.derive.presets import FOCUSED
 from foresee_dsl.language import model as m
@@ -23,14 +24,14 @@ STEPS: Mapping[str, Decimal] = MappingProxyType(
         "line": Decimal(str(FOCUSED.line.step_m)),
     }
 )
-"""The steps of numbers, as operators draw them."""
+"""Step between the values of a property, as its operator draws them, in the property's unit."""
 _STEP = Decimal("0.01")
-"""Of all others. Ours: the second decimal, which generated files write."""
+"""Step of all other properties. Ours: the second decimal, which generated files write."""
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """The values of a change from NOW (0) towards WAS (`count`, which is no value of its own), in NOW's unit."""
+    """The values of a change from NOW (index 0) towards WAS (index `count`, which is not tried), in NOW's unit."""
 
     change: m.Change
     was: Decimal
@@ -49,21 +50,21 @@ class _Grid:
         return self.change.model_copy(update={"now": m.Quantity(value=self.value(k), unit=self.unit)})
 
 
-def nearest(trials: Trials, found: Candidate, index: int, *, look_beside: bool = False) -> Candidate:
-    """Bring the number of one change as near to its `was` value as still fails, by bisection.
+def nearest(trials: Trials, candidate: Candidate, index: int, *, look_beside: bool = False) -> Candidate:
+    """Return the candidate with the number of one change as near to its `was` value as still fails, by bisection.
 
-    A change without a number (of a model) stays. The value next to the result does not fail; whether one farther away
-    does is not asked.
+    A change without a number (a model swap) stays. The value next to the result does not fail; values beyond it are not
+    tried.
 
     Args:
-        look_beside: ask for the next value first: where it does not fail, that is all.
+        look_beside: try the next value first; if it does not fail, the search ends.
     """
-    grid = _grid(found.changes[index])
+    grid = _grid(candidate.changes[index])
     if grid is None:
-        return found
+        return candidate
 
     def fails(k: int) -> bool:
-        return trials.fails(_with(found, index, grid.changed(k)))
+        return trials.fails(_with(candidate, index, grid.changed(k)))
 
     low, high = 0, grid.count
     if look_beside and high > 1:
@@ -71,45 +72,45 @@ def nearest(trials: Trials, found: Candidate, index: int, *, look_beside: bool =
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (middle, high) if fails(middle) else (low, middle)
-    return _with(found, index, grid.changed(low)) if low else found
+    return _with(candidate, index, grid.changed(low)) if low else candidate
 
 
-def ask_for_passing(trials: Trials, found: Candidate) -> None:
-    """Where the value next to a boundary fails in another way, look for one that passes, by bisection."""
-    for index, change in enumerate(found.changes):
+def ask_for_passing(trials: Trials, candidate: Candidate) -> None:
+    """Where the value next to a boundary fails in another way, try values by bisection until one passes."""
+    for index, change in enumerate(candidate.changes):
         grid = _grid(change)
         if grid is None:
             continue
         low, high = 0, grid.count
         if high > 1:
-            low, high = (1, high) if trials.fails_somehow(_with(found, index, grid.changed(1))) else (0, 1)
+            low, high = (1, high) if trials.fails_somehow(_with(candidate, index, grid.changed(1))) else (0, 1)
         while high - low > 1:
             middle = (low + high) // 2
-            failed = trials.fails_somehow(_with(found, index, grid.changed(middle)))
+            failed = trials.fails_somehow(_with(candidate, index, grid.changed(middle)))
             low, high = (middle, high) if failed else (low, middle)
 
 
-def boundaries(trials: Trials, whole: Candidate, found: Candidate) -> tuple[Boundary, ...]:
-    """Return what the runs tell of each number that is left."""
-    return tuple(_boundaries(trials, whole, found))
+def boundaries(trials: Trials, whole: Candidate, reduced: Candidate) -> tuple[Boundary, ...]:
+    """Return the boundary of each number in the reduced mutant, from the runs so far."""
+    return tuple(_boundaries(trials, whole, reduced))
 
 
-def _boundaries(trials: Trials, whole: Candidate, found: Candidate) -> Iterator[Boundary]:
-    for index, change in enumerate(found.changes):
+def _boundaries(trials: Trials, whole: Candidate, reduced: Candidate) -> Iterator[Boundary]:
+    for index, change in enumerate(reduced.changes):
         grid = _grid(change)
         if grid is None:
             continue
         as_mutated = next(c for c in whole.changes if _same_place(c, change))
-        runs = {float(value): trial for value, trial in _tried(trials, found, index)}
+        runs = {float(value): trial for value, trial in _tried(trials, reduced, index)}
         was, now = float(grid.was), float(grid.now)
         values = sorted(runs, key=lambda value: abs(value - was))
         nearer = [value for value in values if abs(value - was) < abs(now - was)]
         failing = [value for value in nearer if runs[value].failed]
         worst = failing[0] if failing else now
         passing = [value for value in nearer if not runs[value].failed and abs(value - was) < abs(worst - was)]
-        if not passing and len(found.changes) > 1:
-            continue  # without this change the others may fail by themselves, in another way
-        offset = _offset(trials, found, index, grid)
+        if not passing and len(reduced.changes) > 1:
+            continue  # without this change the others may fail in another way
+        offset = _offset(trials, reduced, index, grid)
         first = _grid(as_mutated)
         yield Boundary(
             change=f"{change.actor}.{change.property}",
@@ -124,15 +125,16 @@ def _boundaries(trials: Trials, whole: Candidate, found: Candidate) -> Iterator[
         )
 
 
-def _tried(trials: Trials, found: Candidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
-    """Yield the values of one change that were run, those of the candidate's own clip last: they count."""
-    own, change = [], found.changes[index]
-    for candidate, trial in trials.known():
+def _tried(trials: Trials, reduced: Candidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
+    """Yield the values of one change that were run; those of the candidate's own clip come last and so replace
+    others."""
+    own, change = [], reduced.changes[index]
+    for candidate, trial in trials.finished():
         there = next((c for c in candidate.changes if _same_place(c, change)), None)
         grid = _grid(there) if there is not None else None
-        if grid is None or trial.verdict is None or _others(candidate, grid.change) != _others(found, change):
+        if grid is None or trial.verdict is None or _others(candidate, grid.change) != _others(reduced, change):
             continue
-        if replace(candidate, changes=()) == replace(found, changes=()):
+        if replace(candidate, changes=()) == replace(reduced, changes=()):
             own.append((grid.now, trial))
         else:
             yield grid.now, trial
@@ -143,20 +145,20 @@ def _others(candidate: Candidate, change: m.Change) -> tuple[m.Change, ...]:
     return tuple(other for other in candidate.changes if other is not change)
 
 
-def _summary(value: float, trial: Trial) -> Tried:
+def _summary(value: float, trial: Trial) -> ValueTrial:
     ended: Ended = "fails" if trial.same else "otherwise" if trial.failed else "passes"
-    return Tried(_rounded(value), ended, trial.reason)
+    return ValueTrial(_rounded(value), ended, trial.reason)
 
 
-def _offset(trials: Trials, found: Candidate, index: int, grid: _Grid) -> float:
-    """Return by how much the value is another in the clip that begins later, whose actors have moved on."""
-    built = trials.trial(found).built
+def _offset(trials: Trials, candidate: Candidate, index: int, grid: _Grid) -> float:
+    """Return the difference of the value in a clip that begins later, as its actor has moved on by then."""
+    built = trials.trial(candidate).built
     own = _grid(built.mutant.changes[index]) if built is not None else None
     return float(own.now - grid.now) if own is not None else 0.0
 
 
-def _same_place(one: m.Change, other: m.Change) -> bool:
-    return (one.actor, one.property) == (other.actor, other.property)
+def _same_place(change: m.Change, other: m.Change) -> bool:
+    return (change.actor, change.property) == (other.actor, other.property)
 
 
 def _grid(change: m.Change) -> _Grid | None:
@@ -167,8 +169,8 @@ def _grid(change: m.Change) -> _Grid | None:
     return _Grid(change, before, now.value, STEPS.get(change.property, _STEP), now.unit)
 
 
-def _with(found: Candidate, index: int, change: m.Change) -> Candidate:
-    return replace(found, changes=(*found.changes[:index], change, *found.changes[index + 1 :]))
+def _with(candidate: Candidate, index: int, change: m.Change) -> Candidate:
+    return replace(candidate, changes=(*candidate.changes[:index], change, *candidate.changes[index + 1 :]))
 
 
 def _rounded(value: float) -> float:

@@ -1,4 +1,4 @@
-"""A smaller version of a failing mutant: which seconds, actors and changes are left, and the clip and mutant of it."""
+"""A smaller version of a failing mutant: its remaining seconds, actors and changes, and the clip and mutant of it."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ class Candidate:
     """A version of the mutant.
 
     Attributes:
-        first, last: the frames of the parent's run that its clip holds.
-        changes: those that are left, with the values and times as the unreduced clip counts them.
-        actors, signals: those that are left out. triggers: likewise, as positions among those of the clip as it is cut.
+        first, last: first and last frame of its clip in the parent's run.
+        changes: the remaining changes, with values and times relative to the unreduced clip.
+        actors, signals: names of those that are left out.
+        triggers: indices of those that are left out, among the triggers of the clip as it is cut.
     """
 
     first: int
@@ -39,12 +40,12 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Subject:
-    """What is minimised.
+    """A mutant to be minimised.
 
     Attributes:
-        parent: the test case that the clip was cut from. clip, mutant: as written.
-        trace: the run that the clip was cut from; None where it is not known.
-        folder: where the files will be: paths in the clip are relative to it.
+        parent: the test case from which the clip was cut. clip, mutant: the unreduced ones.
+        trace: the run from which the clip was cut; None if it is not available.
+        folder: the folder of the files; paths in the clip are relative to it.
     """
 
     parent: TestCase
@@ -55,24 +56,24 @@ class Subject:
 
     @property
     def whole(self) -> Candidate:
-        """The mutant as it is."""
+        """The unreduced mutant."""
         window = next(item for item in self.clip.body if isinstance(item, m.Window))
         first, last = (round(_si(value) / STEP_S) for value in (window.start, window.end))
         return Candidate(first, last, self.mutant.changes)
 
     @property
     def actors(self) -> tuple[str, ...]:
-        """All actors of the clip but the ego."""
+        """Names of all actors of the clip except the ego."""
         return tuple(item.name for item in self.clip.body if isinstance(item, m.Actor))
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """The junctions whose signals the clip states."""
+        """Ids of the junctions whose signals the clip states."""
         return tuple(str(item.junction) for item in self.clip.body if isinstance(item, m.SignalState))
 
     @cached_property
     def cut_again(self) -> bool:
-        """Whether the parent's run gives the clip again: only then are its actors' states known at other times."""
+        """Whether the clip can be cut again from the parent's run; only then can a clip begin or end at other times."""
         whole = self.whole
         try:
             again = self._cut(whole.first, whole.last)
@@ -81,7 +82,7 @@ class Subject:
         return clip_pin(again, again.pin) == clip_pin(self.clip, self.clip.pin)
 
     def cut(self, first: int, last: int) -> m.Clip:
-        """Return the clip of these frames, all actors in it.
+        """Return the clip of these frames with all its actors.
 
         Raises:
             ValueError: it cannot be cut there.
@@ -110,7 +111,7 @@ class Subject:
             parent=self.clip.parent,
             handover_s=self._handover_s,
         )
-        # The risk as written; its actor only where the clip has it.
+        # The risk line as written; it names its actor only if the clip has that actor.
         gone = any(isinstance(item, m.Risk) and item.actor is None for item in model.body)
         again = () if risk is None else (risk.model_copy(update={"actor": None}) if gone else risk,)
         body = (new for item in model.body for new in (again if isinstance(item, m.Risk) else (item,)))
@@ -124,7 +125,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class Built:
-    """A candidate as models and test cases."""
+    """A candidate's clip and mutant, as models and as test cases."""
 
     clip: m.Clip
     mutant: m.Mutant
@@ -133,10 +134,10 @@ class Built:
 
 
 def build(subject: Subject, candidate: Candidate) -> Built:
-    """Make the clip and the mutant of a candidate.
+    """Return the clip and the mutant of a candidate.
 
     Raises:
-        InputError: the changes do not fit what is left. ValueError: the clip cannot be cut there.
+        InputError: the changes do not fit the reduced clip. ValueError: the clip cannot be cut there.
     """
     cut = subject.cut(candidate.first, candidate.last)
     clip = cut.model_copy(update={"body": tuple(_left(cut.body, candidate))})
@@ -152,7 +153,7 @@ def build(subject: Subject, candidate: Candidate) -> Built:
 
 
 def _left(body: Iterable[m.ClipItem], candidate: Candidate) -> Iterable[m.ClipItem]:
-    """Yield what a clip still says without the actors, signals and triggers that are left out."""
+    """Yield the statements of a clip without the actors, signals and triggers that are left out."""
     gone, number = candidate.actors, -1
     for item in body:
         match item:
@@ -177,7 +178,7 @@ def _left(body: Iterable[m.ClipItem], candidate: Candidate) -> Iterable[m.ClipIt
 
 
 def without_actors(when: m.When, gone: frozenset[str]) -> m.When | None:
-    """Return a trigger without what it does with actors that are left out; None where nothing is left of it."""
+    """Return a trigger without its actions on actors that are left out; None if no action remains."""
     if mentioned(when.condition) & gone:
         return None
     actions = _actions_left(when.actions, gone)
@@ -185,22 +186,23 @@ def without_actors(when: m.When, gone: frozenset[str]) -> m.When | None:
 
 
 def _actions_left(actions: tuple[m.Action, ...], gone: frozenset[str]) -> tuple[m.Action, ...]:
-    found: list[m.Action] = []
+    remaining: list[m.Action] = []
     for action in actions:
         if isinstance(action, m.Then):
             if action.condition is not None and mentioned(action.condition) & gone:
-                break  # it never comes, nor what follows it
-            found.append(action.model_copy(update={"actions": _actions_left(action.actions, gone) or _NOTHING}))
+                break  # this step and those after it never happen
+            remaining.append(action.model_copy(update={"actions": _actions_left(action.actions, gone) or _NOTHING}))
         elif not {getattr(action, "actor", None), getattr(action, "other", None)} & gone:
-            found.append(action)
-    return trimmed(found)
+            remaining.append(action)
+    return trimmed(remaining)
 
 
 _NOTHING = (m.Wait(duration=m.Quantity.of(0.0, "time", 2)),)
 
 
 def _moved(change: m.Change, before: m.Clip, after: m.Clip, later_s: float) -> m.Change:
-    """Return a change for a clip that begins later: at the same time of the run, and from what the actor has then."""
+    """Return a change for a clip that begins later: at the same time of the run, from the actor's value at that
+    time."""
     if isinstance(change.start, m.Quantity) and later_s:
         start = m.Quantity.of(max(0.0, change.start.si - later_s), "time", 2)
         change = change.model_copy(update={"start": start})

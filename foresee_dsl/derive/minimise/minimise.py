@@ -1,4 +1,4 @@
-"""Minimise a mutant: reduce it, then write into it what was left out and where its numbers begin to fail."""
+"""Minimises a mutant: reduces it, then writes into it what was left out and where its numbers begin to fail."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.simulate.trace import STEP_S
 
 RUNS = 60
-"""The budget of a mutant. Ours: what the reductions of the bundled library's findings need, nearly always."""
+"""Largest number of runs per mutant. Ours: nearly always enough for the findings of the bundled library."""
 
 
 class CannotMinimiseError(ForeseeError):
-    """The mutant does not fail, so that there is nothing that could stay."""
+    """The mutant does not fail, so there is no failure to keep."""
 
 
 @dataclass(frozen=True)
 class Minimal:
-    """A mutant made smaller, and its clip.
+    """A minimised mutant and its clip.
 
     Attributes:
-        clip, mutant: their names are those of the unreduced files.
-        dropped: what is left out. boundaries: of each number that is left.
-        runs: how many were needed. complete: whether the budget was enough.
-        cut_again: whether the parent's run was known, so that the clip could begin later.
+        clip, mutant: both have the names of the unreduced files.
+        dropped: counts of what was left out. boundaries: one for each remaining number.
+        runs: number of runs. complete: whether the budget was enough.
+        cut_again: whether the parent's run was available, so that the clip could be shortened.
     """
 
     clip: m.Clip
@@ -44,13 +44,13 @@ class Minimal:
 
 
 def minimise(subject: Subject, judge: Judge, *, limit_m: float, budget: int = RUNS) -> Minimal:
-    """Leave out what a failure does not need.
+    """Return the mutant without what its failure does not need.
 
     The same inputs give the same result.
 
     Args:
-        limit_m: the unmutated run of the smaller clip strays at most this far from the parent's run, and passes.
-        budget: runs, at most. With fewer, less is left out.
+        limit_m: largest deviation of the smaller clip's unmutated run, which must pass, from the parent's run.
+        budget: largest number of runs. With a smaller one, less is left out.
 
     Raises:
         CannotMinimiseError: the mutant does not fail.
@@ -59,13 +59,13 @@ def minimise(subject: Subject, judge: Judge, *, limit_m: float, budget: int = RU
     first = trials.first(whole)
     if not first.same:
         raise CannotMinimiseError(f"{subject.mutant.name} does not fail: {first.reason or 'it passes'}")
-    found = reduce(trials, whole)
-    built = trials.trial(found).built
+    reduced = reduce(trials, whole)
+    built = trials.trial(reduced).built
     if built is None:
         raise RuntimeError("a candidate that failed was never built")
-    edges, dropped = boundaries(trials, whole, found), _dropped(subject, whole, found, built.clip)
-    trials.stands(found)  # for the fidelity of a clip that was not reduced
-    strays = trials.fidelity(found)
+    edges, dropped = boundaries(trials, whole, reduced), _dropped(subject, whole, reduced, built.clip)
+    trials.stands(reduced)  # measures the fidelity also of a clip that was not reduced
+    strays = trials.fidelity(reduced)
     clip = subject.clip if built.clip_case.meaning == _clip_meaning(trials, whole) else built.clip
     if strays is not None and subject.cut_again:
         clip = with_fidelity(clip, strays)
@@ -81,19 +81,19 @@ def minimise(subject: Subject, judge: Judge, *, limit_m: float, budget: int = RU
 
 
 def _clip_meaning(trials: Trials, whole: Candidate) -> str:
-    """Return what the unreduced clip means."""
+    """Return the hash of the meaning of the unreduced clip."""
     built = trials.trial(whole).built
     return built.clip_case.meaning if built is not None else ""
 
 
-def _dropped(subject: Subject, whole: Candidate, found: Candidate, clip: m.Clip) -> Dropped:
-    cut = subject.cut(found.first, found.last)
+def _dropped(subject: Subject, whole: Candidate, reduced: Candidate, clip: m.Clip) -> Dropped:
+    cut = subject.cut(reduced.first, reduced.last)
     return Dropped(
-        changes=len(whole.changes) - len(found.changes),
-        actors=len(found.actors),
-        signals=len(found.signals),
+        changes=len(whole.changes) - len(reduced.changes),
+        actors=len(reduced.actors),
+        signals=len(reduced.signals),
         triggers=_triggers(cut) - _triggers(clip),
-        seconds=round((whole.last - whole.first - found.last + found.first) * STEP_S, 2),
+        seconds=round((whole.last - whole.first - reduced.last + reduced.first) * STEP_S, 2),
     )
 
 
@@ -102,7 +102,7 @@ def _triggers(clip: m.Clip) -> int:
 
 
 def _with_origin(mutant: m.Mutant, clip: m.Clip, dropped: Dropped, edges: tuple[Boundary, ...]) -> m.Mutant:
-    """Write into the origin what was left out, and where the boundary lies."""
+    """Return the mutant with an origin that says what was left out and where the boundaries lie."""
     parts = [f"without {dropped.text}"] if dropped.text else []
     parts += [edge.sentence for edge in edges]
     origin = mutant.origin or m.Origin()

@@ -1,4 +1,4 @@
-"""What minimising gives, as immutable records: what was left out, and where a number begins to fail."""
+"""Results of minimising: what was left out, and where a number begins to fail."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Dropped:
-    """What is left out: how many of each. `seconds`: by how much the clip is shorter."""
+    """Numbers of changes, actors, signals and triggers that were left out. `seconds`: how much shorter the clip is."""
 
     changes: int = 0
     actors: int = 0
@@ -18,7 +18,7 @@ class Dropped:
 
     @property
     def text(self) -> str:
-        """Return it in words: `1 change, 11 actors, 4.20 s`; "" where nothing is left out."""
+        """The counts in words: `1 change, 11 actors, 4.20 s`; "" if nothing was left out."""
         counts = ((getattr(self, f"{word}s"), word) for word in ("change", "actor", "signal", "trigger"))
         parts = [f"{count} {word}{'' if count == 1 else 's'}" for count, word in counts if count]
         return ", ".join((*parts, *((f"{self.seconds:.2f} s",) if self.seconds else ())))
@@ -28,8 +28,8 @@ Ended = Literal["fails", "passes", "otherwise"]
 
 
 @dataclass(frozen=True)
-class Tried:
-    """One value that was run. `ended`: with the same failure, with none, or with another one. `reason`: how."""
+class ValueTrial:
+    """The run of one value. `ended`: with the same failure, without one, or with another. `reason`: why, in words."""
 
     value: float
     ended: Ended
@@ -38,13 +38,15 @@ class Tried:
 
 @dataclass(frozen=True)
 class Boundary:
-    """Where one change begins to fail, the other changes staying as they are.
+    """Where one change begins to fail while the others stay as they are.
 
     Attributes:
-        change: what is changed, `runner.timing`. unit: of the values, "" for a ratio. step: between two values.
-        was: unmutated. first: as it was mutated. fails: the value nearest to `was` that was found to fail.
-        also_fails: the value nearest to `was` that fails in whatever way, where that is nearer; else `fails`.
-        passes: the value nearest to that which passes; `was` where none was found.
+        change: actor and property, such as `runner.timing`. unit: unit of the values, "" for a ratio.
+        step: distance between two values.
+        was: the unmutated value. first: the value of the unreduced mutant.
+        fails: the value nearest to `was` that shows the same failure.
+        also_fails: the value nearest to `was` that shows any failure.
+        passes: the passing value nearest to `also_fails`; `was` if no run passed.
         tried: the values that were run, from `was` outwards.
     """
 
@@ -56,7 +58,7 @@ class Boundary:
     fails: float
     also_fails: float
     passes: float
-    tried: tuple[Tried, ...]
+    tried: tuple[ValueTrial, ...]
 
     shown = "* sharp sentence"
 
@@ -67,7 +69,7 @@ class Boundary:
 
     @property
     def sentence(self) -> str:
-        """Return it in words: `runner.timing fails at 1.12, passes at 1.11`."""
+        """The boundary in words: `runner.timing fails at 1.12, passes at 1.11`."""
         other = f" (in another way from {self.text(self.also_fails)} on)" if self.also_fails != self.fails else ""
         return f"{self.change} fails at {self.text(self.fails)}{other}, passes at {self.text(self.passes)}"
 

@@ -1,9 +1,8 @@
 """The reductions: fewer changes, actors, signals and triggers, smaller numbers, a shorter clip.
 
-Each takes a candidate that shows the failure and returns one that still does. They are done in the order of
-`reduce`: what makes the later runs cheaper comes first, and numbers are brought near before the clip is shortened, as
-a clip that ends right after the contact would hide a contact that a smaller change makes later.
-"""
+Each takes a candidate that shows the failure and returns one that still does. `reduce` orders them so that those that
+make later runs cheaper come first. Numbers are reduced before the clip is shortened: a clip that ends right after the
+contact would hide a later contact of a smaller change."""
 
 from __future__ import annotations
 
@@ -23,109 +22,111 @@ from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 T = TypeVar("T")
 
 BEFORE_S = 2.0
-"""A clip begins so long before the contact, or earlier. Ours: a second in which the driver drives (`DRIVES_S`), and one
-more for people to see who comes from where."""
+"""Shortest time from the clip's beginning to the contact, s. Ours: a second in which the driver drives (`DRIVES_S`),
+and one more that shows a viewer where the actors come from."""
 AFTER_S = 1.0
-"""A clip ends so long after the contact, or later. Ours: the run ends with the contact; what passes needs the time to
-pass."""
+"""Shortest time from the contact to the clip's end, s. Ours: a failing run ends with the contact; a passing one needs
+this time to pass."""
 _STARTS_EVERY_S = 0.5
-"""The later beginnings that are tried. Ours: ten of them in the 5 s before a risky point; four runs tell them apart."""
+"""Time between the beginnings that are tried, s. Ours: ten in the 5 s before a risky point, so bisection needs four
+runs."""
 _RESERVE = 28
-"""Runs that are kept for what comes after the actors. Ours: 7 for a number, 12 to shorten, 4 for signals and
-triggers, 5 for the boundary."""
+"""Runs that are reserved for the reductions after that of the actors. Ours: 7 for a number, 12 to shorten, 4 for
+signals and triggers, 5 for the boundary."""
 
 
 def reduce(trials: Trials, whole: Candidate) -> Candidate:
-    """Return the smallest candidate found."""
-    found = without_changes(trials, whole)
+    """Return the smallest candidate that still shows the failure."""
+    candidate = without_changes(trials, whole)
     trials.reserve = min(_RESERVE, trials.left // 2)
-    found = without_bystanders(trials, found)
+    candidate = without_bystanders(trials, candidate)
     trials.reserve = 0
-    found = nearer(trials, found)
-    found = shorter(trials, found)
-    found = without_signals(trials, found)
-    found = without_triggers(trials, found)
-    found = without_changes(trials, found)
-    found = nearer(trials, found, look_beside=True)
-    ask_for_passing(trials, found)
-    return found
+    candidate = nearer(trials, candidate)
+    candidate = shorter(trials, candidate)
+    candidate = without_signals(trials, candidate)
+    candidate = without_triggers(trials, candidate)
+    candidate = without_changes(trials, candidate)
+    candidate = nearer(trials, candidate, look_beside=True)
+    ask_for_passing(trials, candidate)
+    return candidate
 
 
-def without_changes(trials: Trials, found: Candidate) -> Candidate:
-    """Leave out each change that the failure does not need, the last first, until all that are left are needed."""
-    again = len(found.changes) > 1
+def without_changes(trials: Trials, candidate: Candidate) -> Candidate:
+    """Leave out each change that the failure does not need, the last first, until all remaining ones are needed."""
+    again = len(candidate.changes) > 1
     while again:
         again = False
-        for change in reversed(found.changes):
-            left = tuple(c for c in found.changes if c is not change)
-            if left and trials.fails(fewer := replace(found, changes=left)):
-                found, again = fewer, len(left) > 1
+        for change in reversed(candidate.changes):
+            left = tuple(c for c in candidate.changes if c is not change)
+            if left and trials.fails(fewer := replace(candidate, changes=left)):
+                candidate, again = fewer, len(left) > 1
                 break
-    return found
+    return candidate
 
 
-def without_bystanders(trials: Trials, found: Candidate) -> Candidate:
-    """Leave out actors that play no part, those far from the ego first: all, then halves, then one by one."""
-    trial = trials.trial(found)
+def without_bystanders(trials: Trials, candidate: Candidate) -> Candidate:
+    """Leave out actors that the failure does not need, the farthest first: all together, then halves, then singly."""
+    trial = trials.trial(candidate)
     if trial.result is None:
-        return found
-    needed = {trial.result.with_, *(change.actor for change in found.changes)}
+        return candidate
+    needed = {trial.result.with_, *(change.actor for change in candidate.changes)}
     others = [name for name in trials.subject.actors if name not in needed]
     order = _far_first(trial.result.trace, others)
-    gone = drop_most(order, lambda names: trials.stands(replace(found, actors=names)))
-    return replace(found, actors=gone)
+    gone = drop_most(order, lambda names: trials.stands(replace(candidate, actors=names)))
+    return replace(candidate, actors=gone)
 
 
-def without_signals(trials: Trials, found: Candidate) -> Candidate:
-    """Leave out the states of signals that nobody meets: those signals then begin with their program."""
-    gone = drop_most(trials.subject.signals, lambda names: trials.stands(replace(found, signals=names)))
-    return replace(found, signals=gone)
+def without_signals(trials: Trials, candidate: Candidate) -> Candidate:
+    """Leave out the states of signals that the failure does not need; these signals then begin with their program."""
+    gone = drop_most(trials.subject.signals, lambda names: trials.stands(replace(candidate, signals=names)))
+    return replace(candidate, signals=gone)
 
 
-def without_triggers(trials: Trials, found: Candidate) -> Candidate:
+def without_triggers(trials: Trials, candidate: Candidate) -> Candidate:
     """Leave out triggers that the failure does not need."""
-    cut = trials.subject.cut(found.first, found.last)
+    cut = trials.subject.cut(candidate.first, candidate.last)
     numbers = range(sum(isinstance(item, m.When) for item in cut.body))
-    gone = drop_most(numbers, lambda chosen: trials.stands(replace(found, triggers=chosen)))
-    return replace(found, triggers=gone)
+    gone = drop_most(numbers, lambda chosen: trials.stands(replace(candidate, triggers=chosen)))
+    return replace(candidate, triggers=gone)
 
 
-def nearer(trials: Trials, found: Candidate, *, look_beside: bool = False) -> Candidate:
-    """Bring every number as near to its `was` value as still fails, one change after the other (see `nearest`)."""
-    for index in range(len(found.changes)):
-        found = nearest(trials, found, index, look_beside=look_beside)
-    return found
+def nearer(trials: Trials, candidate: Candidate, *, look_beside: bool = False) -> Candidate:
+    """Reduce every number to the value nearest to `was` that still fails, one change after the other (see
+    `nearest`)."""
+    for index in range(len(candidate.changes)):
+        candidate = nearest(trials, candidate, index, look_beside=look_beside)
+    return candidate
 
 
-def shorter(trials: Trials, found: Candidate) -> Candidate:
-    """Let the clip begin as late, and end as early, as still shows the failure; a careful driver's answer stays.
+def shorter(trials: Trials, candidate: Candidate) -> Candidate:
+    """Let the clip begin as late and end as early as it still shows the failure with the same avoidability.
 
-    Without the latter, a clip that begins too late would make a failure unavoidable that was not.
+    Without the condition on avoidability, a clip that begins too late would make an avoidable failure unavoidable.
     """
-    result = trials.trial(found).result
+    result = trials.trial(candidate).result
     if result is None or not trials.subject.cut_again:
-        return found
-    contact = found.first + round(result.time_s / STEP_S)
-    risk = _risk_frame(trials, found)
-    last = min(found.last, max(contact + round(AFTER_S / STEP_S), risk))
-    latest = min(contact - round(BEFORE_S / STEP_S), risk, *(_onset(change, found) for change in found.changes))
+        return candidate
+    contact = candidate.first + round(result.time_s / STEP_S)
+    risk = _risk_frame(trials, candidate)
+    last = min(candidate.last, max(contact + round(AFTER_S / STEP_S), risk))
+    latest = min(contact - round(BEFORE_S / STEP_S), risk, *(_onset(change, candidate) for change in candidate.changes))
     every = round(_STARTS_EVERY_S / STEP_S)
-    starts = range(found.first, max(latest, found.first) + 1, every)
-    if last < found.last and trials.stands(ended := replace(found, last=last)):
-        found = ended
-    if len(starts) < 2 or not (answer := trials.answer(found)):
-        return found
+    starts = range(candidate.first, max(latest, candidate.first) + 1, every)
+    if last < candidate.last and trials.stands(ended := replace(candidate, last=last)):
+        candidate = ended
+    if len(starts) < 2 or not (answer := trials.answer(candidate)):
+        return candidate
 
     def holds(k: int) -> bool:
-        begun = replace(found, first=starts[k])
+        begun = replace(candidate, first=starts[k])
         return trials.stands(begun) and trials.answer(begun) == answer
 
-    return replace(found, first=starts[_last_that_holds(len(starts) - 1, holds)])
+    return replace(candidate, first=starts[_last_that_holds(len(starts) - 1, holds)])
 
 
 def drop_most(items: Sequence[T], holds: Callable[[frozenset[T]], bool]) -> frozenset[T]:
-    """Return as many of some items as can be dropped together: all, else parts half as large each time (Zeller's
-    delta debugging, with the parts in the order given)."""
+    """Return as many of some items as can be dropped together: all, else parts of half the size each round (Zeller's
+    delta debugging, with the parts in the order of the items)."""
     gone: frozenset[T] = frozenset()
     left, size = list(items), len(items)
     while size and left:
@@ -142,7 +143,8 @@ def drop_most(items: Sequence[T], holds: Callable[[frozenset[T]], bool]) -> froz
 
 
 def _last_that_holds(largest: int, holds: Callable[[int], bool]) -> int:
-    """Return a number from 0 on that holds while the next one does not, or the largest: by bisection; 0 does hold."""
+    """Return, by bisection, a number that holds while the next one does not; `largest` if that holds. 0 always
+    holds."""
     if holds(largest):
         return largest
     low, high = 0, largest
@@ -153,7 +155,7 @@ def _last_that_holds(largest: int, holds: Callable[[int], bool]) -> int:
 
 
 def _far_first(trace: Trace, names: Collection[str]) -> list[str]:
-    """Return actors by how near they came to the ego, the farthest first; by name among equals."""
+    """Return actors by their smallest distance to the ego, the farthest first; equal ones by name."""
     ego = trace.states[:, 0, [X, Y]]
     columns = {info.id: k for k, info in enumerate(trace.actors)}
 
@@ -166,14 +168,14 @@ def _far_first(trace: Trace, names: Collection[str]) -> list[str]:
     return sorted(names, key=lambda name: (-near_m(name), name))
 
 
-def _risk_frame(trials: Trials, found: Candidate) -> int:
-    """Return the frame of the risky point; where the clip names none, of its end."""
+def _risk_frame(trials: Trials, candidate: Candidate) -> int:
+    """Return the frame of the risky point; if the clip does not state one, its last frame."""
     risk = trials.subject.clip.risk
-    return round(risk.at.si / STEP_S) if risk is not None and isinstance(risk.at, m.Quantity) else found.last
+    return round(risk.at.si / STEP_S) if risk is not None and isinstance(risk.at, m.Quantity) else candidate.last
 
 
-def _onset(change: m.Change, found: Candidate) -> int:
-    """Return the frame at which a change that has a time begins; the last frame for the others."""
+def _onset(change: m.Change, candidate: Candidate) -> int:
+    """Return the frame at which a change begins; the last frame for a change without a time."""
     if isinstance(change.start, m.Quantity):
-        return found.first + round(change.start.si / STEP_S)
-    return found.last
+        return candidate.first + round(change.start.si / STEP_S)
+    return candidate.last

@@ -1,4 +1,4 @@
-"""Runs of candidates: does the same failure stay? Each is run once, and there is a limit to how many."""
+"""Runs candidates and tests whether each shows the same failure; each runs once, within a budget of runs."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Judge:
-    """How candidates are run, and what has to stay.
+    """How candidates are run, and which properties of the failure must stay.
 
     Attributes:
         drive: runs a test case.
-        sign: what two runs have in common that show the same failure: verdict, actor, class of contact.
-        avoided: the answers to whether the careful drivers would have avoided a failure.
+        sign: returns the signature of a failure (verdict, actor, class of contact); equal ones are the same failure.
+        avoided: returns, in words, whether the careful drivers would have avoided a failure.
     """
 
     drive: Callable[[TestCase], RunResult]
@@ -34,7 +34,8 @@ class Judge:
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate's run. `same`: it shows the failure. `built`: None where the candidate makes no test case."""
+    """A candidate's run. `same`: whether it shows the same failure. `built`: None if the candidate is not a valid test
+    case."""
 
     same: bool
     verdict: Verdict | None
@@ -44,7 +45,7 @@ class Trial:
 
     @property
     def failed(self) -> bool:
-        """Whether it shows a failure, this one or another."""
+        """Whether the run shows any failure."""
         return self.verdict is not None and self.verdict.is_failure
 
 
@@ -56,30 +57,30 @@ class Trials:
     """Runs candidates of one mutant."""
 
     def __init__(self, subject: Subject, judge: Judge, *, limit_m: float, budget: int) -> None:
-        """Run nothing yet.
+        """Prepare the runs; nothing runs yet.
 
         Args:
-            limit_m: a clip's unmutated run may stray this far from its parent's.
-            budget: how many runs there may be.
+            limit_m: largest deviation of a clip's unmutated run from its parent's.
+            budget: largest number of runs.
         """
         self.subject, self.runs, self.reserve = subject, 0, 0
         self.spent = False
-        """Whether a run was left out because of the budget."""
+        """Whether a run was skipped because the budget was spent."""
         self._judge, self._limit_m, self._budget = judge, limit_m, budget
         self._trials: dict[Candidate, Trial] = {}
         self._clips: dict[str, Deviation | None] = {}
         self._answers: dict[Candidate, str] = {}
         self._wanted: tuple[str, ...] | None = None
         self._own: tuple[Trace | None, ...] = ()
-        """The unreduced clip's unmutated run, once it was needed."""
+        """The unmutated run of the unreduced clip; empty until it is needed."""
 
     @property
     def left(self) -> int:
-        """How many runs are left."""
+        """Number of runs left."""
         return self._budget - self.runs
 
     def first(self, candidate: Candidate) -> Trial:
-        """Run the unreduced mutant: its failure is what has to stay."""
+        """Run the unreduced mutant; its failure is the one that must stay."""
         trial = self.trial(candidate)
         if trial.built is not None and trial.result is not None and trial.result.verdict.is_failure:
             self._wanted = self._judge.sign(trial.built.case, trial.result)
@@ -97,19 +98,20 @@ class Trials:
         return self._trials[candidate]
 
     def fails(self, candidate: Candidate) -> bool:
-        """Whether a candidate shows the same failure with the same actor; no where no run is left to find out."""
+        """Return whether a candidate shows the same failure with the same actor; False if no run is left."""
         return self._tried(lambda: self.trial(candidate).same)
 
     def fails_somehow(self, candidate: Candidate) -> bool:
-        """Whether a candidate shows any failure; no where no run is left to find out."""
+        """Return whether a candidate shows any failure; False if no run is left."""
         return self._tried(lambda: self.trial(candidate).failed)
 
     def stands(self, candidate: Candidate) -> bool:
-        """Whether it does, and its clip, unmutated, still passes as near to its parent's run as clips have to be."""
+        """Return whether a candidate shows the same failure, and its unmutated clip passes within `limit_m` of its
+        parent's run."""
         return self.fails(candidate) and self._tried(lambda: self._clip_stands(candidate))
 
     def answer(self, candidate: Candidate) -> str:
-        """Return whether a careful driver would have avoided a failure; "" where no run is left to find out.
+        """Return, in words, whether a careful driver would have avoided a failure; "" if no run is left.
 
         It counts as two runs.
         """
@@ -120,12 +122,12 @@ class Trials:
             self._answers[candidate] = self._judge.avoided(trial.built.case, trial.result)
         return self._answers.get(candidate, "")
 
-    def known(self) -> Iterable[tuple[Candidate, Trial]]:
-        """Return all candidates that were run, in their order."""
+    def finished(self) -> Iterable[tuple[Candidate, Trial]]:
+        """Return all candidates that were run and their trials, in the order of the runs."""
         return self._trials.items()
 
     def fidelity(self, candidate: Candidate) -> Deviation | None:
-        """Return how far the run of a candidate's unmutated clip strays; None where that was not run or measured."""
+        """Return the deviation of a candidate's unmutated clip; None if it was not measured."""
         built = self._trials[candidate].built
         return self._clips.get(built.clip_case.meaning) if built is not None else None
 
@@ -162,11 +164,11 @@ class Trials:
         if key not in self._clips:
             self._spend(1)
             self._clips[key] = self._strays(built, candidate)
-        found = self._clips[key]
-        return found is not None and found.largest_m <= self._limit_m
+        strays = self._clips[key]
+        return strays is not None and strays.largest_m <= self._limit_m
 
     def _strays(self, built: Built, candidate: Candidate) -> Deviation | None:
-        """Return how far the unmutated clip strays; None where it does not pass."""
+        """Return the deviation of the unmutated clip; None if it does not pass."""
         there = self._reference()
         trace = self._passed(built)
         if there is None or trace is None:
@@ -177,7 +179,7 @@ class Trials:
         return deviation(there, first, trace, without=gone)
 
     def _reference(self) -> Trace | None:
-        """Return the run that clips have to be near: their parent's; of an edited clip, that of itself, unmutated."""
+        """Return the run with which clips are compared: the parent's, or for an edited clip its own unmutated run."""
         if self.subject.cut_again:
             return self.subject.trace
         if not self._own:

@@ -1,4 +1,4 @@
-"""The mutation operators: model swap and steering (paper, section 3.4); when and beside which line (ours)."""
+"""The mutation operators: model swap and steering (paper, section 3.4); timing, delay, head start and line (ours)."""
 
 from __future__ import annotations
 
@@ -34,27 +34,26 @@ _BY_PROPERTY = {operator.property: operator for operator in _OURS}
 
 
 def operators() -> dict[str, Operator]:
-    """Return all operators by name: ours, and those of installed packages (ours win)."""
+    """Return all operators by name, ours and those of installed packages; of two with one name, ours."""
     return {**_added(tuple(sys.path)), **{o.name: o for o in _OURS}}
 
 
 @lru_cache(maxsize=8)
-def _added(path: tuple[str, ...]) -> dict[str, Operator]:  # noqa: ARG001  (it keys the cache)
-    """Return the operators of installed packages; looking through them takes 5 ms, and a worker mutates many clips."""
+def _added(path: tuple[str, ...]) -> dict[str, Operator]:  # noqa: ARG001  (the cache's key)
+    """Return the operators of installed packages; cached, as a look-up takes 5 ms and a worker mutates many clips."""
     return {name: OPERATORS.load(name) for name in OPERATORS.names()}
 
 
 def predicted_gap_m(
     trace: Trace, actor: int, changes: Iterable[Change], models: Mapping[str, ModelSpec]
 ) -> tuple[float, float]:
-    """Return how near an actor to which changes are made comes to the recorded ego: footprints, and centres, m.
+    """Return the smallest distances of a changed actor to the recorded ego, m: of footprints, and of centres.
 
-    This is the roll-out: each operator changes the actor's recorded track as the simulation would. The ego's reaction
-    is left out: it says which of many drawn mutations are worth a simulation, not how they end.
+    This is the roll-out: each operator changes the actor's recorded track as the simulation would, without the ego's
+    reaction. The result tells which of many draws are worth a simulation, not how they end.
 
-    `trace`: the clip's run, unmutated. `actor`: its column. Changes of a property that none of our operators changes
-    are left out.
-    """
+    `trace`: the clip's unmutated run. `actor`: the actor's column. Changes of properties that our operators do not
+    change are ignored."""
     boxes = footprints(trace, actor)
     for change in changes:
         if change.property in _BY_PROPERTY:

@@ -19,17 +19,16 @@ from foresee_dsl.language.model import Change
 from foresee_dsl.simulate.trace import SPEED, Trace
 
 LEAST_GAP_M = 0.5
-"""What must stay free to a neighbour on the lane. Ours: standing queues in SUMO keep 2.5 m, crowded real ones 1 m."""
+"""Smallest gap to a neighbour on the lane after a swap, m. Ours: SUMO's queues keep 2.5 m, real ones 1 m."""
 SAME_WAY_RAD = math.radians(45)
-"""Neighbours drive in about the same direction. Ours: with more between their headings they are on crossing lanes."""
+"""Largest difference between the headings of neighbours on a lane. Ours: with more, their lanes cross."""
 
 
 class ModelSwap(BuiltIn):
     """Another model of the same class, checked to fit.
 
-    The paper also lets a bicycle become a pedestrian; here not: the two follow different rules in SUMO, so that the
-    child would differ by more than a model.
-    """
+    The paper also lets a bicycle become a pedestrian. Here it cannot: SUMO applies other rules to pedestrians, so the
+    child would differ in more than the model."""
 
     name, property = "model_swap", "model"
 
@@ -43,13 +42,13 @@ class ModelSwap(BuiltIn):
         return (Change(actor=target, property=self.property, was=situation.info(target).model, now=now),)
 
     def fitting(self, situation: Situation, target: str) -> tuple[str, ...]:
-        """Return the names of the models that fit in the place of a target's, sorted: each is as likely."""
+        """Return the names of the models that fit in the place of a target's, sorted; all are equally likely."""
         return _fitting(situation, target)
 
     def tracks(self, boxes: FloatArray, specs: Sequence[ModelSpec], now: ModelSpec) -> FloatArray:
-        """Return the track of an actor with each of some models in place of its own: [N, T, 5] footprints.
+        """Return an actor's track with each of N other models: [N, T, 5] footprints.
 
-        Whatever its cruise speed, a swap keeps its ratio to the model's own; so it drives faster or slower.
+        A swap keeps the ratio of the actor's cruise speed to its model's, so the actor drives faster or slower.
         """
         paces = np.array([s.cruise_mps / now.cruise_mps if s.cruise_mps and now.cruise_mps else 1.0 for s in specs])
         paced = retimed(boxes, factor=paces)
@@ -60,7 +59,7 @@ class ModelSwap(BuiltIn):
         return _with_model(boxes, run.models[str(change.now)])
 
     def letter_target(self, situation: Situation) -> str:
-        """Of the close actors whose closest frame lies in the window, the closest."""
+        """Return the closest of the close actors whose closest frame lies inside the window; "" for none."""
         settings = ForeseeSettings()
         best = {actor: int(gaps.argmin()) for actor, gaps in situation.gaps.items()}
         relevant = [
@@ -74,21 +73,21 @@ class ModelSwap(BuiltIn):
 
 
 def _fitting(situation: Situation, actor: str) -> tuple[str, ...]:
-    """Return the other models that an actor can have at the clip's first frame, sorted."""
-    known = situation.fitting_models
-    if actor not in known:
+    """Return the names of the other models that fit an actor at the clip's first frame, sorted."""
+    fitting = situation.fitting_models
+    if actor not in fitting:
         others = sorted(name for name in situation.swappable if name != situation.info(actor).model)
         trace, column = situation.trace, situation.columns[actor]
-        known[actor] = tuple(name for name in others if fits(trace, column, 0, situation.models[name]))
-    return known[actor]
+        fitting[actor] = tuple(name for name in others if fits(trace, column, 0, situation.models[name]))
+    return fitting[actor]
 
 
 def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
-    """Say whether an actor (a column) of the parent's run can have another model at a frame, the clip's first.
+    """Return whether an actor (a column) of the parent's run can have another model at a frame, the clip's first.
 
-    Its class must be the same, its speed and its cruise speed within the new model's. The new body overlaps no other
-    and leaves `LEAST_GAP_M` to the neighbours before and behind it (or what there was, where it was less).
-    """
+    The new model must be of the same class and reach the actor's speed and cruise speed. Its body must not overlap
+    another, and must leave `LEAST_GAP_M`, or the present gap if that is smaller, to the neighbours before and behind
+    it."""
     info = trace.actors[actor]
     if spec.kind != info.kind or max(trace.states[frame, actor, SPEED], info.cruise_mps) > spec.max_speed_mps:
         return False
@@ -103,7 +102,7 @@ def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
 
 
 def _with_model(boxes: FloatArray, spec: ModelSpec) -> FloatArray:
-    """Return footprints, [N, 5], with another model: a vehicle's front stays, a pedestrian's middle."""
+    """Return footprints, [N, 5], with another model; a vehicle keeps its front, a pedestrian its middle."""
     changed = boxes.copy()
     back = 0.0 if spec.kind == "pedestrian" else (spec.length_m - boxes[0, 3]) / 2
     changed[:, 0] -= back * np.cos(boxes[:, 2])
@@ -113,11 +112,11 @@ def _with_model(boxes: FloatArray, spec: ModelSpec) -> FloatArray:
 
 
 def _in_line(box: FloatArray, others: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which of the others drive before or behind a box on its lane: in its track, in its direction."""
+    """Return which of the others drive before or behind a box: they overlap its track and share its direction."""
     dx, dy = others[:, 0] - box[0], others[:, 1] - box[1]
     sideways = np.abs(dy * math.cos(box[2]) - dx * math.sin(box[2]))
     turned = np.abs(np.angle(np.exp(1j * (others[:, 2] - box[2]))))
-    found: np.ndarray[tuple[int], np.dtype[np.bool_]] = (sideways < (others[:, 4] + box[4]) / 2) & (
+    in_line: np.ndarray[tuple[int], np.dtype[np.bool_]] = (sideways < (others[:, 4] + box[4]) / 2) & (
         turned < SAME_WAY_RAD
     )
-    return found
+    return in_line

@@ -1,4 +1,4 @@
-"""Operators that the paper does not have: when an actor is where, beside which line; and its heavy weather (RQ5)."""
+"""Our operators (timing, delay, head start, line), which the paper does not have; and its heavy weather (RQ5)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from foresee_dsl.derive.operators.situation import (
     Numeric,
     Situation,
     added_si,
+    is_free,
     multiples,
-    touches_nobody,
 )
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.kernels.arrays import FloatArray
@@ -33,21 +33,21 @@ class Shift(Numeric):
 
     @abstractmethod
     def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
-        """Return a recorded track ([T, 5] footprints) with each of some values (SI) in place of the property's default:
-        [N, T, 5], without a simulation."""
+        """Return a recorded track ([T, 5] footprints) with each of N values (SI) of the property, without a simulation:
+        [N, T, 5]."""
 
 
 class _Added(Shift):
-    """An operator whose roll-out depends on what is added to the property, 0 by default."""
+    """An operator whose roll-out depends on the difference between the property's new and old value."""
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return the track with so much added."""
+        """Return the track with that difference applied."""
         rolled: FloatArray = self.tracks(boxes, np.array([added_si(change)]), run)[0]
         return rolled
 
 
 class TimingShift(Shift):
-    """The speed along one's own path, scaled; the actor still stops where it must."""
+    """Scales an actor's speed along its own path; the actor still stops where it must."""
 
     name = property = "timing"
 
@@ -74,15 +74,15 @@ class TimingShift(Shift):
 
 
 class DelayShift(_Added):
-    """A path-follower stands longer before it moves, or less long where it was to stand.
+    """Makes a path-follower stand longer, or less long, before it moves.
 
-    Only for those that can stop on the spot: pedestrians, and cyclists that stand at the clip's beginning.
+    Only for actors that can stop at once: pedestrians, and cyclists that stand at the clip's beginning.
     """
 
     name = property = "delay"
 
     def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
-        """Return delays around the one that it has."""
+        """Return the allowed delays around the present one."""
         settings, was = preset.delay, situation.present_value(target, self.property)
         stops = situation.speed_mps(target, 0) <= STANDS_MPS or situation.kind(target) == "pedestrian"
         if was is None or not stops or not _moves_on_path(situation, target, preset):
@@ -97,23 +97,23 @@ class DelayShift(_Added):
 
 
 class HeadStart(_Added):
-    """A path-follower that moves is further along its path at the beginning, as if it had set out earlier.
+    """Puts a moving path-follower further along its path at the beginning, as if it had started earlier.
 
-    It begins where it was a little later in the unmutated run, so never beyond where it waits.
+    It begins at a place where it was a little later in the unmutated run, so never beyond a place where it waits.
     """
 
     name, property = "head_start", "moving"
 
     def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
-        """Return the places on its path at which it touches no other at the beginning."""
+        """Return the places on the target's path where it touches no other actor at the beginning, m."""
         was = situation.present_value(target, self.property)
         moves = situation.speed_mps(target, 0) > STANDS_MPS
         if was is None or not moves or not _moves_on_path(situation, target, preset):
             return ()
-        known, settings = situation.head_starts, preset.head_start
-        if (target, settings) not in known:  # no draw changes them
-            known[target, settings] = tuple(self._places(situation, target, was.si, settings))
-        return known[target, settings]
+        places, settings = situation.head_starts, preset.head_start
+        if (target, settings) not in places:  # no draw changes them
+            places[target, settings] = tuple(self._places(situation, target, was.si, settings))
+        return places[target, settings]
 
     def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
         """Begin further along the recorded track."""
@@ -122,32 +122,33 @@ class HeadStart(_Added):
 
     @staticmethod
     def _places(situation: Situation, target: str, along_m: float, settings: HeadStartSettings) -> list[float]:
-        """Return where it is a little later (m), without the places where another actor is at the beginning."""
+        """Return the target's later places on its path, m, without those that another actor occupies at the
+        beginning."""
         trace, column = situation.trace, situation.columns[target]
         info = trace.actors[column]
         line = Polyline.of(info.path)
-        found: list[float] = []
+        places: list[float] = []
         for frame in range(round(settings.low_s / STEP_S), min(round(settings.high_s / STEP_S) + 1, trace.frames)):
             along = trace.along[frame, column]
-            if np.isnan(along):  # it has gone by then
+            if np.isnan(along):  # the actor has left by then
                 continue
             place = Quantity.of(float(along), "length", 2).si
             box = np.array([*line.at(place), info.length_m, info.width_m])
-            if place - along_m >= settings.least_m and touches_nobody(trace, column, 0, box) and place not in found:
-                found.append(place)
-        return found
+            if place - along_m >= settings.least_m and is_free(trace, column, 0, box) and place not in places:
+                places.append(place)
+        return places
 
 
 class LineShift(_Added):
-    """An actor on a path or a bicycle goes over to a line beside its own.
+    """Moves a path-follower or a bicycle to a line beside its own.
 
-    Not for cars and the like: in their lanes they have a hand's breadth, and what leaves the lane is `steer`.
+    Not for cars and larger vehicles: they fill their lanes to a hand's breadth, and `steer` takes them out of the lane.
     """
 
     name = property = "line"
 
     def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
-        """Return how far it may go to the left of its own line (negative: to the right)."""
+        """Return the allowed offsets to the left of the target's own line, m (negative: to the right)."""
         settings, was = preset.line, situation.present_value(target, self.property)
         rides = situation.kind(target) == "bicycle" and situation.on_lanes(target)
         if was is None or not (situation.follows_path(target) or rides):
@@ -182,9 +183,9 @@ _NO, _ONCE = np.zeros(1), np.ones(1)
 def retimed(
     boxes: FloatArray, *, factor: FloatArray = _ONCE, delay_s: FloatArray = _NO, ahead_m: FloatArray = _NO
 ) -> FloatArray:
-    """Move along the recorded track `factor` times as fast, so much later and so far ahead; straight on at its end.
+    """Return a track followed `factor` times as fast, `delay_s` later and `ahead_m` further on; straight on at its end.
 
-    One of the arguments has a value for each of N changes: [N, T, 5] is returned.
+    One of the arguments has N values, one per change; the result is [N, T, 5].
     """
     track = boxes[~np.isnan(boxes[:, 0])]
     count = max(len(factor), len(delay_s), len(ahead_m))
@@ -195,7 +196,7 @@ def retimed(
     time_s = np.arange(len(boxes)) * STEP_S
     later_s = np.maximum(time_s - delay_s[:, None], 0.0)
     wanted = ahead_m[:, None] + factor[:, None] * np.interp(later_s, time_s[: len(along)], along)
-    # A little is added to each step, for places at which the actor stood to have an order.
+    # np.interp needs increasing places: a little is added at each step, as an actor that stands repeats its place.
     marks = along + np.arange(len(along)) * 1e-9
     beyond = np.maximum(wanted - along[-1], 0.0)
     changed = np.stack([np.interp(wanted, marks, column) for column in track.T], axis=2)
@@ -205,17 +206,17 @@ def retimed(
 
 
 HEAVY: Mapping[str, float] = MappingProxyType({"rain": 1.0, "fog": 0.5, "wetness": 1.0})
-"""The paper names high fog density, wetness and precipitation, and a sun at 45 degrees, which dazzles nobody. Ours: as
-much rain and water as there can be, and fog in which one sees 100 m."""
+"""The paper names high fog density, wetness and precipitation, and a sun at 45 degrees, which does not dazzle. Ours:
+the largest rain and wetness, and fog with a visibility of 100 m."""
 
 
 class HeavyWeather(BuiltIn):
-    """As much rain and wetness as there can be, in fog; nothing is drawn."""
+    """Sets the largest rain and wetness, and fog; there is no random choice."""
 
     name, property = "heavy_weather", "weather"
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Return what becomes worse."""
+        """Return the changes of rain, fog and wetness that are below `HEAVY`."""
         del target, preset, rng
         return tuple(
             Change(actor="weather", property=name, was=situation.weather[name], now=Quantity.of(value, "ratio", 2))
@@ -224,11 +225,11 @@ class HeavyWeather(BuiltIn):
         )
 
     def letter_target(self, situation: Situation) -> str:
-        """The weather is nobody's."""
+        """Return `weather`, which is not an actor."""
         del situation
         return "weather"
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return the track as it was: the roll-out knows no weather."""
+        """Return the track unchanged: the roll-out does not model weather."""
         del change, run
         return boxes

@@ -1,4 +1,4 @@
-"""What a mutation operator may look at, and what it is."""
+"""The interface of a mutation operator, and the situation from which it draws changes."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace,
 
 @dataclass(frozen=True)
 class Situation:
-    """What an operator may look at: a clip, its unmutated run, and what the risky point is about.
+    """The input of an operator: a clip, its unmutated run and its risky point.
 
     Attributes:
-        trace: the clip's own run; frame 0 is the clip's beginning. frame: the risky point's.
-        ranked: the id of the actor that the point is about, or "".
-        models: every model that the case knows, by name. swappable: those that may be swapped in.
+        trace: the clip's own run; frame 0 is the clip's beginning. frame: the frame of the risky point.
+        ranked: id of the actor that the risky point names, or "".
+        models: all models of the case, by name. swappable: names of the models that may be swapped in.
         weather: the clip's rain, fog and wetness, ratios.
-        onset_s: when a proposed change begins, from the clip's beginning; None where no change is proposed.
+        onset_s: time at which a proposed change begins, from the clip's beginning; None if no change is proposed.
     """
 
     clip: Clip
@@ -61,16 +61,16 @@ class Situation:
 
     @cached_property
     def fitting_models(self) -> dict[str, tuple[str, ...]]:
-        """The models that fit in the place of actors, as far as an operator has looked for them."""
+        """A cache: for actors that an operator has examined, the names of the models that fit."""
         return {}
 
     @cached_property
     def head_starts(self) -> dict[tuple[str, HeadStartSettings], tuple[float, ...]]:
-        """Where actors may begin on their paths, m, as far as an operator has looked for it."""
+        """A cache: for actors that an operator has examined, the places on their paths where they may begin, m."""
         return {}
 
     def info(self, actor: str) -> ActorInfo:
-        """Return what stays the same about an actor."""
+        """Return an actor's constant properties."""
         return self.trace.actors[self.columns[actor]]
 
     def kind(self, actor: str) -> str:
@@ -82,38 +82,38 @@ class Situation:
         return self.models[self.info(actor).model]
 
     def speed_mps(self, actor: str, frame: int) -> float:
-        """Return an actor's speed; 0 when it is absent."""
+        """Return an actor's speed at a frame, m/s; 0 when it is absent."""
         speed = float(self.trace.states[frame, self.columns[actor], SPEED])
         return 0.0 if math.isnan(speed) else speed
 
     def driven_m(self, actor: str) -> float:
-        """Return how far an actor drives in the clip until a second after the risky point."""
+        """Return the distance that an actor drives from the clip's beginning to a second after the risky point, m."""
         until = self.frame + round(1 / STEP_S)
         return float(np.nansum(self.trace.states[: until + 1, self.columns[actor], SPEED])) * STEP_S
 
     def follows_path(self, actor: str) -> bool:
-        """Say whether an actor follows a path rather than lanes."""
+        """Return whether an actor follows a path rather than lanes."""
         return bool(self.info(actor).path)
 
     def on_lanes(self, actor: str) -> bool:
-        """Say whether an actor is a vehicle or bicycle that drives along lanes."""
+        """Return whether an actor is a vehicle or bicycle that drives along lanes."""
         info = self.info(actor)
         return info.kind in VEHICLE_KINDS and bool(info.route) and not info.path
 
     def present_value(self, actor: str, name: str) -> Quantity | None:
-        """Return one of `language.model.derived.PROPERTIES` of an actor (not its model) as the clip states it, else its
-        default, if it has one."""
-        known = PROPERTIES[name]
-        if known.statement is None or known.dimension is None:
+        """Return the value of a numeric property of an actor (`language.model.derived.PROPERTIES`): as the clip states
+        it, else its default; None for a property without either."""
+        definition = PROPERTIES[name]
+        if definition.statement is None or definition.dimension is None:
             return None
-        kind, field = known.statement
+        kind, field = definition.statement
         value = next((getattr(item, field) for item in self.actors[actor].body if isinstance(item, kind)), None)
         if isinstance(value, Quantity):
             return value
-        return None if known.default is None else Quantity.of(known.default.si, known.dimension, 2)
+        return None if definition.default is None else Quantity.of(definition.default.si, definition.dimension, 2)
 
     def closest(self, frame: int, among: list[str]) -> list[str]:
-        """Return actors by their distance to the ego at a frame; those that are absent then are left out."""
+        """Return the actors that are present at a frame, the closest to the ego first."""
         return sorted(
             (a for a in among if math.isfinite(self.gaps[a][frame])),
             key=lambda a: (float(self.gaps[a][frame]), self.columns[a]),
@@ -127,11 +127,11 @@ class Operator(Protocol):
     name: str
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw a change of the target; empty where nothing that has an effect can be done to it."""
+        """Draw a change of the target; empty if no change of it has an effect."""
         ...
 
     def letter_target(self, situation: Situation) -> str:
-        """Return the target that the paper's wording gives ("" for none)."""
+        """Return the target that the paper's wording defines ("" for none)."""
         ...
 
 
@@ -144,9 +144,9 @@ class ActorsRun(NamedTuple):
 
 
 class BuiltIn(ABC):
-    """One of our operators: its name, the property that it changes, what it draws, and what the roll-out does with it.
+    """One of our operators: its name, the property that it changes, its draws and its roll-out.
 
-    The bounds of what it draws are its settings in a preset (`derive.presets`).
+    The bounds of its draws are its settings in a preset (`derive.presets`).
     """
 
     name: str
@@ -154,20 +154,20 @@ class BuiltIn(ABC):
 
     @abstractmethod
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw a change of the target; empty where nothing that has an effect can be done to it."""
+        """Draw a change of the target; empty if no change of it has an effect."""
 
     @abstractmethod
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return an actor's track so far ([T, 5] footprints) with a change of this operator's property, without a
-        simulation."""
+        """Return an actor's track ([T, 5] footprints, with the changes before) after a change of this operator's
+        property, without a simulation."""
 
     def letter_target(self, situation: Situation) -> str:
-        """Return the target that the paper's wording gives; "" for an operator that the paper does not have."""
+        """Return the target that the paper's wording defines; "" for an operator that the paper does not have."""
         del situation
         return ""
 
     def changed(self, situation: Situation, target: str, value: float | None) -> tuple[Change, ...]:
-        """Return the change of the target's property to a value in SI; none for None."""
+        """Return the change of the target's property to a value in SI units; empty if the value is None."""
         was = situation.present_value(target, self.property)
         if value is None or was is None:
             return ()
@@ -176,11 +176,11 @@ class BuiltIn(ABC):
 
 
 class Numeric(BuiltIn):
-    """One of our operators that draws a number, each of those that are allowed as likely as the others."""
+    """One of our operators that draws a number; all allowed values are equally likely."""
 
     @abstractmethod
     def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
-        """Return every value (SI) that the property of a target may be changed to; none where it cannot be done."""
+        """Return all values (SI) that the property of a target may take; empty if the operator cannot act on it."""
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
         """Draw one of the allowed values."""
@@ -194,32 +194,32 @@ class Numeric(BuiltIn):
 
 
 def added_si(change: Change) -> float:
-    """Return by how much a change raises its property, in SI."""
+    """Return the difference between a change's new and old value, in SI units."""
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
-        raise TypeError(f"{change.actor}.{change.property} is no quantity")
+        raise TypeError(f"{change.actor}.{change.property} is not a quantity")
     return change.now.si - change.was.si
 
 
 @lru_cache(maxsize=256)
 def multiples(low: float, high: float, step: float, *, centre: float, dead: float) -> tuple[float, ...]:
-    """Return the multiples of a step between two bounds that are not within `dead` of the centre."""
+    """Return the multiples of a step from `low` to `high`, without those closer to the centre than `dead`."""
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return tuple(round(k * step, 9) for k in range(first, last + 1) if abs(k * step - centre) >= dead - 1e-9)
 
 
 def boxes_at(trace: Trace, frame: int) -> FloatArray:
-    """Return all footprints at a frame, [A, 5]: x, y, heading, length, width; NaN where absent."""
+    """Return all footprints at a frame, [A, 5]: x, y, heading, length, width (m, rad); NaN where absent."""
     sizes = np.array([(info.length_m, info.width_m) for info in trace.actors])
     return np.hstack([trace.states[frame][:, [X, Y, HEADING]], sizes])
 
 
 def others_at(trace: Trace, actor: int, frame: int) -> FloatArray:
-    """Return the footprints of all others that are there at a frame, [N, 5]."""
+    """Return the footprints of all other actors that are present at a frame, [N, 5]."""
     others = np.delete(boxes_at(trace, frame), actor, axis=0)
     return others[~np.isnan(others[:, 0])]
 
 
-def touches_nobody(trace: Trace, actor: int, frame: int, box: FloatArray) -> bool:
-    """Say whether an actor's footprint, [5], could be elsewhere at a frame without touching another."""
+def is_free(trace: Trace, actor: int, frame: int, box: FloatArray) -> bool:
+    """Return whether a footprint, [5], of an actor would touch no other actor at a frame."""
     others = others_at(trace, actor, frame)
     return not len(others) or bool((box_distances(box, others) > 0).all())

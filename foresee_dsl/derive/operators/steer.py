@@ -1,4 +1,4 @@
-"""The paper's steering (section 3.4): an offset of the front wheels, after which the actor recovers its lane."""
+"""The paper's steering (section 3.4): an offset of the front wheels; afterwards the actor returns to its lane."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, lateral_limit_mps
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 RECOVERS_S = 1.0
-"""How fast a lane-recovering vehicle takes back an error of its heading. Ours: the time in which the simulated one
-looks ahead."""
+"""Time constant with which a vehicle that returns to its lane corrects its heading, s. Ours: the look-ahead time of the
+simulated vehicle."""
 
 
 class Steer(Numeric):
-    """A steering offset; afterwards the actor recovers its lane. Only actors on lanes can be steered."""
+    """Adds a steering offset for a time; afterwards the actor returns to its lane. Only actors on lanes can be
+    steered."""
 
     name = property = "steer"
 
     def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
-        """Return the offsets that friction, comfort and the steering rate allow."""
+        """Return the offsets that friction, comfort and the steering rate allow, as shares of the largest angle."""
         settings = preset.steer
         if not situation.on_lanes(target):
             return ()
@@ -40,7 +41,7 @@ class Steer(Numeric):
         return multiples(low, high, settings.step, centre=0.0, dead=max(settings.least_share * bound, settings.step))
 
     def to(self, situation: Situation, target: str, preset: Preset, value: float) -> tuple[Change, ...]:
-        """Return the change to an allowed offset: from the onset, for as long as the preset holds it."""
+        """Return the change to an allowed offset: from the onset, for the preset's `hold_s`."""
         settings, onset_s = preset.steer, _onset_s(situation, preset.steer)
         begins = onset_s > 0 or settings.before_point_s is not None
         when = {
@@ -50,7 +51,7 @@ class Steer(Numeric):
         return tuple(change.model_copy(update=when) for change in self.changed(situation, target, value))
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Turn the recorded steps by what the offset adds to the heading while it is held; then the error decays."""
+        """Turn the recorded steps by the heading that the offset adds while it is held; then this heading decays."""
         trace, actor, models = run
         spec, share = models[trace.actors[actor].model], change.now.si if isinstance(change.now, Quantity) else 0.0
         onset = round((change.start.si if isinstance(change.start, Quantity) else 0.0) / STEP_S)
@@ -69,13 +70,13 @@ class Steer(Numeric):
         return changed
 
     def letter_target(self, situation: Situation) -> str:
-        """The vehicle that is closest to the ego at the clip's beginning."""
+        """Return the vehicle that is closest to the ego at the clip's beginning; "" for none."""
         steerable = [actor for actor in situation.columns if situation.on_lanes(actor)]
         return next(iter(situation.closest(0, steerable)), "")
 
 
 def _onset_s(situation: Situation, settings: SteerSettings) -> float:
-    """Return when the steering begins: as proposed, or else as the preset says, by default with the clip."""
+    """Return when the steering begins, s: as proposed, else as the preset says (by default with the clip)."""
     if situation.onset_s is not None:
         return situation.onset_s
     before_s = settings.before_point_s
@@ -83,7 +84,7 @@ def _onset_s(situation: Situation, settings: SteerSettings) -> float:
 
 
 def largest_share(spec: ModelSpec, speed_mps: float, settings: SteerSettings) -> float:
-    """Return the largest share of the steering angle that comfort and the steering rate allow at a speed."""
+    """Return the largest share of the steering angle that friction, comfort and the steering rate allow at a speed."""
     angle = spec.max_steer_rad
     if angle <= 0:
         return 0.0

@@ -1,4 +1,4 @@
-"""What a change promises: which stories its values may tell, and how likely a careful driver would avoid them."""
+"""Estimates the worth of a change: the kinds of contact that its values cause, and how many a careful driver avoids."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _QUARTERS = 4
 _MET = "met"
-"""The role in the tale of an actor that comes to the ego anyhow."""
+"""The role of an actor that comes near the ego without a change."""
 
 
 class Tale(NamedTuple):
-    """What a contact would be told as: equal ones are likely one finding.
+    """A description of a contact; contacts with equal descriptions are probably one finding.
 
     Attributes:
-        role: of the actor. course: its direction against the ego's, in quarters of a turn (0: the same). side: of the
-            ego that is nearest to it, in quarters (0: the front, 1: the left). place: the ego's lane. stands: whether
-            the ego stands.
+        role: class of the actor. course: its heading relative to the ego's, in quarters of a turn (0: the same). side:
+            side of the ego where it is, in quarters (0: front, 1: left). place: the ego's lane. stands: whether the ego
+            stands.
     """
 
     role: str
@@ -41,13 +41,12 @@ class Tale(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Promise:
-    """A change, and what its values promise.
+    """A change, and the contacts that its values cause.
 
     Attributes:
-        reaching: the places of the values that reach the ego as it drove.
-        tales: the share of the values that tell each tale.
-        contact_frame: of the run, when those that reach the ego do on average (when the nearest one is nearest, if none
-            does).
+        reaching: indices of the values that reach the recorded ego.
+        tales: for each kind of contact, the share of the values that cause it.
+        contact_frame: mean frame of the run at which values reach the ego; if none does, the frame of the smallest gap.
     """
 
     rolled: Rolled
@@ -62,14 +61,15 @@ class Promise:
 
 
 def promise(trace: Trace, rolled: Rolled, gaps: FloatArray, settings: ReachSettings) -> Promise:
-    """Say what a change promises. `gaps`: [A, T] m of the actors to the ego as recorded, inf of obstacles."""
+    """Return the contacts of a change. `gaps`: [A, T] recorded gaps of the actors to the ego, m; infinite for
+    obstacles."""
     least = rolled.gaps.min(axis=1)
     reaching = np.flatnonzero(least <= 0.0)
     first = np.where(least <= 0.0, (rolled.gaps <= 0.0).argmax(axis=1), rolled.gaps.argmin(axis=1))
     tales: dict[Tale, float] = {}
     for n in reaching.tolist():
-        told = _tale(trace, rolled, n, int(first[n]))
-        tales[told] = tales.get(told, 0.0) + 1.0 / len(least)
+        tale = _tale(trace, rolled, n, int(first[n]))
+        tales[tale] = tales.get(tale, 0.0) + 1.0 / len(least)
     onset = rolled.change.onset
     window = gaps[:, onset : onset + round(settings.met_s / STEP_S) + 1].min(axis=1)
     nearest = int(window.argmin())
@@ -80,7 +80,8 @@ def promise(trace: Trace, rolled: Rolled, gaps: FloatArray, settings: ReachSetti
 
 
 def avoided_share(run: Recorded, promised: Promise, settings: ReachSettings) -> float:
-    """Return how likely a careful driver avoids the values that reach the ego: the mean of some, evenly over all."""
+    """Return the mean share of contacts that a careful driver avoids, over `settings.decided` of the reaching
+    values."""
     rolled, change = promised.rolled, promised.rolled.change
     if not len(promised.reaching):
         return 0.0
@@ -91,7 +92,7 @@ def avoided_share(run: Recorded, promised: Promise, settings: ReachSettings) -> 
 
 
 def _rows(run: Recorded, rolled: Rolled, chosen: IntArray) -> FloatArray:
-    """Return the actor's track with each of some values: [C, T, 4], as `Recorded.tracks` has the recorded one."""
+    """Return the actor's track with each of the chosen values: [C, T, 4], laid out as in `Recorded.tracks`."""
     change = rolled.change
     rows = np.repeat(run.tracks[None, change.actor], len(chosen), axis=0)
     every, steps = rolled.every, rolled.steps
@@ -120,22 +121,21 @@ def _tale(trace: Trace, rolled: Rolled, value: int, step: int) -> Tale:
 
 
 _STANDS_MPS = 0.5
-"""An ego slower than this stands (as `avoidance.candidates.scoring`)."""
+"""Speed below which the ego stands, m/s (as in `avoidance.candidates.scoring`)."""
 
 
 def in_order(promises: Sequence[Promise], settings: ReachSettings) -> list[Promise]:
-    """Return the promises, best first: each by what it may tell that those before it do not.
+    """Return the promises, best first: each by the kinds of contact that those before it do not have.
 
-    A tale is worth less for each promise before that tells it, by how much of that promise it was. Of equal ones the
-    later onset comes first, which has no more room than it needs.
-    """
-    known = list(dict.fromkeys(tale for one in promises for tale in one.tales))
-    column = {tale: k for k, tale in enumerate(known)}
-    shares = np.zeros((len(promises), len(known)))
-    for k, one in enumerate(promises):
-        for tale, share in one.tales.items():
+    Each earlier promise lowers the worth of its kinds of contact, in proportion to their share in it. Of equal promises
+    the one with the later onset comes first, as it leaves the least time unused."""
+    tales = list(dict.fromkeys(tale for candidate in promises for tale in candidate.tales))
+    column = {tale: k for k, tale in enumerate(tales)}
+    shares = np.zeros((len(promises), len(tales)))
+    for k, candidate in enumerate(promises):
+        for tale, share in candidate.tales.items():
             shares[k, column[tale]] = share
-    worth: FloatArray = np.ones(len(known))
+    worth: FloatArray = np.ones(len(tales))
     left = list(range(len(promises)))
     order: list[Promise] = []
     while left and len(order) < settings.proposals:
@@ -143,7 +143,7 @@ def in_order(promises: Sequence[Promise], settings: ReachSettings) -> list[Promi
         best = max(range(len(left)), key=lambda k: (gains[k], promises[left[k]].onset, -left[k]))
         if gains[best] <= 0:
             break
-        told = shares[left[best]] / shares[left[best]].sum()
-        worth = worth * (1.0 - (1.0 - settings.again) * told)
+        own_shares = shares[left[best]] / shares[left[best]].sum()
+        worth = worth * (1.0 - (1.0 - settings.again) * own_shares)
         order.append(promises[left.pop(best)])
     return order

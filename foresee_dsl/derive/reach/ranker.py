@@ -1,4 +1,4 @@
-"""The ranker `reach`: proposals of what to change, when and of whom, by what that could still do to the ego."""
+"""The ranker `reach`: proposes which actor to change, when and by which operator, by the contacts this can cause."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from foresee_dsl.simulate.trace import STEP_S, Trace
 
 @dataclass(frozen=True)
 class ReachRanker:
-    """Ranks changes by what they could still do to the ego: a moment, an actor and an operator each.
+    """Ranks changes (a moment, an actor and an operator each) by the contacts with the ego that they can cause.
 
     Attributes:
-        mutations: how clips will be mutated; None: as by the preset `focused`, with vehicles as usual in their class.
+        mutations: how clips will be mutated; None: by the preset `focused`, with the default vehicle of each class.
     """
 
     settings: ReachSettings = field(default_factory=ReachSettings)
@@ -48,19 +48,19 @@ class ReachRanker:
     ) -> tuple[RiskyPoint, ...]:
         """Rank the changes of a run; see `Ranker.rank`.
 
-        The clip of a change begins with it, so that its point may lie nearer to the run's beginning than `before_s`.
+        The clip of a change begins with the change, so its point may lie nearer to the run's beginning than `before_s`.
         """
         s, gaps = self.settings, _gaps(trace)
         run = Recorded.of(trace, {name: spec.height_m for name, spec in self._models(trace).items()})
         best = in_order(self.promises(trace), s)
-        points = [_point(trace, gaps, one, avoided_share(run, one, s)) for one in best]
+        points = [_point(trace, gaps, promised, avoided_share(run, promised, s)) for promised in best]
         for other in ForeseeRanker().rank(trace, seed=seed, before_s=before_s, after_s=after_s):
             if all(other.actor != p.actor or abs(other.time_s - p.time_s) >= before_s for p in points):
                 points.append(replace(other, score=0.0))
         return tuple(replace(p, rank=k) for k, p in enumerate(points, start=1))
 
     def promises(self, trace: Trace) -> list[Promise]:
-        """Return what every change promises that the ranker looks at, in the order of their onsets."""
+        """Return the promises of all changes that the ranker examines, in the order of their onsets."""
         s, gaps = self.settings, _gaps(trace)
         rolling = self.rolling(trace, gaps)
         changes = [
@@ -70,10 +70,10 @@ class ReachRanker:
         ]
         moving = gaps.copy()
         moving[[info.kind == "obstacle" for info in trace.actors]] = np.inf
-        return [promise(trace, one, moving, s) for one in rolling.rolled(changes)]
+        return [promise(trace, rolled, moving, s) for rolled in rolling.rolled(changes)]
 
     def rolling(self, trace: Trace, gaps: FloatArray) -> Rolling:
-        """Return what rolls the changes of a run out. `gaps`: [A, T] m between each actor and the ego."""
+        """Return the object that rolls changes of a run out. `gaps`: [A, T] m between each actor and the ego."""
         chosen = preset(self.mutations.preset) if self.mutations is not None else preset("focused")
         return Rolling(trace, self._models(trace), chosen, self.settings, _NO_CLIP, _operators(chosen), gaps)
 
@@ -82,42 +82,43 @@ class ReachRanker:
 
 
 _NO_CLIP = Clip(name="none", parent="none.foresee", pin="sha256:000000000000", body=())
-"""Stands for the clips that are not cut yet."""
+"""Placeholder for the clips, which are not cut yet."""
 
 
 def _operators(chosen: Preset) -> list[Numeric | ModelSwap]:
     """Return the operators of a preset that can be rolled out."""
-    known = operators()
+    by_name = operators()
     names = dict.fromkeys(name for recipe in chosen.recipes for name in recipe)
-    return [operator for name in names if isinstance(operator := known[name], Numeric | ModelSwap)]
+    return [operator for name in names if isinstance(operator := by_name[name], Numeric | ModelSwap)]
 
 
 def _gaps(trace: Trace) -> FloatArray:
-    """Return the distances of all actors to the ego, [A, T] m; infinite for itself and where they are absent."""
+    """Return the distances of all actors to the ego, [A, T] m; infinite for the ego itself and where actors are
+    absent."""
     actors = list(range(1, len(trace.actors)))
     own = np.full((1, trace.frames), np.inf)
     return np.vstack([own, all_distances_to_ego(trace, actors, np.full(len(actors), np.inf))]) if actors else own
 
 
 def _nearest(gaps: FloatArray, s: ReachSettings) -> list[int]:
-    """Return the columns of the actors that are nearest to the ego at a moment, but of none that is too far away."""
+    """Return the columns of the nearest actors at a moment, at most `s.nearest`, all within `s.within_m` of the ego."""
     order = np.argsort(gaps, kind="stable")
     return [int(k) for k in order if gaps[k] <= s.within_m][: s.nearest]
 
 
 def _usual(trace: Trace) -> Mapping[str, ModelSpec]:
-    """Return the models of a trace as a vehicle of their size is by default."""
-    found = {}
+    """Return the models of a trace, with the default values of their class for vehicles of their size."""
+    specs = {}
     for info in trace.actors:
         base = CLASS_DEFAULTS[cast(ActorKind, info.kind)]
         wheelbase = info.wheelbase_m or base.wheelbase_share * info.length_m
-        found[info.model] = ModelSpec(
+        specs[info.model] = ModelSpec(
             info.model, cast(ActorKind, info.kind), info.length_m, info.width_m, wheelbase,
             base.overhang_share * info.length_m, base.mass_kg, base.max_speed_mps, base.acceleration_mps2,
             base.braking_mps2, base.emergency_braking_mps2, math.radians(base.max_steer_deg),
             math.radians(base.steer_rate_deg_s), base.height_m,
         )  # fmt: skip
-    return found
+    return specs
 
 
 def _point(trace: Trace, gaps: FloatArray, best: Promise, avoided: float) -> RiskyPoint:

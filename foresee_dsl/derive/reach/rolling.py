@@ -1,4 +1,4 @@
-"""Where the allowed changes of an operator take an actor, and how near that is to the ego as it drove."""
+"""Rolls the allowed changes of operators out: the actors' new poses, and their gaps to the recorded ego."""
 
 from __future__ import annotations
 
@@ -25,18 +25,19 @@ from foresee_dsl.language.model.derived import PROPERTIES
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _CLOSE_M = 2.0
-"""Footprints are measured where the bodies' circles are nearer than this; farther away the circles say enough."""
+"""Gap between the circles around two bodies below which their footprints are measured, m; above, the circles are exact
+enough."""
 _AFTER_POINT_S = 1.0
-"""Operators look at what an actor does until a second after the risky point (`Situation.driven_m`)."""
+"""Operators need the run until a second after the risky point (`Situation.driven_m`)."""
 
 
 _STANDS_MPS = 0.1
-"""An actor slower than this stands: SUMO's threshold of halting."""
+"""Speed below which an actor stands, m/s: SUMO's threshold of halting."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """One operator on one actor from one moment on. `onset`: the frame. `actor`: the column."""
+    """An operator that acts on an actor from a moment on. `onset`: the frame. `actor`: the column."""
 
     onset: int
     actor: int
@@ -48,10 +49,10 @@ class Rolled:
     """A change with some of its allowed values, rolled out.
 
     Attributes:
-        values: [N], SI; of a model swap the places of the models among those that fit.
-        frames: [T] of the run, the last one again where the run ends before.
-        poses: [N, T, 3] of the actor, m, m, rad.
-        gaps: [N, T] m to the ego's footprint as it drove; exact below some metres, infinite beyond the run's end.
+        values: [N], SI units; for a model swap, indices among the models that fit.
+        frames: [T] frames of the run; the run's last frame is repeated after its end.
+        poses: [N, T, 3] poses of the actor: m, m, rad.
+        gaps: [N, T] gaps to the recorded ego's footprint, m; exact below some metres, infinite after the run's end.
     """
 
     change: Change
@@ -62,33 +63,33 @@ class Rolled:
 
     @property
     def every(self) -> int:
-        """How many frames a step has."""
+        """Number of frames per step."""
         return int(self.frames[1] - self.frames[0])
 
     @property
     def steps(self) -> int:
-        """How many whole steps there are before the run's end."""
+        """Number of whole steps before the run's end."""
         return int(np.count_nonzero(np.diff(self.frames) == self.every))
 
 
 class _Moment(Situation):
-    """A moment of a run at which no clip was cut yet: statements of its actors have their defaults."""
+    """The situation at a moment of a run, before a clip is cut: actors' statements have their defaults."""
 
     @cached_property
     def columns(self) -> dict[str, int]:
-        """The columns of the actors that are there."""
+        """The columns of the actors that are present."""
         there = ~np.isnan(self.trace.states[0, :, X])
         return {info.id: k for k, info in enumerate(self.trace.actors) if k and there[k]}
 
     def present_value(self, actor: str, name: str) -> Quantity | None:
-        """Return where an actor is on its path, or the default of another property."""
-        known = PROPERTIES[name]
-        if known.dimension is None:
+        """Return an actor's place on its path for `moving`, else the property's default."""
+        definition = PROPERTIES[name]
+        if definition.dimension is None:
             return None
         if name == "moving":
             along = float(self.trace.along[0, self.columns[actor]])
-            return None if math.isnan(along) else Quantity.of(along, known.dimension, 2)
-        return None if known.default is None else Quantity.of(known.default.si, known.dimension, 2)
+            return None if math.isnan(along) else Quantity.of(along, definition.dimension, 2)
+        return None if definition.default is None else Quantity.of(definition.default.si, definition.dimension, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +97,8 @@ class Rolling:
     """Rolls changes out along a run that passed.
 
     Attributes:
-        clip: stands for the clip that will be cut. operators: those that the preset uses. gaps: [A, T] m of the actors
-            to the ego. models_of: the models that fit, of swaps.
+        clip: placeholder for the clip that will be cut. operators: the operators of the preset that can be rolled out.
+            gaps: [A, T] gaps of the actors to the ego, m. models_of: for each swap, the models that fit.
     """
 
     trace: Trace
@@ -110,7 +111,7 @@ class Rolling:
     models_of: dict[Change, tuple[str, ...]] = field(default_factory=dict)
 
     def changes(self, onset: int, actors: Sequence[int]) -> Iterator[tuple[Change, FloatArray]]:
-        """Yield what may be changed of some actors (columns) from a frame on, with all allowed values."""
+        """Yield the changes of some actors (columns) from a frame on, with all allowed values."""
         moment = self.moment(onset)
         for actor in actors:
             name = self.trace.actors[actor].id
@@ -135,9 +136,9 @@ class Rolling:
     def _swaps(
         self, moment: Situation, onset: int, actor: int, operator: ModelSwap
     ) -> Iterator[tuple[Change, FloatArray]]:
-        """Yield the swap of an actor that moves, and that another model of its class may bring near the ego.
+        """Yield the model swap of a moving actor if another model of its class can bring it near the ego.
 
-        Whether models fit takes long to find out, so only those are asked that would come near.
+        Whether models fit is slow to compute, so it is computed only for an actor that would come near.
         """
         info, until = self.trace.actors[actor], onset + round(self.settings.paced_s / STEP_S)
         moves = np.nanmax(self.trace.states[onset : until + 1, actor, SPEED]) > _STANDS_MPS
@@ -149,20 +150,20 @@ class Rolling:
         )
         if not self.models_of[change]:
             return
-        tried = self._shifted(change, np.arange(len(self.models_of[change]), dtype=np.float64))
-        if tried.gaps.min() > self.settings.swap_reach_m:
+        rolled = self._shifted(change, np.arange(len(self.models_of[change]), dtype=np.float64))
+        if rolled.gaps.min() > self.settings.swap_reach_m:
             return
         if models := operator.fitting(moment, info.id):
             self.models_of[change] = models
             yield change, np.arange(len(models), dtype=np.float64)
 
     def rolled(self, changes: Sequence[tuple[Change, FloatArray]]) -> list[Rolled]:
-        """Roll changes out, each with some of its allowed values, evenly over all of them."""
+        """Roll changes out, each with up to `settings.shares` of its allowed values, evenly spaced."""
         chosen = [(change, _evenly(values, self.settings.shares)) for change, values in changes]
         steers = [(change, values) for change, values in chosen if isinstance(change.operator, Steer)]
-        found = self._steered(steers)
-        found += [self._shifted(change, values) for change, values in chosen if not isinstance(change.operator, Steer)]
-        return sorted(found, key=lambda r: (r.change.onset, r.change.actor, r.change.operator.name))
+        rolled = self._steered(steers)
+        rolled += [self._shifted(change, values) for change, values in chosen if not isinstance(change.operator, Steer)]
+        return sorted(rolled, key=lambda r: (r.change.onset, r.change.actor, r.change.operator.name))
 
     def _frames(self, onset: int, looks_s: float) -> FloatArray:
         every = round(self.settings.step_s / STEP_S)
@@ -173,7 +174,7 @@ class Rolling:
         if not chosen:
             return []
         most = max(len(values) for _, values in chosen)
-        shares = np.array([np.resize(values, most) for _, values in chosen])  # a shorter one again from its beginning
+        shares = np.array([np.resize(values, most) for _, values in chosen])  # a shorter row repeats its values
         frames = np.array([self._frames(change.onset, self.settings.looks_s) for change, _ in chosen])
         actors = np.array([change.actor for change, _ in chosen])
         poses = steered(self.trace, self.models, (actors, frames), shares, self.preset.steer.hold_s,
@@ -204,9 +205,9 @@ class Rolling:
     def _gaps(
         self, poses: FloatArray, actors: FloatArray, frames: FloatArray, sizes: FloatArray | None = None
     ) -> FloatArray:
-        """Return the distances of actors at poses [P, N, T, 3] to the ego as it drove: [P, N, T] m, inf where absent.
+        """Return the distances of actors at poses [P, N, T, 3] to the recorded ego: [P, N, T] m, infinite where absent.
 
-        `sizes`: [P, N, 2] of the actors, m; None: their own.
+        `sizes`: [P, N, 2] lengths and widths of the actors, m; None: their recorded ones.
         """
         trace = self.trace
         ego, info = trace.states[frames, 0][..., [X, Y, HEADING]], trace.actors[0]
@@ -225,7 +226,7 @@ class Rolling:
 
 
 def _evenly(values: FloatArray, most: int) -> FloatArray:
-    """Return at most so many of some values, in their order, evenly over all."""
+    """Return at most `most` of some values, evenly spaced, in their order."""
     if len(values) <= most:
         return values
     return values[np.round(np.linspace(0, len(values) - 1, most)).astype(np.intp)]

@@ -1,4 +1,4 @@
-"""What the ranker `reach` looks at."""
+"""Settings of the ranker `reach`."""
 
 from __future__ import annotations
 
@@ -7,24 +7,28 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ReachSettings:
-    """What the ranker looks at. All ours, chosen on the even half of the test cases (docs/background/method.md).
+    """Settings of the ranker `reach`. All ours, chosen on the even half of the test cases (docs/background/method.md).
 
     Attributes:
-        every_s: onsets that are looked at are so far apart. Ours: as the exhaustive search's whole seconds.
-        nearest: so many actors are looked at for each onset, the nearest to the ego first.
-            within_m: none that is farther away; ours, what two that meet at 30 km/h drive in 2.4 s.
-        looks_s: for so long after the onset steering is rolled out. Ours: with 4 s, 5 s and 7 s 37, 37 and 31 failures.
-        paced_s: for so long all other changes are, which take longer to bring an actor elsewhere. Ours: with a swapped
-            bicycle, failures of the exhaustive search come up to 9 s after the onset.
-        step_s: of the roll-out. Ours: a vehicle in town turns by less than 4 deg in it.
-        shares: of the values that an operator may draw at most so many are rolled out, evenly over all of them.
-        decided: of those that reach the ego, at most so many are rolled out with careful drivers.
-        met_weight: what it counts that an actor comes to the ego anyhow, in `met_s` after the onset: half of it at 1 m.
-            Ours: of 0.15, 0.3 and 0.6, 0.3 found as many failures as any, and as many avoidable ones.
-        again: what a story is worth once more, as a share of the first time. Ours: 0.3, 0.5 and 0.7 differ by little.
-        swap_within_m: models are swapped of actors that come so near to the ego as recorded, swap_reach_m: and that a
-            swap brings so near. Ours: to be quick, as most swaps do nothing.
-        proposals: so many are ranked at most, before the points of `foresee`.
+        every_s: time between the examined onsets. Ours: whole seconds, as in the exhaustive search.
+        nearest: number of actors examined per onset, the nearest to the ego first.
+        within_m: distance to the ego above which an actor is not examined. Ours: two vehicles that meet at 30 km/h
+            cover it in 2.4 s.
+        looks_s: duration of the roll-out of steering. Ours: 4 s, 5 s and 7 s give 37, 37 and 31 failures.
+        paced_s: duration of the roll-out of all other changes, which displace an actor more slowly. Ours: with a
+            swapped bicycle, failures of the exhaustive search come up to 9 s after the onset.
+        step_s: time step of the roll-out. Ours: a vehicle in town turns by less than 4 deg in it.
+        shares: largest number of values per change that are rolled out, evenly spaced over the allowed ones.
+        decided: largest number of values that reach the ego for which careful drivers are rolled out.
+        met_weight: weight of an actor that comes near the ego without a change within `met_s` after the onset; the
+            weight is halved at 1 m. Ours: of 0.15, 0.3 and 0.6, 0.3 gave as many failures as any, and as many
+            avoidable ones.
+        met_s: see `met_weight`.
+        again: worth of a kind of contact the second time, as a share of the first. Ours: 0.3, 0.5 and 0.7 differ by
+            little.
+        swap_within_m: recorded gap to the ego above which an actor's model is not swapped, swap_reach_m: gap that a
+            swap must reach. Ours: these save time, as most swaps have no effect.
+        proposals: largest number of ranked changes; the points of `foresee` follow them.
     """
 
     every_s: float = 1.0

@@ -1,9 +1,8 @@
-"""Rolls many steering offsets out at once: the bicycle of `kernels.bicycle` at the recorded speed.
+"""Rolls many steering offsets out at once, with the bicycle model of `kernels.bicycle` at the recorded speed.
 
-`operators.steer.Steer.rolled_out` turns the recorded steps, which is enough to compare the draws of one child. It lets
-wheels turn at once and tyres hold everything. Ours: with it, four moments of a test case find 24 of 52 stories of the
-exhaustive search, with this 37 (docs/background/method.md).
-"""
+`operators.steer.Steer.rolled_out` turns the recorded steps, which is enough to compare the draws of one child. It
+ignores the turning rate of the wheels and the limit of the tyres. Ours: with it, four moments of a test case reach 24
+of 52 findings of the exhaustive search, with this module 37 (docs/background/method.md)."""
 
 from __future__ import annotations
 
@@ -20,13 +19,14 @@ from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 from foresee_dsl.simulate.trace import HEADING, SPEED, YAW_RATE, Trace, X, Y
 
 _CRAWLS_MPS = 0.5
-"""Below it a recorded yaw rate says nothing of the bend (ours): the wheels are taken to stand straight."""
+"""Speed below which the recorded yaw rate does not give the curvature, m/s; the wheels are then assumed straight.
+Ours."""
 _TIGHTEST_PER_M = 0.3
-"""The tightest bend that is read from a recorded yaw rate. Ours: a car's turning circle has a radius of 5.5 m."""
+"""Largest curvature that is read from a recorded yaw rate. Ours: a car's turning circle has a radius of 5.5 m."""
 
 
 class _Limits(NamedTuple):
-    """Limits of the vehicles, [P, 1] each: m, rad, rad/s, m, m/s^2."""
+    """Limits of the vehicles, [P, 1] each: m, rad, rad/s, m, m/s^2. `rear_axle`: its distance behind the middle."""
 
     wheelbase: FloatArray
     steer: FloatArray
@@ -52,13 +52,13 @@ def steered(
     hold_s: float | None,
     step_s: float,
 ) -> FloatArray:
-    """Return where vehicles go whose wheels get an offset, [P, N, T, 3] poses (m, m, rad).
+    """Return the poses of vehicles whose wheels get an offset, [P, N, T, 3] (m, m, rad).
 
     Args:
         trace: the recorded run. models: all models, by name.
         onsets: the vehicles' columns, [P], and the frames, [P, T], of which the first is the onset.
-        shares: [P, N] of the largest steering angle.
-        hold_s: for how long the offset acts; None: to the end. Afterwards the vehicle turns back to its way.
+        shares: [P, N] offsets, as shares of the largest steering angle.
+        hold_s: how long the offset acts; None: to the end. Afterwards the vehicle returns to its recorded heading.
         step_s: time between frames.
     """
     actors, frames = onsets
