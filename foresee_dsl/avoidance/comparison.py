@@ -1,4 +1,4 @@
-"""How one run avoids the failure of another: two drivers in the same test case, compared where the first one failed."""
+"""Describes how a run avoids the failure of another: compares two drivers in one test case where the first failed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from foresee_dsl.story.facts import spans
 from foresee_dsl.story.wording import metres
 
 SAME_PLACE_M = 3.0
-"""How near the other ego must come to the place of the failure for the two to be compared there, m. Ours: a lane's
+"""Distance of the other ego to the place of the failure up to which the two are compared there, m. Ours: a lane's
 width."""
 EARLIER_S = 0.2
 """The smallest difference in time that is mentioned, s. Ours: two decisions of a driver that plans at 10 Hz."""
@@ -23,20 +23,20 @@ ASIDE_M = 0.3
 
 
 def how_avoided(failed: Trace, passed: Trace) -> tuple[str, ...]:
-    """Say what the ego of a passing run did differently, in the order: braking, place and speed, side.
+    """Return the differences of a passing run's ego in phrases, in the order: braking, place and speed, side.
 
     Args:
         failed: a run that ended with a failure, its last frame. passed: another driver's run of the same test case.
 
     Returns:
         Phrases such as `brakes 0.8 s earlier`, `is 6 km/h slower there`, `passes 0.7 m farther left`; empty where
-        nothing differs by more than is told.
+        no difference exceeds its threshold.
     """
     return tuple(text for text in (_braking(failed, passed), *_at_the_place(failed, passed)) if text)
 
 
 def _braking(failed: Trace, passed: Trace) -> str:
-    """Compare when the two egos began their last braking before the failure."""
+    """Return in words when the two egos began their last braking before the failure; "" if that is about equal."""
     end = failed.frames - 1
     own, other = _braking_from(failed, end), _braking_from(passed, min(end, passed.frames - 1))
     if other is None:
@@ -48,13 +48,13 @@ def _braking(failed: Trace, passed: Trace) -> str:
 
 
 def _braking_from(trace: Trace, end: int) -> int | None:
-    """Return the frame from which the ego brakes, of the last braking that begins until a frame."""
+    """Return the first frame of the ego's last braking up to a frame; None if it does not brake."""
     braking = spans(trace.states[: end + 1, 0, ACCELERATION] < -BRAKES_MPS2, BRAKES_FOR_S, EASES_S)
     return braking[-1][0] if braking else None
 
 
 def _at_the_place(failed: Trace, passed: Trace) -> tuple[str, ...]:
-    """Compare speed, time and side at the place where the first ego ended."""
+    """Return in words the differences in speed, time and side at the place where the first ego ended."""
     x, y, heading, speed = (float(failed.states[-1, 0, column]) for column in (X, Y, HEADING, SPEED))
     ego = passed.states[:, 0]
     far = np.hypot(ego[:, X] - x, ego[:, Y] - y)

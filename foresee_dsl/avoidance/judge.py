@@ -1,4 +1,4 @@
-"""What a judge is: it takes a failure, and says whether its driver avoids it, and why."""
+"""The interface of judges: each says whether its driver avoids a failure, and why."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from foresee_dsl.simulate.trace import Trace, X, Y
 R157 = "R157's driver"
 """The name of UN Regulation 157's driver (`avoidance.r157`)."""
 ANTICIPATING = "an anticipating driver"
-"""And of the one that looks ahead (`avoidance.anticipating`)."""
+"""The name of the anticipating driver (`avoidance.anticipating`)."""
 
 
 class Judgement(Protocol):
     """The answer of one judge about one failure; a frozen dataclass, as it is stored.
 
     Attributes:
-        name: of the judge, for people. answers: all that it may answer, in the order of reports; () where that is open.
-        answer: in a word or a few. why: a sentence with figures.
-        avoids: whether its driver avoids the failure, or would have. settles: whether it says that or the opposite.
-        origin: what a mutant's `origin` block says: a setting and its value; None where it says nothing.
+        name: the judge's name, for people. answers: all possible answers, in the order of reports; () if they are open.
+        answer: the answer in a few words. why: a sentence with figures.
+        avoids: whether its driver avoids the failure, or would have. settles: whether the answer is a clear yes or no.
+        origin: setting and value for a mutant's `origin` block; None for no entry.
     """
 
     @property
@@ -53,9 +53,9 @@ Answered_co = TypeVar("Answered_co", bound=Judgement, covariant=True)
 
 @dataclass(frozen=True)
 class Opinion:
-    """A judgement that has no figures of its own; what its fields are, `Judgement` says.
+    """A judgement without figures of its own; for its fields see `Judgement`.
 
-    `settled`: as `settles`.
+    `settled`: the value of `settles`.
     """
 
     name: str
@@ -69,31 +69,31 @@ class Opinion:
 
     @property
     def settles(self) -> bool:
-        """Whether it says that its driver avoids the failure, or that it does not."""
+        """Whether the answer is a clear yes or no."""
         return self.settled
 
 
 class Judge(Protocol[Answered_co]):
-    """Says of a failure whether a driver avoids it."""
+    """Judges whether a driver avoids a failure."""
 
     def judge(self, failure: Failure) -> Answered_co:
-        """Return the judgement; runs of the simulation may be needed for it."""
+        """Return the judgement; this may run the simulation."""
 
 
 SAME_TIME_S = 0.1
-"""The replay without braking has to end with the same contact within this time. Ours: two steps."""
+"""Largest difference in time between the contact and that of a replay without braking, s. Ours: two steps."""
 SAME_PLACE_M = 0.1
-"""And with the ego within this distance. Ours: the tolerance of a clip's fidelity."""
+"""Largest distance between the egos at these two contacts, m. Ours: the tolerance of a clip's fidelity."""
 
 
 @dataclass(frozen=True, eq=False)
 class Failure:
-    """A run that failed, as judges get it; what several of them need is computed once.
+    """A failed run, the input of judges; results that several judges need are computed once.
 
     Attributes:
-        trace: of the run; None where it was lost.
-        outcome, compiled: how it ended, and its test case as it was run; None where only the trace is at hand, which is
-            enough for judges that drive the test case themselves.
+        trace: trace of the run; None if it was lost.
+        outcome, compiled: the result of the run, and its compiled test case; None if only the trace is at hand, which
+            is enough for judges that drive the test case themselves.
     """
 
     trace: Trace | None
@@ -113,7 +113,7 @@ class Failure:
 
     @property
     def result(self) -> RunResult:
-        """How it ended.
+        """The result of the run.
 
         Raises:
             ValueError: only its trace is at hand.
@@ -124,19 +124,19 @@ class Failure:
 
     @property
     def bundle(self) -> SumoBundle:
-        """Its test case as it was run; errors as of `result`."""
+        """The compiled test case of the run; errors as for `result`."""
         if self.compiled is None:
             raise ValueError("of this failure only the trace is at hand: its test case is not known")
         return self.compiled
 
     @property
     def contact(self) -> Impact | None:
-        """The contact that it ended with, None where it ended otherwise."""
+        """The contact with which the run ended; None if it ended otherwise."""
         return contact(self.result)
 
     @cached_property
     def astray(self) -> str:
-        """How it differs from the failure if it is driven again without braking; "" where it does not."""
+        """How a replay without braking differs from the failure, in words; "" if it does not."""
         replay = run(self.bundle, Replay(self.result.trace, None, self.bundle.scene))
         result = self.result
         again = "the replay without braking is not the failure: "
@@ -150,5 +150,5 @@ class Failure:
 
 
 def contact(result: RunResult) -> Impact | None:
-    """Return the contact that a run ended with, None where it ended otherwise."""
+    """Return the contact with which a run ended; None if it ended otherwise."""
     return result.impact if result.verdict.is_collision else None

@@ -1,7 +1,7 @@
-"""The judges that are asked about every failure of a campaign.
+"""The judges of every failure of a campaign.
 
-A further one is a class in `JUDGES`. It returns an `Opinion`, or a dataclass of its own that `AnyJudgement` names.
-"""
+To add a judge, add an instance of its class to `JUDGES`. It returns an `Opinion`, or a dataclass of its own, which
+`AnyJudgement` must list."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from foresee_dsl.avoidance.judge import Failure, Judge, Opinion
 from foresee_dsl.avoidance.r157.assessing import Preventability, R157Driver
 
 
-def _kind(found: Any) -> str:  # noqa: ANN401 - a judgement, or what is read from a store
-    names = found.keys() if isinstance(found, dict) else vars(found).keys()
+def _kind(judgement: Any) -> str:  # noqa: ANN401 - a judgement, or a record read from a store
+    names = judgement.keys() if isinstance(judgement, dict) else vars(judgement).keys()
     return "opinion" if "settled" in names else "r157" if "verdict" in names else "anticipating"
 
 
@@ -25,11 +25,11 @@ AnyJudgement = Annotated[
     | Annotated[Opinion, Tag("opinion")],
     Discriminator(_kind),
 ]
-"""A judgement as records keep it."""
+"""A judgement as stored in records."""
 JUDGES: tuple[Judge[AnyJudgement], ...] = (R157Driver(), AnticipatingDriver())
-"""In the order in which reports show their answers."""
+"""All judges, in the order in which reports show their answers."""
 
 
 def judged(failure: Failure) -> tuple[AnyJudgement, ...]:
-    """Ask all judges about a failure."""
+    """Return the judgements of all judges about a failure."""
     return tuple(judge.judge(failure) for judge in JUDGES)

@@ -1,4 +1,4 @@
-"""Another driver in the place of the one that fails: whether it avoids the failure, and how."""
+"""Runs another driver in the place of the failing one, to see whether it avoids the failure, and how."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class ReferenceRun:
     """A failing test case or child, driven by another driver: a `Judgement`.
 
     Attributes:
-        driver: its address. verdict, reason, duration_s: of that run.
-        before: the verdict of the clip, unmutated, with the same driver; None where it was not run, as the child did
-            not pass, and of a test case, which has no clip.
-        how: what the driver does otherwise than the one that fails, in phrases.
+        driver: the driver's address. verdict, reason, duration_s: the outcome of its run.
+        before: verdict of the unmutated clip with the same driver; None if the child did not pass, so that the clip
+            was not run, or for a test case, which has no clip.
+        how: differences from the failing driver, in phrases.
     """
 
     driver: str
@@ -31,7 +31,7 @@ class ReferenceRun:
 
     @property
     def passes(self) -> bool:
-        """Whether the failure does not happen to this driver, nor another one."""
+        """Whether this driver passes, without any failure."""
         return self.verdict is Verdict.PASS
 
     @property
@@ -41,34 +41,34 @@ class ReferenceRun:
 
     @property
     def name(self) -> str:
-        """As of a `Judgement`, like the next four."""
+        """See `Judgement`, as for the next four."""
         return self.driver
 
     answers: ClassVar[tuple[str, ...]] = ()
 
     @property
     def answer(self) -> str:
-        """How the run ended."""
+        """The verdict of the run."""
         return self.verdict.value
 
     @property
     def why(self) -> str:
-        """What it does otherwise, or how it fails."""
-        return self.told if self.passes else self.reason
+        """How it differs from the failing driver, or why it fails."""
+        return self.sentence if self.passes else self.reason
 
     @property
     def settles(self) -> bool:
-        """Whether the driver drove it to an end."""
+        """Whether the run passed or failed, rather than crashed or timed out."""
         return self.passes or self.verdict.is_failure
 
     @property
     def origin(self) -> None:
-        """Nothing: a mutant's origin names all drivers that avoid it in one line (`campaign.assembly`)."""
+        """None, as a mutant's origin names all avoiding drivers in one line (`campaign.assembly`)."""
         return
 
     @property
-    def told(self) -> str:
-        """The driver, what it does otherwise, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
+    def sentence(self) -> str:
+        """The driver and its differences, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
         text = f"{self.driver} {', '.join(self.how) or 'passes, driving nearly the same way'}"
         return text if self.before in (None, Verdict.PASS) else f"{text} (but fails before the mutation: {self.before})"
 
@@ -77,11 +77,11 @@ class ReferenceRun:
 
 @dataclass(frozen=True)
 class ReferenceDriver:
-    """The judge: a driver that may be any.
+    """The judge: any driver.
 
     Attributes:
-        driver: its address. drive: runs the failing test case with it.
-        before: returns the verdict of the unmutated clip with it; None of a test case, which has no clip.
+        driver: the driver's address. drive: runs the failing test case with it.
+        before: returns the verdict of the unmutated clip with it; None for a test case, which has no clip.
     """
 
     driver: str
@@ -89,7 +89,7 @@ class ReferenceDriver:
     before: Callable[[], Verdict] | None = None
 
     def judge(self, failure: Failure) -> ReferenceRun:
-        """Run the failing test case; where the driver passes, ask for the clip's own verdict too."""
+        """Return the run of the failing test case; if the driver passes, with its verdict on the unmutated clip."""
         result = self.drive()
         if result.verdict is not Verdict.PASS:
             return ReferenceRun(self.driver, result.verdict, result.reason, result.duration_s)

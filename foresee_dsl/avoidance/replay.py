@@ -1,4 +1,4 @@
-"""The driver of the replay: follows a recorded run exactly, and from a given time on brakes along its path.
+"""The driver of a replay: follows a recorded run exactly, and from a time on brakes along its path.
 
 The judges that drive a failure again (`r157`, `anticipating`) use it, and the recorded path by length.
 """
@@ -18,34 +18,34 @@ from foresee_dsl.simulate.actors.roads import SlipperyGround
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEER, STEP_S, Trace, X, Y
 
 BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
-"""The hardest braking of the careful driver: R157, Annex 4, appendix 3 (0.774 g). Less where the road or the vehicle do
-not give it."""
+"""Hardest braking of the careful driver, m/s^2: R157, Annex 4, appendix 3 (0.774 g); less where the road or the vehicle
+limits it."""
 JERK_MPS3 = 12.65
-"""How fast braking builds up, 0.6 s to the hardest: R157, Annex 4, appendix 3; `CC_min_jerk` in JRC-FSM."""
+"""Rate at which braking builds up, m/s^3, 0.6 s to the hardest: R157, Annex 4, appendix 3; `CC_min_jerk` in JRC-FSM."""
 KEEPS_PATH_M = 3.0
-"""While braking, a lateral error decays over this length. Ours: a wheelbase; the error stays below centimetres."""
+"""Length over which a lateral error decays while braking, m. Ours: a wheelbase; the error stays below centimetres."""
 
 EXACT_MPS = 1e-12
-"""A replayed speed is met within this. Ours: a thousand roundings; over 10 s they amount to a hundredth of a
+"""Largest error of a replayed speed, m/s. Ours: a thousand roundings; over 10 s they amount to a hundredth of a
 nanometre."""
 _TRIES = 100
-"""Ours: fifty halvings of a pedal's range are finer than a float."""
+"""Largest number of iterations of `_solve`. Ours: the fifty halvings among them are finer than a float."""
 _TOUCHED = 1e-9
-"""The least share of a pressed brake: at 0 the vehicle answers as to a released throttle."""
+"""Smallest share of a pressed brake, as at 0 the vehicle behaves as with a released throttle."""
 
 
 class RecordedPath:
-    """Where the ego drove in a run, by length instead of time, to drive it at another speed; straight on at its end.
+    """The ego's path in a run, by length instead of time, to drive it at another speed; straight on after its end.
 
     Attributes:
-        along: [T] m, how far the ego has come at each frame.
+        along: [T] distance driven at each frame, m.
     """
 
     def __init__(self, trace: Trace) -> None:
         states = trace.states[:, 0]
         steps = np.hypot(*np.diff(states[:, [X, Y]], axis=0).T) if len(states) > 1 else np.empty(0)
         self.along: FloatArray = np.r_[0.0, np.cumsum(steps)]
-        # A little is added to each step, for places at which the ego stood to have an order.
+        # np.interp needs increasing places: a little is added at each step, as an ego that stands repeats its place.
         self._marks = self.along + np.arange(len(self.along)) * 1e-9
         self._poses = np.column_stack([states[:, X], states[:, Y], np.unwrap(states[:, HEADING])])
         self._steer = np.array(states[:, STEER])
@@ -59,18 +59,19 @@ class RecordedPath:
         return poses
 
     def steer(self, along_m: float) -> float:
-        """Return the angle of the front wheels (rad) at a length; the last one beyond the end."""
+        """Return the angle of the front wheels at a length, rad; beyond the end, the last one."""
         return float(np.interp(along_m, self._marks, self._steer))
 
 
 class Replay:
-    """Drives a recorded run again by finding the pedals and the wheel that gave it; then brakes.
+    """Drives a recorded run again, with the pedals and the wheel that lead to its states; then brakes.
 
-    It uses no observation: until it brakes the world is the recorded one, and it computes its own motion with the
+    It ignores observations: until it brakes the world is the recorded one, and it computes its own motion with the
     vehicle's model.
 
     Args:
-        trace: the run. brakes_s: when braking begins; None: never. scene: what was run, for its slippery patches.
+        trace: the run. brakes_s: when braking begins; None: never. scene: the scene of the run, for its slippery
+            patches.
     """
 
     name = "careful"
@@ -83,7 +84,7 @@ class Replay:
         self._brakes_from = math.inf if brakes_s is None else round(brakes_s / STEP_S)
         self._bicycle: Bicycle | None = None
 
-    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002 - the protocol's
         """Begin at the run's first frame; mission and seed are not used."""
         self._bicycle = Bicycle(vehicle)
         self._state = BicycleState(*self._states[0].tolist())
@@ -92,7 +93,7 @@ class Replay:
         self._least_mps2 = 0.0
 
     def step(self, observation: Observation) -> Control:
-        """Answer with what leads to the next recorded frame, or with braking."""
+        """Return the control that leads to the next recorded frame, or that brakes."""
         if self._bicycle is None:
             raise RuntimeError("stepped before reset")
         if self._ground is not None:
@@ -104,7 +105,7 @@ class Replay:
         self._frame += 1
         return control
 
-    def _control(self, bicycle: Bicycle, observation: Observation) -> Control:  # noqa: ARG002 - it looks at nothing
+    def _control(self, bicycle: Bicycle, observation: Observation) -> Control:  # noqa: ARG002 - it ignores observations
         following = self._frame < min(self._brakes_from, len(self._states) - 1)
         return self._follow(bicycle) if following else self._brake(bicycle)
 
@@ -115,16 +116,16 @@ class Replay:
         return pedals_for(bicycle, self._state, wheel, float(wanted[SPEED]))
 
     def _brake(self, bicycle: Bicycle) -> Control:
-        """Build up braking from the recorded driver's, never below it."""
+        """Return the control of braking that builds up from the recorded driver's, and is never weaker."""
         since = self._frame + 1 - self._brakes_from if math.isfinite(self._brakes_from) else 0
         level = min(self._least_mps2 + JERK_MPS3 * since * STEP_S, max(BRAKING_MPS2, self._least_mps2))
         wheel = wheel_share(self._angle(bicycle), bicycle.limits.steer_max_rad)
         if self._state.speed <= level * STEP_S:
-            return Control(wheel, 0.0, 1.0)  # it comes to rest, and is held
+            return Control(wheel, 0.0, 1.0)  # the ego stops, and the brake holds it
         return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
 
     def _angle(self, bicycle: Bicycle) -> float:
-        """The wheels' angle of the recorded path here, with the errors to it decaying critically damped."""
+        """Return the wheels' angle that follows the recorded path, with critically damped errors, rad."""
         x, y, heading = self._path.at(np.array([self._along]))[0].tolist()
         dx, dy = self._state.x - x, self._state.y - y
         lateral = -dx * math.sin(heading) + dy * math.cos(heading)
@@ -134,14 +135,14 @@ class Replay:
 
 
 def wheel_share(angle_rad: float, most_rad: float) -> float:
-    """Return an angle of the front wheels as a share of the largest."""
+    """Return an angle of the front wheels as a share of the largest, -1 to 1."""
     return max(-1.0, min(1.0, angle_rad / most_rad)) if most_rad > 0 else 0.0
 
 
 def pedals_for(bicycle: Bicycle, state: BicycleState, wheel: float, speed_mps: float) -> Control:
-    """Return the control whose next speed is the wanted one, or the nearest to it.
+    """Return the control that leads to the wanted speed at the next step, or to the nearest one.
 
-    Throttle and brake are solved for separately: as their lags differ, the next speed jumps between them.
+    Throttle and brake are solved separately: as their lags differ, the next speed jumps between them.
     """
     throttle = _solve(0.0, lambda p: bicycle.step(state, Control(wheel, p, 0.0), STEP_S).speed - speed_mps)
     error = abs(bicycle.step(state, Control(wheel, throttle, 0.0), STEP_S).speed - speed_mps)
@@ -154,14 +155,14 @@ def pedals_for(bicycle: Bicycle, state: BicycleState, wheel: float, speed_mps: f
 
 
 def _solve(least: float, excess: Callable[[float], float]) -> float:
-    """Return the pedal's share at which a monotone excess vanishes, or the end of its range that is nearer to it."""
+    """Return the pedal's share at which a monotone excess vanishes, or the end of the range that comes nearer to it."""
     low, high = least, 1.0
     under, over = excess(low), excess(high)
     if under == 0.0 or under * over > 0:
         return low if abs(under) <= abs(over) else high
     middle = low
     for turn in range(_TRIES):
-        # Where nothing is limited the excess is a straight line, and the first secant meets it; else halving does.
+        # Without a limit the excess is linear, and the first secant finds its root; with one, the halvings do.
         middle = low - under * (high - low) / (over - under) if turn % 2 == 0 else (low + high) / 2
         value = excess(middle)
         if abs(value) < EXACT_MPS:

@@ -163,7 +163,7 @@ def _with_avoided(text: str, child: ChildOutcome) -> str:
     if not child.avoided:
         return text
     document = parse(text, child.name)
-    origin_update = {"avoided": "; ".join(run.told for run in child.avoided)}
+    origin_update = {"avoided": "; ".join(run.sentence for run in child.avoided)}
     body = tuple(
         item.model_copy(update=origin_update) if isinstance(item, Origin) else item for item in document.model.body
     )

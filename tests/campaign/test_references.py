@@ -70,7 +70,7 @@ def test_the_mutant_says_it_and_means_the_same(done: tuple[Path, Path, CampaignR
             model = parse((out / child.file).read_text(), child.name).model
             assert isinstance(model, Mutant)
             assert model.origin is not None
-            told = "; ".join(run.told for run in child.avoided)
+            told = "; ".join(run.sentence for run in child.avoided)
             assert (model.origin.avoided or "") == told
             assert load_test_case(str(out / child.file)).meaning == child.meaning
 
@@ -89,7 +89,7 @@ def test_a_minimised_child_is_asked_again(done: tuple[Path, Path, CampaignResult
         model = parse((out / child.file).read_text(), child.name).model
         assert isinstance(model, Mutant)
         assert model.origin is not None
-        assert (model.origin.avoided or "") == "; ".join(run.told for run in child.avoided)
+        assert (model.origin.avoided or "") == "; ".join(run.sentence for run in child.avoided)
 
 
 def test_a_failing_test_case_is_driven_too(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_a_driver_that_fails_before_the_mutation_shows_nothing(
     assert [verdict for verdict, run in runs.items() if run.avoids] == [Verdict.PASS]
     assert replace(child, references=(fails,)).avoided == ()
     assert replace(child, references=(fails, passes)).avoided == (passes,)
-    assert fails.told.endswith("(but fails before the mutation: F4)") and fails.told not in passes.told
+    assert fails.sentence.endswith("(but fails before the mutation: F4)") and fails.sentence not in passes.sentence
 
 
 def test_a_finding_counts_what_is_avoided(done: tuple[Path, Path, CampaignResult, Heard]) -> None:

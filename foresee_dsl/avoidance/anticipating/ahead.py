@@ -1,10 +1,9 @@
 """The driver who anticipates from the start of the clip: along the recorded way, never ahead of the recorded ego.
 
-It is no faster than the recorded driver at any place, slows with easy braking for what might happen (`hazards`), keeps
-two seconds behind others, stops at signals that have changed meanwhile, and brakes when somebody comes into its way
-(`foresight`), after the reaction time; comfortably where that is enough. It sees with the standard sensors, without
-their noise and delay. It knows nothing of who will be hit.
-"""
+It is no faster than the recorded driver at any place, slows with easy braking for possible hazards (`hazards`), keeps
+two seconds behind others, stops at signals that have changed meanwhile, and brakes after the reaction time for an actor
+that comes into its way (`foresight`); comfortably where that is enough. It sees with the standard sensors, without
+their noise and delay. It does not know which actor will be hit."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ import math
 
 import numpy as np
 
-from foresee_dsl.avoidance.anticipating.foresight import Ego, Other, conflicts, crossings_of, who_go_first
+from foresee_dsl.avoidance.anticipating.foresight import Ego, Other, conflicts, crossings_of, priority_ways
 from foresee_dsl.avoidance.anticipating.hazards import Hazard, hazards
 from foresee_dsl.avoidance.anticipating.manoeuvre import HARDEST, steered
 from foresee_dsl.avoidance.anticipating.settings import (
@@ -32,27 +31,27 @@ from foresee_dsl.simulate.sensing.settings import EXACT, NO_DROPOUTS, NO_NOISE, 
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 CLEAR_SIGHT = SensorSettings(scan_s=STEP_S, latency_s=0.0, noise=NO_NOISE, dropouts=NO_DROPOUTS, localisation=EXACT)
-"""What it sees: all that the standard sensors have in view, exactly and at once. Reaction times are its own."""
+"""The driver's sensors: the standard ones without noise and latency, as the reaction time is modelled by the driver."""
 
 _CATCHES_UP_S = 2.0
-"""The time in which it catches up with the recorded ego where nothing speaks against it. Ours."""
+"""Time in which it catches up with the recorded ego if it has no reason to be slower, s. Ours."""
 _KEPT_S = 1.0
-"""It goes on braking for this long after the last conflict. Ours."""
+"""How long it continues to brake after the last conflict, s. Ours."""
 _STANDS_OFF_M = 1.0
-"""It means to stand this far from an actor that comes into its way. Ours."""
+"""Distance at which it aims to stop before an actor that comes into its way, m. Ours."""
 _SAME_MPS2 = 0.1
-"""Less than this changes nothing. Ours: below what people feel."""
+"""Difference of acceleration below which it drives as recorded, m/s^2. Ours: below what people feel."""
 _DECIDES_EVERY = 2
-"""It decides at 10 Hz, as the standard sensors measure."""
+"""Frames between decisions: 10 Hz, the rate of the standard sensors."""
 
 
 class Ahead(Replay):
     """Drives the way of a recorded run as an anticipating driver would.
 
     Attributes:
-        from_s: until then the ego follows the clip's recorded states, whatever it is told.
-        braked_s: when it first braked for somebody who came into its way, s; None where it did not.
-        braked_mps2: how hard it did at most.
+        from_s: until then the ego follows the clip's recorded states, whatever its driver answers.
+        braked_s: when it first braked for an actor that came into its way, s; None if it did not.
+        braked_mps2: its hardest such braking.
     """
 
     name = "anticipating"
@@ -66,7 +65,7 @@ class Ahead(Replay):
         self._free_from = round(self.from_s / STEP_S)
         self._info = trace.actors[0]
         self._before: dict[int, SeenActor] = {}
-        # By track: when it was first in conflict, when it last was, and from when on the driver acts.
+        # By track, s: when it was first in conflict, when it last was, and from when on the driver acts.
         self._noticed: dict[int, float] = {}
         self._met: dict[int, float] = {}
         self._acts: dict[int, float] = {}
@@ -79,16 +78,16 @@ class Ahead(Replay):
 
     @property
     def slowed_for(self) -> list[str]:
-        """What it was slower for, the longest first."""
+        """The hazards for which it was slower, the one of the longest duration first."""
         return sorted(self._slowed, key=lambda what: -self._slowed[what])
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Begin at the run's first frame."""
         super().reset(mission, vehicle, seed)
-        self._mission, self._first, self._crossings = mission, who_go_first(mission), crossings_of(mission)
+        self._mission, self._first, self._crossings = mission, priority_ways(mission), crossings_of(mission)
 
     def _control(self, bicycle: Bicycle, observation: Observation) -> Control:
-        """Follow the recorded states until it is free, then drive as it judges."""
+        """Follow the recorded states up to `from_s`, then drive by its own decisions."""
         others = self._others(observation)
         if self._frame % _DECIDES_EVERY == 0:
             self._decide(observation, others)
@@ -98,7 +97,7 @@ class Ahead(Replay):
         return self._follow(bicycle)
 
     def _as_recorded(self) -> bool:
-        """Whether it still drives just as recorded: until something asks for a lower speed."""
+        """Return whether it still drives exactly as recorded, which ends when caution first requires a lower speed."""
         speeds = self._way.recorded_mps
         if self._frame < self._free_from:
             return True
@@ -120,7 +119,7 @@ class Ahead(Replay):
         return pedals_for(bicycle, self._state, wheel, speed)
 
     def _others(self, observation: Observation) -> list[tuple[int, Other]]:
-        found = []
+        others = []
         for seen in observation.actors:
             was = self._before.get(seen.track)
             course, acceleration, rate = seen.heading_rad, 0.0, 0.0
@@ -129,10 +128,10 @@ class Ahead(Replay):
                 course = math.atan2(dy, dx) if math.hypot(dx, dy) > MOVED_M else course
                 acceleration = (seen.speed_mps - was.speed_mps) / STEP_S
                 rate = math.remainder(seen.heading_rad - was.heading_rad, math.tau) / STEP_S
-            found.append((seen.track, Other(seen.kind, seen.x, seen.y, seen.heading_rad, course, seen.speed_mps,
+            others.append((seen.track, Other(seen.kind, seen.x, seen.y, seen.heading_rad, course, seen.speed_mps,
                                             acceleration, rate, seen.length_m, seen.width_m)))  # fmt: skip
         self._before = {seen.track: seen for seen in observation.actors}
-        return found
+        return others
 
     def _decide(self, observation: Observation, others: list[tuple[int, Other]]) -> None:
         now, speed = observation.time_s, self._state.speed
@@ -152,7 +151,7 @@ class Ahead(Replay):
         self._wish = min(self._caution, self._usual(now))
 
     def _usual(self, now: float) -> float:
-        """As the recorded ego drove at this place, but not ahead of it."""
+        """Return the acceleration to the recorded speed at this place, but never ahead of the recorded ego, m/s^2."""
         speed = self._state.speed
         late_m = self._way.along_at(now) - self._along
         frame = min(self._frame, len(self._way.recorded_mps) - 1)
@@ -161,7 +160,7 @@ class Ahead(Replay):
         return min(max((wanted - speed) / EXPECTED_REACTION_S, -COMFORTABLE_MPS2), SETS_OFF_MPS2)
 
     def _behind(self, ego: Ego, others: list[Other]) -> float:
-        """Two seconds behind the vehicle in front, with easy braking."""
+        """Return the acceleration that keeps two seconds behind the vehicle in front, m/s^2; infinite without one."""
         if not others:
             return math.inf
         along, left, heading = self._way.beside(np.array([(other.x, other.y) for other in others]))
@@ -176,7 +175,8 @@ class Ahead(Replay):
         return wish
 
     def _signal(self, observation: Observation) -> float:
-        """Stop at a signal that is not green, where that is comfortable."""
+        """Return the acceleration that stops at a signal that is not green if that is comfortable, m/s^2; else
+        infinite."""
         state, speed = self._state, self._state.speed
         line = self._mission.centreline
         nearest = int(np.argmin(np.hypot(line[:, 0] - state.x, line[:, 1] - state.y)))
@@ -192,10 +192,10 @@ class Ahead(Replay):
         return math.inf
 
     def _for_conflicts(self, ego: Ego, others: list[tuple[int, Other]], now: float, expects: bool) -> float:
-        """Return the braking for actors that come into its way, m/s^2, once the reaction time is over."""
-        found = conflicts(ego, [other for _, other in others])
+        """Return the braking for actors that come into its way, m/s^2; 0 until the reaction time has passed."""
+        meetings = conflicts(ego, [other for _, other in others])
         needed = 0.0
-        for (track, other), meets in zip(others, found, strict=True):
+        for (track, other), meets in zip(others, meetings, strict=True):
             if meets is None:
                 if now - self._met.get(track, now) > _KEPT_S:
                     self._noticed.pop(track, None)
@@ -205,7 +205,7 @@ class Ahead(Replay):
             since = self._noticed.setdefault(track, now)
             if not meets.certain:
                 continue
-            # An actor that was watched already is no surprise: the foot is over the brake.
+            # The driver reacts faster to an actor that it has watched already: the foot is over the brake.
             expected = expects or now - since >= EVALUATION_S - 1e-9
             acts_s = self._acts.setdefault(track, now + (EXPECTED_REACTION_S if expected else EVALUATION_S + DELAY_S))
             if now >= acts_s - 1e-9:
@@ -220,7 +220,8 @@ class Ahead(Replay):
 
 
 def _needed(ego: Ego, other: Other, within_s: float) -> float:
-    """Return how hard to brake for somebody who comes into the way after a time: comfortably or as hard as it takes."""
+    """Return the braking for an actor that comes into the way after a time, m/s^2: comfortable, or harder if it
+    must."""
     _, _, heading = ego.way.at(np.array([ego.along_m]))[0].tolist()
     with_mps = max(other.speed_mps * math.cos(other.heading_rad - heading), 0.0)
     sheds = max(ego.speed_mps - (with_mps if other.kind != "pedestrian" else 0.0), 0.0)

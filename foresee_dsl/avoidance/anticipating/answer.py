@@ -1,4 +1,4 @@
-"""What the anticipating driver's assessment answers."""
+"""The answers of the anticipating driver's assessment."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ ShortAnswer = Literal["braking", "evading", "ahead", "no", "undecided"]
 
 
 class Answer(StrEnum):
-    """Would a driver who anticipates have prevented it, and by what?"""
+    """Whether an anticipating driver would have prevented the failure, and by which manoeuvre."""
 
     origin: ShortAnswer
-    """How a mutant's `origin` says it."""
+    """The answer in a mutant's `origin`."""
 
     def __new__(cls, value: str, origin: ShortAnswer) -> Self:
         """Make a member."""
-        made = str.__new__(cls, value)
-        made._value_, made.origin = value, origin
-        return made
+        member = str.__new__(cls, value)
+        member._value_, member.origin = value, origin
+        return member
 
     BRAKING = "preventable by braking", "braking"
     EVADING = "preventable by evading", "evading"
@@ -31,22 +31,22 @@ class Answer(StrEnum):
 
     @property
     def preventable(self) -> bool:
-        """Whether the driver would have prevented it in one way or another."""
+        """Whether the driver would have prevented the failure by any manoeuvre."""
         return self in (Answer.BRAKING, Answer.EVADING, Answer.AHEAD)
 
 
 @dataclass(frozen=True)
 class Anticipation:
-    """What was found.
+    """The result of an assessment.
 
     Attributes:
-        answer: by what it was preventable. why: a sentence for people, with figures.
-        seen_s: from when on the driver could tell. begins_s: when what prevents it begins.
-        braking_mps2: how hard it brakes. sideways_m: how far it evades, left positive.
-        slower_mps: how much slower it drives when the other becomes a risk, of driving ahead of time.
-        spare_s: how much later braking as hard as R157 allows could have begun, by the recorded motion of the others.
-        least_m: least distance to anybody in the run that confirms it; None without such a run.
-        runs: how many runs it took.
+        answer: whether the failure was preventable, and by which manoeuvre. why: a sentence for people, with figures.
+        seen_s: from when on the driver could foresee the conflict. begins_s: when the manoeuvre begins.
+        braking_mps2: hardest braking. sideways_m: how far it evades, left positive.
+        slower_mps: when driving ahead of time, how much slower it is when the conflict becomes foreseeable.
+        spare_s: how much later R157's hardest braking could have begun, by the recorded motion of the others.
+        least_m: smallest distance to any actor in the run that confirms the answer; None without such a run.
+        runs: number of simulation runs.
     """
 
     answer: Answer
@@ -67,15 +67,15 @@ class Anticipation:
 
     @property
     def avoids(self) -> bool:
-        """As of a `Judgement`, like all that follow."""
+        """See `Judgement`, as for the properties that follow."""
         return self.answer.preventable
 
     @property
     def settles(self) -> bool:
-        """Whether it is decided."""
+        """Whether the answer is decided."""
         return self.answer is not Answer.UNDECIDED
 
     @property
     def origin(self) -> tuple[str, str]:
-        """The line of a mutant's origin."""
+        """The setting and value for a mutant's `origin`."""
         return "anticipating", self.answer.origin

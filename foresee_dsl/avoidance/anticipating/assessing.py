@@ -1,4 +1,4 @@
-"""The order of an assessment: what is asked first, which runs confirm it, and what is answered."""
+"""The assessment of a failure: tries manoeuvres in order, confirms them by runs, and words the answer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from foresee_dsl.avoidance.anticipating.ahead import CLEAR_SIGHT, Ahead
 from foresee_dsl.avoidance.anticipating.answer import Answer, Anticipation
-from foresee_dsl.avoidance.anticipating.foresight import onset, who_go_first
+from foresee_dsl.avoidance.anticipating.foresight import onset, priority_ways
 from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre
 from foresee_dsl.avoidance.anticipating.screening import Screened, Screening, sideways
 from foresee_dsl.avoidance.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
@@ -25,49 +25,49 @@ from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S
 
 REACTION_S = EVALUATION_S + DELAY_S
-"""From the first moment at which the driver can tell until it acts: R157's evaluation and delay, 1.15 s."""
+"""Time from the first moment at which the driver can foresee the conflict until it acts: R157's evaluation and delay,
+1.15 s."""
 _BRAKED_MPS2 = 3.5
-"""An ego that is hit from behind while it brakes harder than this may have caused it. Ours: just over comfortable
-braking."""
+"""Braking above which an ego that is hit from behind may have caused it, m/s^2. Ours: just over comfortable braking."""
 _LOOKS_BACK_S = 3.0
 SLOWER_MPS = 0.5
-"""A run without braking in which the ego is slower by less than this counts as driven in the same way. Ours: 2 km/h."""
+"""Speed difference below which a run without braking counts as driven in the same way, m/s. Ours: 2 km/h."""
 
 
 class AnticipatingDriver:
     """The judge: it drives the test case up to `MOST_RUNS` times."""
 
     def judge(self, failure: Failure) -> Anticipation:
-        """Say whether a driver who anticipates would have prevented the failure, and by what."""
+        """Return whether an anticipating driver would have prevented the failure, and by which manoeuvre."""
         failed = failure.contact
         if failed is None:
-            what = "it got stuck" if failure.result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
+            what = "it got stuck" if failure.result.verdict is Verdict.STUCK else "it left the road, without a contact"
             return Anticipation(Answer.UNDECIDED, f"{what}: the model only knows how to keep clear of others")
         return _Assessment(failure, failed).answer()
 
 
 @dataclass(frozen=True)
 class _Confirmed:
-    """A run in the real simulation."""
+    """A confirming run in the real simulation."""
 
     result: RunResult
 
     @property
     def least_m(self) -> float | None:
-        """The least distance to anybody, m."""
+        """Smallest distance to any actor, m; None without a near miss."""
         near = self.result.near_misses.distance_m
         return near.value if near is not None else None
 
     @property
     def clear(self) -> bool:
-        """Whether it ended without a contact, on the road, and not by a hair's breadth."""
+        """Whether it ended on the road without a contact, and kept at least `CLEAR_M` to all actors."""
         if self.result.verdict not in (Verdict.PASS, Verdict.TIMEOUT, Verdict.STUCK):
             return False
         return self.least_m is None or self.least_m >= CLEAR_M
 
 
 class _Assessment:
-    """One failure, and the runs that were spent on it."""
+    """The assessment of one failure, which counts its runs."""
 
     def __init__(self, failure: Failure, failed: Impact) -> None:
         bundle, result = failure.bundle, failure.result
@@ -77,12 +77,12 @@ class _Assessment:
         self._whole, self._failure = bundle, failure
         self._way = Way(result.trace, bundle.scene.ego.line)
         self._other = result.trace.index(failed.with_)
-        self._first = who_go_first(mission_of(bundle))
+        self._first = priority_ways(mission_of(bundle))
         self._runs = 0
-        self._tried: list[str] = []
+        self._failed_attempts: list[str] = []
 
     def answer(self) -> Anticipation:
-        """Ask in turn: could it tell, brake, evade, drive ahead of time?"""
+        """Return the answer, after trying in turn to foresee the conflict, brake, evade and drive ahead of time."""
         return replace(self._answered(), runs=self._runs)
 
     def _answered(self) -> Anticipation:
@@ -95,23 +95,23 @@ class _Assessment:
             return Anticipation(Answer.UNDECIDED, why, seen_s=seen_s)
         begins_s = None if seen_s is None else round(seen_s + REACTION_S, 6)
         if standing:
-            self._tried.append(standing)
+            self._failed_attempts.append(standing)
         elif begins_s is not None and begins_s < self._result.time_s:
             screening = Screening(self._trace, self._way, self._whole)
             for attempt in (self._by_braking, self._by_evading):
-                found = attempt(screening, begins_s)
-                if found is not None:
-                    return replace(found, seen_s=seen_s)
-        found = self._by_driving_ahead(seen_s)
-        if found is None and standing:
-            found = Anticipation(Answer.NO, "; ".join(self._tried))
-        return replace(found or self._not(seen_s, begins_s), seen_s=seen_s)
+                anticipation = attempt(screening, begins_s)
+                if anticipation is not None:
+                    return replace(anticipation, seen_s=seen_s)
+        anticipation = self._by_driving_ahead(seen_s)
+        if anticipation is None and standing:
+            anticipation = Anticipation(Answer.NO, "; ".join(self._failed_attempts))
+        return replace(anticipation or self._not(seen_s, begins_s), seen_s=seen_s)
 
     def _moved(self) -> bool:
         return bool((self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS).any())
 
     def _stands(self, seen_s: float | None) -> str:
-        """Say for how long the ego had stood, if it stood before anything could be done; else ""."""
+        """Return for how long the ego had stood, in words, if it stood before the driver could act; else ""."""
         if self._failed.ego_mps >= STUCK_SPEED_MPS:
             return ""
         moving = np.flatnonzero(self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS)
@@ -144,7 +144,7 @@ class _Assessment:
             why = f"{strength} brings the ego to a stand {stood_s:.1f} s before {self._failed.with_} walks into it"
             return Anticipation(Answer.BRAKING, why, begins_s=begins_s, braking_mps2=plan.braking_mps2, least_m=0.0)
         if not confirmed.clear:
-            self._tried.append(f"{strength} {self._ended(confirmed)}")
+            self._failed_attempts.append(f"{strength} {self._ended(confirmed)}")
             return None
         spare = screening.latest_s(begins_s) - begins_s if screened.least_m >= MARGIN_M else 0.0
         early = f" ({self._result.time_s - begins_s:.1f} s before the contact"
@@ -155,7 +155,7 @@ class _Assessment:
         )  # fmt: skip
 
     def _stood_before_a_walker(self, result: RunResult) -> float | None:
-        """Return for how long the ego had stood when a walker walked into it; None where that is not what happened."""
+        """Return how long the ego had stood when the same walker walked into it, s; None if the run ended otherwise."""
         left = contact(result)
         if left is None or left.with_ != self._failed.with_ or result.verdict is not Verdict.F2:
             return None
@@ -174,7 +174,7 @@ class _Assessment:
                     Answer.EVADING, f"{what} {self._leaves(confirmed)}", begins_s=begins_s,
                     braking_mps2=plan.braking_mps2 or None, sideways_m=plan.sideways_m, least_m=confirmed.least_m,
                 )  # fmt: skip
-            self._tried.append(f"{what} {self._ended(confirmed)}")
+            self._failed_attempts.append(f"{what} {self._ended(confirmed)}")
         return None
 
     def _by_driving_ahead(self, seen_s: float | None) -> Anticipation | None:
@@ -190,11 +190,12 @@ class _Assessment:
         if confirmed.clear:
             return Anticipation(Answer.AHEAD, f"{what} {self._leaves(confirmed)}", begins_s=driver.from_s,
                                 slower_mps=round(slower, 6), least_m=confirmed.least_m)  # fmt: skip
-        self._tried.append(f"{what} {self._ended(confirmed)}")
+        self._failed_attempts.append(f"{what} {self._ended(confirmed)}")
         return None
 
     def _slower(self, result: RunResult, seen_s: float | None) -> tuple[float, float]:
-        """Return by how much the ego is slower when the driver can tell, and when that is; else where it is most."""
+        """Return how much slower the ego is when the conflict is foreseeable, m/s, and that time, s; if it is not
+        slower then, the largest difference and its time."""
         frames = min(result.trace.frames, self._trace.frames)
         less = self._trace.states[:frames, 0, SPEED] - result.trace.states[:frames, 0, SPEED]
         frame = min(round((self._result.time_s if seen_s is None else seen_s) / STEP_S), frames - 1)
@@ -203,26 +204,24 @@ class _Assessment:
         return float(less[frame]), frame * STEP_S
 
     def _not(self, seen_s: float | None, begins_s: float | None) -> Anticipation:
-        tried = "; ".join(self._tried)
+        ends = "; ".join(self._failed_attempts)
         if seen_s is None and self._failed.side == "rear":
             last = self._trace.states[-round(_LOOKS_BACK_S / STEP_S) :, 0, ACCELERATION]
             braked = -float(last.min())
             if braked > _BRAKED_MPS2:
-                why = (
-                    f"hit from behind after it braked with {braked:.1f} m/s^2, which the model does not judge; {tried}"
-                )
+                why = f"hit from behind after it braked with {braked:.1f} m/s^2, which the model does not judge; {ends}"
                 return Anticipation(Answer.UNDECIDED, why)
-            return Anticipation(Answer.NO, f"hit from behind while it drove evenly; {tried}")
+            return Anticipation(Answer.NO, f"hit from behind while it drove evenly; {ends}")
         if seen_s == 0.0:
-            return Anticipation(Answer.UNDECIDED, f"it is in the way at the first frame already; {tried}")
+            return Anticipation(Answer.UNDECIDED, f"it is in the way at the first frame already; {ends}")
         if begins_s is None or begins_s >= self._result.time_s:
             when = (
                 "never before the contact"
                 if seen_s is None
                 else f"{self._result.time_s - seen_s:.2f} s before the contact, sooner than it can react"
             )
-            return Anticipation(Answer.NO, f"the driver can tell {when}; {tried}")
-        return Anticipation(Answer.NO, tried)
+            return Anticipation(Answer.NO, f"the driver can tell {when}; {ends}")
+        return Anticipation(Answer.NO, ends)
 
     def _leaves(self, confirmed: _Confirmed) -> str:
         near = confirmed.least_m
@@ -239,7 +238,7 @@ class _Assessment:
 
 
 def _done(driver: Ahead, slower_mps: float, at_s: float) -> str:
-    """Say what the driver did: what it slowed for, by how much, and how it then braked."""
+    """Return the driver's actions in words: for which hazard it slowed, by how much, and how it then braked."""
     reasons, kmh = driver.slowed_for, slower_mps * 3.6
     because = f" for {reasons[0]}" if reasons else ""
     slower = f", {kmh:.0f} km/h slower at {at_s:.2f} s" if kmh >= 1.0 else ""

@@ -1,11 +1,10 @@
-"""From when on a driver can tell that another comes into its way: what it may reasonably be expected to do.
+"""Computes from when on a driver can foresee that another road user comes into its way.
 
-Of each other actor in sight the motions are predicted that IEEE 2846 calls reasonably foreseeable, within the bounds
-of `settings`: a walker goes on where it is going, a little faster or slower; a vehicle goes on as it moves now, and
-one that cuts in stays on the ego's line; one that crosses or is oncoming, and does not go first, is expected to wait as
-long as it can still do so with comfortable braking, and is not nearer than R157's 2 s. There is a conflict where one of
-them comes to the ego's way when the ego does.
-"""
+For each other actor in sight, the motions are predicted that IEEE 2846 calls reasonably foreseeable, within the bounds
+of `settings`. A walker keeps its direction, a little faster or slower. A vehicle keeps its present motion; one that
+cuts in stays on the ego's line. One that crosses or is oncoming, without right of way, is expected to wait while it
+still can with comfortable braking and is farther away than R157's 2 s. There is a conflict if a motion reaches a place
+of the ego's way at the same time as the ego."""
 
 from __future__ import annotations
 
@@ -44,15 +43,16 @@ from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW
 
 _EVERY_S = 0.1
 _CREEPS_MPS = 2.0
-"""An ego slower than this is predicted with this speed, to see whether it could set off. Ours."""
+"""Lowest speed with which the ego is predicted, m/s, to see whether a standing ego could set off. Ours."""
 _EVERY_FRAMES = 2
 _ON_WAY_M, _SAME_WAY = 2.0, 0.7
-"""An actor this near to a way, with a heading that differs by less than 45 degrees, is on it. Ours: within its lane."""
+"""An actor is on a way if it is nearer than this, m, and the cosine between their headings is larger than this (45
+degrees). Ours: within its lane."""
 
 
 @dataclass(frozen=True)
 class Other:
-    """Another road user at a moment; `course_rad`: where it moves to."""
+    """Another road user at a moment; `course_rad`: its direction of motion."""
 
     kind: str
     x: float
@@ -71,7 +71,8 @@ class Ego:
     """The ego at a place of its way.
 
     Attributes:
-        first: the ways of those who go first at its junctions, [N, 2] each. crossings: those of walkers who do.
+        first: ways of the traffic that has priority at its junctions, [N, 2] each. crossings: ways of walkers with
+            priority.
     """
 
     way: Way
@@ -83,20 +84,20 @@ class Ego:
     crossings: tuple[FloatArray, ...] = ()
 
 
-def who_go_first(mission: Mission) -> tuple[FloatArray, ...]:
-    """Return the ways, with their approaches, of the traffic to which the ego gives way at its junctions."""
+def priority_ways(mission: Mission) -> tuple[FloatArray, ...]:
+    """Return the ways, with their approaches, of the traffic that has priority over the ego at its junctions."""
     foes = (foe for junction in mission.junctions for foe in junction.foes)
     return tuple(foe.path for foe in foes if foe.has_priority and not foe.pedestrian)
 
 
 def crossings_of(mission: Mission) -> tuple[FloatArray, ...]:
-    """Return the crossings on the ego's way where walkers go first."""
+    """Return the crossings on the ego's way where walkers have priority."""
     foes = (foe for junction in mission.junctions for foe in junction.foes)
     return tuple(foe.path for foe in foes if foe.has_priority and foe.pedestrian)
 
 
 def _goes_first(ego: Ego, other: Other) -> bool:
-    """Whether another is on such a way, in its direction."""
+    """Return whether another is on a way with priority, in its direction."""
     cos, sin = math.cos(other.heading_rad), math.sin(other.heading_rad)
     for path in ego.first:
         apart = np.hypot(path[:, 0] - other.x, path[:, 1] - other.y)
@@ -109,19 +110,19 @@ def _goes_first(ego: Ego, other: Other) -> bool:
 
 @dataclass(frozen=True)
 class Conflict:
-    """Another comes into the ego's way. `certain`: it cannot be expected to wait any more."""
+    """Another actor comes into the ego's way. `certain`: it can no longer be expected to wait."""
 
     within_s: float
     certain: bool
 
 
 def horizon_s(speed_mps: float) -> float:
-    """Return how far ahead others are predicted: until the ego stands after comfortable braking, or has crossed."""
+    """Return for how long others are predicted, s: until the ego stands after comfortable braking, or has crossed."""
     return max(FORESEES_S + speed_mps / COMFORTABLE_MPS2, GAP_ACCEPTED_S)
 
 
 def ego_boxes(ego: Ego, time_s: FloatArray) -> FloatArray:
-    """Return where the ego will be if it keeps its speed, [N, 5], as long as the gap that it wants."""
+    """Return the ego's boxes if it keeps its speed, [N, 5], lengthened by the gap in time on both ends."""
     speed = max(ego.speed_mps, _CREEPS_MPS)
     boxes = np.empty((len(time_s), 5))
     boxes[:, :3] = ego.way.at(ego.along_m + speed * time_s)
@@ -130,22 +131,22 @@ def ego_boxes(ego: Ego, time_s: FloatArray) -> FloatArray:
 
 
 def conflicts(ego: Ego, others: list[Other]) -> list[Conflict | None]:
-    """Return of each other whether it comes into the ego's way; None where it does not."""
+    """Return the conflict of each other actor with the ego; None if it does not come into the ego's way."""
     time_s = np.arange(0.0, horizon_s(ego.speed_mps) + 1e-9, _EVERY_S)
     mine = ego_boxes(ego, time_s)
     reach = mine[:, 3].max() / 2 + ego.speed_mps * float(time_s[-1])
     at = mine[0]
     turns = abs(math.remainder(float(mine[-1, 2] - at[2]), math.tau)) > TURNING_RAD
-    found: list[Conflict | None] = []
+    meetings: list[Conflict | None] = []
     for other in others:
         far = reach + (other.speed_mps + WALKER_HASTENS_MPS) * float(time_s[-1]) + other.length_m
         near = math.hypot(other.x - at[0], other.y - at[1]) < far
-        found.append(_conflict(ego, mine, other, time_s) if near and _counts(ego, at, other, turns) else None)
-    return found
+        meetings.append(_conflict(ego, mine, other, time_s) if near and _counts(ego, at, other, turns) else None)
+    return meetings
 
 
 def _counts(ego: Ego, at: FloatArray, other: Other, turns: bool) -> bool:
-    """Whether another is in front of the ego's rear, or comes from behind beside an ego that turns."""
+    """Return whether another is ahead of the ego's rear, or comes from behind beside an ego that turns."""
     cos, sin, dx, dy = math.cos(at[2]), math.sin(at[2]), other.x - at[0], other.y - at[1]
     beside = abs(dy * cos - dx * sin) > (ego.width_m + other.width_m) / 2
     return bool(dx * cos + dy * sin > -ego.length_m / 2 or (turns and beside))
@@ -173,7 +174,7 @@ def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) ->
     brakes = max(-other.acceleration_mps2, 0.0)
     if turned >= math.cos(MERGES_RAD):
         return [merged(_moved(other, time_s, brakes, other.speed_mps), me)]
-    # It keeps on, or begins to wait.
+    # It continues, or begins to wait.
     return [_moved(other, time_s, a, other.speed_mps) for a in (brakes, max(brakes, COMFORTABLE_MPS2))]
 
 
@@ -182,7 +183,7 @@ def _moved(other: Other, time_s: FloatArray, brakes_mps2: float, speed_mps: floa
     per_m = other.yaw_rate_rad_s / speed_mps if steers else 0.0
     pose = other.x, other.y, other.heading_rad
     boxes = moved_on(pose, other.course_rad, speed_mps, brakes_mps2, per_m, time_s)
-    # What stands does not sway: beside it there is room as soon as the bodies nearly miss each other.
+    # A standing vehicle does not sway, so the ego may pass it more closely.
     sways = 0.0 if other.kind == "pedestrian" or other.speed_mps > STANDS_MPS else 1.5 * WANDER_M
     boxes[:, 3:] = (max(other.length_m - sways, 0.1), max(other.width_m - sways, 0.1))
     return boxes
@@ -201,18 +202,18 @@ def other_at(trace: Trace, actor: int, frame: int) -> Other | None:
 
 
 def onset(trace: Trace, way: Way, other: int, sight: Sight, first: tuple[FloatArray, ...] = ()) -> float | None:
-    """Return from when on the driver can tell, without a break, that the other comes into its way until the contact
-    at the run's end, s; None where it cannot tell before."""
+    """Return from when on, s, the driver foresees without interruption that the other comes into its way, up to the
+    contact at the run's end; None if it never does."""
     info, forgets = trace.actors[0], round(FORGETS_S / STEP_S)
-    found: int | None = None
+    first_frame: int | None = None
     for frame in range(trace.frames - 2, -1, -_EVERY_FRAMES):
         them = other_at(trace, other, frame)
         me = Ego(way, float(way.along[frame]), float(trace.states[frame, 0, SPEED]), info.length_m, info.width_m, first)
         meets = conflicts(me, [them])[0] if them is not None else None
         if meets is not None and meets.certain and in_view(trace, other, frame, sight):
-            found = frame
-        elif (trace.frames - 1 if found is None else found) - frame >= forgets:
+            first_frame = frame
+        elif (trace.frames - 1 if first_frame is None else first_frame) - frame >= forgets:
             break
-    if found is None:
+    if first_frame is None:
         return None
-    return 0.0 if found < _EVERY_FRAMES else round(found * STEP_S, 6)
+    return 0.0 if first_frame < _EVERY_FRAMES else round(first_frame * STEP_S, 6)

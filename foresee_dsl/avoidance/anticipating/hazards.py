@@ -1,10 +1,9 @@
-"""What an anticipating driver slows for before anything happens: hidden places, walkers at the kerb, buses at stops.
+"""Hazards for which an anticipating driver slows in advance: hidden places, walkers at the kerb, buses at stops.
 
-From a place beside the way at which somebody could step out, a distance g from the ego's side, one needs g / v_walk to
-be in the way. A driver of speed v who reacts after t and brakes with b either stands before the place, or is past it
-in time, as long as v is at most 2 b (g / v_walk - t). So this is the speed that suits the place; in practice people
-do not drive slower than `settings.SLOWEST_MPS`, or past a bus at its stop `SLOWEST_AT_BUS_MPS`.
-"""
+A walker who steps out from a place beside the way, a distance g from the ego's side, needs g / v_walk to be in the way.
+A driver with speed v who reacts after t and brakes with b either stands before the place, or is past it in time, if v
+is at most 2 b (g / v_walk - t). This is the careful speed at the place; in practice people do not drive slower than
+`settings.SLOWEST_MPS`, or past a bus at its stop `SLOWEST_AT_BUS_MPS`."""
 
 from __future__ import annotations
 
@@ -32,18 +31,20 @@ from foresee_dsl.avoidance.anticipating.settings import (
 )
 
 _TOWARDS_MPS = 0.2
-"""A walker who comes nearer to the way's line at this speed walks towards it. Ours: a seventh of walking pace."""
+"""Speed towards the way's line above which a walker walks towards it, m/s. Ours: a seventh of walking pace."""
 _HALF_CROSSING_M = 2.0
 _APPROACHES_M = 8.0
-"""A walker who walks towards the way is slowed for from this distance to it. Ours: five seconds of walking."""
+"""Distance to the way below which the driver slows for a walker who walks towards it, m. Ours: five seconds of
+walking."""
 
 
 @dataclass(frozen=True)
 class Hazard:
-    """A place that is driven past with care.
+    """A place that the driver passes at a careful speed.
 
     Attributes:
-        what: for people. from_m: how far ahead of the ego's front the speed must be reached. speed_mps: that speed.
+        what: its name for people. from_m: distance ahead of the ego's front at which the speed must be reached.
+            speed_mps: that speed.
     """
 
     what: str
@@ -51,38 +52,39 @@ class Hazard:
     speed_mps: float
 
     def allows(self) -> float:
-        """Return how fast the ego may be now to reach the speed in time with easy braking."""
+        """Return the largest present speed from which easy braking reaches the careful speed in time, m/s."""
         return math.sqrt(self.speed_mps**2 + 2 * EASES_MPS2 * max(self.from_m, 0.0))
 
 
-def suits_mps(gap_m: float, walks_mps: float, slowest_mps: float) -> float:
-    """Return the speed at which somebody who steps out from a distance beside the way is not hit, or the slowest."""
+def careful_mps(gap_m: float, walks_mps: float, slowest_mps: float) -> float:
+    """Return the largest speed, m/s, at which a walker who steps out from beside the way is not hit; at least the
+    slowest."""
     return max(2 * HARDEST_MPS2 * (gap_m / walks_mps - EXPECTED_REACTION_S), slowest_mps)
 
 
 def hazards(ego: Ego, others: list[Other]) -> list[Hazard]:
-    """Return what is in sight ahead and has to be slowed for."""
+    """Return the hazards ahead, from the actors in sight."""
     if not others:
         return []
     along, left, heading = ego.way.beside(np.array([(other.x, other.y) for other in others]))
-    found = []
+    slow_places = []
     for k, other in enumerate(others):
         across = _half_across(other, float(heading[k]))
         half = _half_along(other, float(heading[k]))
         gap = abs(float(left[k])) - across - ego.width_m / 2
         front = ego.along_m + ego.length_m / 2
         if other.kind == "pedestrian" and ego.crossings:
-            found += _at_crossing(ego, other, front)
+            slow_places += _at_crossing(ego, other, front)
         if float(along[k]) + half < front or gap <= 0.0:
             continue
         before = float(along[k]) - half - front
-        found += _of(other, others, gap, before, float(left[k]), float(heading[k]))
-    return found
+        slow_places += _of(other, others, gap, before, float(left[k]), float(heading[k]))
+    return slow_places
 
 
 def _at_crossing(ego: Ego, walker: Other, front: float) -> list[Hazard]:
-    """Slow for a walker at a crossing where walkers go first."""
-    found = []
+    """Return the crossings with priority for walkers that this walker may enter."""
+    slow_places = []
     for path in ego.crossings:
         (x0, y0), (x1, y1) = path[0], path[-1]
         length = math.hypot(x1 - x0, y1 - y0)
@@ -93,8 +95,8 @@ def _at_crossing(ego: Ego, walker: Other, front: float) -> list[Hazard]:
         along, aside, _ = ego.way.beside(middle)
         if away < AT_CROSSING_M and float(along[0]) > front and abs(float(aside[0])) < length:
             before = float(along[0]) - front - _HALF_CROSSING_M - _stopping_m(SLOWEST_AT_BUS_MPS)
-            found.append(Hazard("a walker at a crossing", before, SLOWEST_AT_BUS_MPS))
-    return found
+            slow_places.append(Hazard("a walker at a crossing", before, SLOWEST_AT_BUS_MPS))
+    return slow_places
 
 
 def _of(other: Other, others: list[Other], gap: float, before: float, left: float, heading: float) -> list[Hazard]:
@@ -105,7 +107,7 @@ def _of(other: Other, others: list[Other], gap: float, before: float, left: floa
         return []
     bus, people = other.kind == "bus", _people_near(other, others)
     slowest = SLOWEST_AT_BUS_MPS if bus or people else SLOWEST_MPS
-    speed = suits_mps(gap, RUNNING_MPS if bus else WALKING_MPS, slowest)
+    speed = careful_mps(gap, RUNNING_MPS if bus else WALKING_MPS, slowest)
     what = "a bus that stands" if bus else "a stopped vehicle with people near it" if people else "a stopped vehicle"
     return [Hazard(what, before - _stopping_m(speed), speed)]
 
@@ -118,7 +120,7 @@ def _walker(other: Other, others: list[Other], gap: float, before: float, left: 
         return []
     beside_vehicle = any(o.kind not in ("pedestrian", "bicycle") and _people_near(o, [other]) for o in others)
     slowest = SLOWEST_AT_BUS_MPS if beside_vehicle or towards > _TOWARDS_MPS else SLOWEST_MPS
-    speed = suits_mps(gap, max(WALKING_MPS, towards), slowest)
+    speed = careful_mps(gap, max(WALKING_MPS, towards), slowest)
     return [Hazard("a walker at the kerb", before - _stopping_m(speed), speed)]
 
 

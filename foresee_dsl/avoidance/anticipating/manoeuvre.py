@@ -17,19 +17,19 @@ from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 _PEAK, _JERK = 10 / math.sqrt(3), 30.0
-"""A step to the side is the polynomial 10 u^3 - 15 u^4 + 6 u^5: its second derivative is at most 5.77, and its third is
-30 in the middle, where the steering changes sides."""
+"""A step to the side is the polynomial 10 u^3 - 15 u^4 + 6 u^5. Its second derivative is at most 5.77; the third is 30
+in the middle, where the steering changes sides."""
 _SLOW_MPS = 1.0
-"""Below this speed the ego does not evade. Ours: the wheel's angle would be divided by the speed."""
+"""Lowest speed by which steering angles are divided, m/s. Ours: below it the ego does not evade."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What the driver does, and when.
+    """A manoeuvre, with its times.
 
     Attributes:
-        begins_s: until then it does what was recorded. braking_mps2: how hard it then brakes, 0 for not at all.
-        sideways_m: how far it evades, left positive. stops_s: from when on it brakes comfortably to a stand.
+        begins_s: until then the ego drives as recorded. braking_mps2: its braking from then on; 0 for none.
+        sideways_m: how far it evades, left positive. stops_s: from when on it brakes comfortably to a stop.
     """
 
     begins_s: float
@@ -38,7 +38,7 @@ class Plan:
     stops_s: float = math.inf
 
     def braking_at(self, time_s: float, before_mps2: float) -> float:
-        """Return the braking at a time, m/s^2, which builds up from what was braked before."""
+        """Return the braking at a time, m/s^2, which builds up from the braking before the manoeuvre."""
         built = min(max((time_s - self.begins_s) / BUILDS_UP_S, 0.0), 1.0)
         if not self.sideways_m:
             least = max(self.braking_mps2, before_mps2)  # never less than the recorded driver
@@ -48,7 +48,7 @@ class Plan:
         return braking + (max(COMFORTABLE_MPS2, braking) - braking) * stops
 
     def aside_at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the wanted distance to the side at times [N], m, and its first and second derivatives."""
+        """Return the wanted lateral offset at times [N], m, and its first and second derivatives."""
         takes = sidestep_s(self.sideways_m)
         u = np.clip((time_s - self.begins_s) / takes, 0.0, 1.0)
         d = self.sideways_m
@@ -70,7 +70,7 @@ HARDEST = BRAKING_MPS2
 
 
 class Manoeuvre(Replay):
-    """Drives a recorded run again, and from the plan's beginning on does what the plan says."""
+    """Drives a recorded run again, and carries out a plan from its beginning on."""
 
     name = "anticipating"
     version = "1"
@@ -84,17 +84,18 @@ class Manoeuvre(Replay):
         level = self._plan.braking_at(now, self._least_mps2)
         wheel = wheel_share(self._steered(bicycle, now), bicycle.limits.steer_max_rad)
         if self._state.speed <= level * STEP_S:
-            return Control(wheel, 0.0, 1.0)  # it comes to rest, and is held
+            return Control(wheel, 0.0, 1.0)  # the ego stops, and the brake holds it
         return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
 
     def _steered(self, bicycle: Bicycle, time_s: float) -> float:
-        """The wheels' angle that brings the ego to the wanted line beside the way, critically damped."""
+        """Return the wheels' angle that brings the ego to the wanted line beside the way, critically damped, rad."""
         aside, rate, bend = (float(value[0]) for value in self._plan.aside_at(np.array([time_s])))
         return steered(bicycle, self._way, self._along, self._state, (aside, rate, bend))
 
 
 def steered(bicycle: Bicycle, way: Way, along_m: float, s: BicycleState, wanted: tuple[float, float, float]) -> float:
-    """Return the wheels' angle that follows a line beside a way; `wanted`: how far aside, and its two derivatives."""
+    """Return the wheels' angle that follows a line beside a way, rad; `wanted`: lateral offset and its two
+    derivatives."""
     x, y, heading = way.at(np.array([along_m]))[0].tolist()
     dx, dy = s.x - x, s.y - y
     speed = max(s.speed, _SLOW_MPS)

@@ -1,8 +1,7 @@
-"""Which manoeuvres could prevent a failure, by the recorded motion of the others: thousands in milliseconds.
+"""Screens which manoeuvres could prevent a failure by the recorded motion of the others: thousands in milliseconds.
 
-Others do what was recorded, and after the run's end go on as they moved last. What comes through here is driven in
-the real simulation, where others react.
-"""
+Others move as recorded, and after the run's end keep their last motion. The manoeuvres that pass are driven in the real
+simulation, where others react."""
 
 from __future__ import annotations
 
@@ -32,16 +31,16 @@ from foresee_dsl.simulate.results.outcome import off_road_points
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y
 
 _NEAR_M = 40.0
-"""Actors that never come nearer than this to the recorded ego are left out. Ours: no manoeuvre differs that far from
-the recorded way."""
+"""Distance to the recorded ego beyond which an actor is ignored, m. Ours: no manoeuvre deviates that far from the
+recorded way."""
 _WITHIN_M = 5.0
 _SHOWN_EVERY = 4
-"""A step to the side is checked for the road at every fourth frame."""
+"""Frames between the checks that a step to the side stays on the road."""
 
 
 @dataclass(frozen=True)
 class Screened:
-    """A manoeuvre, and how near it comes to anybody, m."""
+    """A manoeuvre, and its smallest distance to any actor, m."""
 
     plan: Plan
     least_m: float
@@ -67,7 +66,7 @@ class Screening:
         self._within = np.full(len(near), _WITHIN_M)
 
     def _extended(self, actor: int) -> FloatArray:
-        """Return the poses of an actor, [T + more, 3], going straight on after the end."""
+        """Return the poses of an actor, [T + more, 3], extended straight on after the run's end."""
         poses = self._trace.states[:, actor][:, [X, Y, HEADING]]
         step = poses[-1, :2] - poses[-2, :2] if len(poses) > 1 else np.zeros(2)
         more = np.empty((self._more, 3))
@@ -76,7 +75,7 @@ class Screening:
         return np.ascontiguousarray(np.vstack([poses, more]))
 
     def least_m(self, plan: Plan) -> float:
-        """Return how near the ego would come to anybody from the plan's beginning on, m; 5 for farther."""
+        """Return the ego's smallest distance to any actor from the plan's beginning on, m; at most 5."""
         first, poses, _ = self._rolled(plan)
         if not len(self._others):
             return _WITHIN_M
@@ -85,7 +84,7 @@ class Screening:
         return float(min(gaps.min(initial=_WITHIN_M), _WITHIN_M))
 
     def _rolled(self, plan: Plan) -> tuple[int, FloatArray, FloatArray]:
-        """Return the ego's first frame, its poses [N, 3] from there to the end, and its speeds."""
+        """Return the plan's first frame, the ego's poses [N, 3] from there to the end, and its speeds, m/s."""
         first = min(round(plan.begins_s / STEP_S), len(self._speeds) - 1)
         total = len(self._speeds) + self._more
         times: FloatArray = np.arange(first, total, dtype=np.float64) * STEP_S
@@ -104,7 +103,7 @@ class Screening:
         return first, poses, speeds
 
     def braking(self, begins_s: float) -> Screened:
-        """Return the gentlest braking that keeps the margin if it begins at a time; the hardest where none does."""
+        """Return the gentlest braking from a time on that keeps the margin; the hardest if none does."""
         for strength in (COMFORTABLE_MPS2, FIRM_MPS2, HARDEST):
             plan = Plan(begins_s, strength)
             least = self.least_m(plan)
@@ -113,13 +112,13 @@ class Screening:
         return Screened(plan, least)
 
     def hardest(self, begins_s: float) -> Screened:
-        """Return the hardest braking."""
+        """Return the hardest braking from a time on."""
         plan = Plan(begins_s, HARDEST)
         return Screened(plan, self.least_m(plan))
 
     def latest_s(self, begins_s: float) -> float:
-        """Return the latest time at which the hardest braking can begin and still keep the margin, s; at `begins_s` it
-        does."""
+        """Return the latest time at which the hardest braking can begin and still keep the margin, s; it keeps the
+        margin at `begins_s`."""
         low, high = round(begins_s / STEP_S), len(self._speeds) - 1
         while high - low > 1:
             middle = (low + high) // 2
@@ -131,26 +130,26 @@ class Screening:
 
     def evading(self, begins_s: float) -> list[Screened]:
         """Return the steps to the side that keep the margin and the road, the smallest and gentlest first."""
-        found = []
+        sidesteps = []
         stops_s = self.contact_s + PASSES_S
         for far in SIDESTEPS_M:
             if begins_s + 0.3 * sidestep_s(far) > self.contact_s:
-                break  # a larger one is later still
+                break  # a larger step takes even longer
             for strength in (0.0, EASES_MPS2, COMFORTABLE_MPS2):
                 for side in (far, -far):
                     plan = Plan(begins_s, strength, side, stops_s)
                     least = self.least_m(plan)
                     if least >= MARGIN_ASIDE_M and self._on_road(plan):
-                        found.append(Screened(plan, least))
-                if found:
-                    return found
-        return found
+                        sidesteps.append(Screened(plan, least))
+                if sidesteps:
+                    return sidesteps
+        return sidesteps
 
     def _on_road(self, plan: Plan) -> bool:
         squares = squares_of(self._bundle.network)
         bicycle = Bicycle(limits_of(self._bundle.scene.ego.model, self._bundle.scene.friction))
         _, poses, speeds = self._rolled(plan)
-        last = int(np.searchsorted(-speeds, -0.1))  # where it stands
+        last = int(np.searchsorted(-speeds, -0.1))  # first frame at which the ego stands
         for x, y, heading in poses[: last + 1 : _SHOWN_EVERY].tolist():
             if not squares.hold(off_road_points(bicycle, BicycleState(x, y, heading, 0.0))):
                 return False
@@ -158,5 +157,5 @@ class Screening:
 
 
 def sideways(metres: float) -> str:
-    """Say how far to which side."""
+    """Return a lateral distance in words, with its side."""
     return f"{abs(metres):.1f} m to the {'left' if metres > 0 else 'right'}" if not math.isclose(metres, 0.0) else ""

@@ -13,21 +13,20 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _ON_M = 80.0
-"""How far the way goes on after the run's end. Ours: farther than the ego drives within the seconds that are
-assessed."""
+"""Length by which the way is extended after the run's end, m. Ours: more than the ego drives within the assessed
+seconds."""
 _JOINS_M = 12.0
-"""A sideways distance to the route's line decays over this length. Ours: at 10 m/s about 1 s."""
+"""Length over which a lateral distance to the route's line decays, m. Ours: at 10 m/s about 1 s."""
 _NEAR_M, _NEAR_RAD = 3.0, 0.6
-"""An ego that ends farther than this from its route's line (m), or turned more from it (rad), goes straight on.
-Ours."""
+"""Distance (m) and angle (rad) to the route's line above which the way is extended straight on instead. Ours."""
 _SPACING_M = 1.0
 
 
 class Way(RecordedPath):
-    """A recorded path with what lies beyond its end, and how fast it was driven.
+    """A recorded path with its extension along the route and its recorded speeds.
 
     Attributes:
-        along: [T] m, how far the ego had come at each frame.
+        along: [T] distance driven at each frame, m.
     """
 
     def __init__(self, trace: Trace, line: RouteLine | None = None) -> None:
@@ -38,7 +37,7 @@ class Way(RecordedPath):
             self._continue(states[-1], line, trace.actors[0].wheelbase_m)
         grid = np.arange(0.0, float(self._marks[-1]) + _SPACING_M, _SPACING_M)
         self._grid, self._grid_poses = grid, self.at(grid)
-        # Where the ego stood, the recorded speed is the one with which it drove on.
+        # Where the ego stood, the recorded speed of the place is that of driving on.
         self._fastest = _widened(self.along, self.recorded_mps)
 
     def _continue(self, last: FloatArray, line: RouteLine, wheelbase_m: float) -> None:
@@ -61,17 +60,18 @@ class Way(RecordedPath):
         self._steer = np.r_[self._steer, np.arctan(wheelbase_m * curvature)]
 
     def along_at(self, time_s: float) -> float:
-        """Return how far the recorded ego had come at a time, m; at its last speed after its end."""
+        """Return the distance that the recorded ego had driven at a time, m; extrapolated with its last speed."""
         frame = time_s / STEP_S
         beyond_s = max(time_s - (len(self.along) - 1) * STEP_S, 0.0)
         return float(np.interp(frame, np.arange(len(self.along)), self.along) + beyond_s * self.recorded_mps[-1])
 
     def recorded_at(self, along_m: float) -> float:
-        """Return how fast the recorded ego drove at a length, m/s."""
+        """Return the recorded ego's speed at a length of the way, m/s."""
         return float(np.interp(along_m, self.along, self._fastest))
 
     def beside(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return of points [N, 2] how far along the way they are, how far to its left, and its heading there."""
+        """Return, for points [N, 2], their lengths along the way and distances to its left, m, and the way's heading
+        there, rad."""
         dx = points[:, None, 0] - self._grid_poses[None, :, 0]
         dy = points[:, None, 1] - self._grid_poses[None, :, 1]
         k = np.argmin(np.where(np.isnan(dx), np.inf, dx * dx + dy * dy), axis=1)
@@ -83,7 +83,7 @@ class Way(RecordedPath):
 
 
 def _widened(along_m: FloatArray, speeds_mps: FloatArray) -> FloatArray:
-    """Return the greatest speed within a metre of each place."""
+    """Return the largest speed within a metre of each place, m/s."""
     low = np.searchsorted(along_m, along_m - 1.0)
     high = np.searchsorted(along_m, along_m + 1.0, side="right")
     return np.array([speeds_mps[a:b].max() for a, b in zip(low.tolist(), high.tolist(), strict=True)])

@@ -1,8 +1,7 @@
-"""What people are seen to do otherwise: the behaviours that candidates are made of, with the bounds of their strength.
+"""The behaviours of candidates, with the bounds of their strength.
 
-A candidate is one actor of a run that behaves otherwise in one way. Strengths stay within what is observed of people.
-They are drawn from equal parts of their range, one from each, so that a few candidates cover it.
-"""
+A candidate is one actor of a run with one changed behaviour. Strengths stay within observed human behaviour. One is
+drawn from each of several equal parts of the range, so that a few candidates cover it."""
 
 from __future__ import annotations
 
@@ -22,11 +21,11 @@ from foresee_dsl.kernels.what_if import WhatIf
 from foresee_dsl.simulate.trace import SPEED, STEP_S, YAW_RATE, ActorInfo
 
 _ALONG_RAD = math.radians(45)
-"""Two that drive one way differ by less than this in their headings (as `operators.model_swap`)."""
+"""Largest difference between the headings of two vehicles in the same direction (as `operators.model_swap`)."""
 
 
 class Kind(StrEnum):
-    """What an actor does otherwise, as people would say it."""
+    """The kinds of changed behaviour, in words for people."""
 
     LATE = "starts later"
     EARLY = "starts earlier"
@@ -43,40 +42,41 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CarefulSettings:
-    """Bounds of the behaviours, and which moments and actors are looked at.
+    """Bounds of the behaviours, and limits of the moments and actors that are examined.
 
     Attributes:
         late_s: how much later it starts. A pedestrian's start-up time is 1.9 s in the mean and 3.1 s for 15 % (younger;
             older people 2.5 s and 3.8 s), Knoblauch et al. 1996, Transportation Research Record 1538.
-        early_s: how much earlier. Ours: as the operator `head_start`.
+        early_s: how much earlier it starts. Ours: as the operator `head_start`.
         walker_pace: walking speed as a ratio. 15 % of older people walk 0.97 m/s, younger ones 1.5 m/s in the mean
             (Knoblauch et al. 1996); people can walk with 2.5 m/s.
-        vehicle_pace: of vehicles and bicycles. Ours: as the operator `timing`.
+        vehicle_pace: speed of vehicles and bicycles as a ratio. Ours: as the operator `timing`.
         hesitates_mps2, hesitates_s: how a walker slows down on the way, and for how long. Ours: from 1.4 m/s to a
             stand within one or two paces, and as long as a start-up time.
-        brakes_mps2: braking of the one ahead. From the 3.4 m/s^2 that most drivers are comfortable with (AASHTO, A
+        brakes_mps2: braking of a vehicle. From the 3.4 m/s^2 that most drivers are comfortable with (AASHTO, A
             Policy on Geometric Design, 3.2.2) to 0.75 g; near-crashes of the 100-car study begin at 0.5 to 0.6 g
             (Dingus et al. 2006, DOT HS 810 593).
         brakes_s: for how long. Ours: from 30 km/h to a crawl, or to a stand and a moment there.
-        halts_mps2, halts_s: stopping after a turn (somebody who looks for a place to park). Ours: braking in comfort.
-        turned_rad: what counts as having turned within the last seconds. Ours: 40 deg in `turned_s`.
-        drifts_m: how far off its line. Ours: from half of a bicycle's width to what leaves a lane of 3.3 m by half a
-            car's; in-lane wandering has a standard deviation of 0.2 m to 0.35 m.
-        drifts_mps: how fast. Ours. drifts_for_s: how long it stays there. Ours.
-        cuts_in_m: how far beside the ego's way somebody drives in its direction who cuts in. Ours: a lane's width.
-            cuts_in_share: how much of that it goes over. Ours. cuts_in_mps: lane changes take 3 s to 6 s; hurried
-            ones 2 s.
+        halts_mps2, halts_s: braking and standing time of a stop after a turn (a driver looks for a place to park).
+            Ours: comfortable braking.
+        turned_rad: change of heading within `turned_s` that counts as a turn. Ours: 40 deg.
+        drifts_m: how far it drifts off its line. Ours: from half of a bicycle's width to half a car's width beyond a
+            lane of 3.3 m; in-lane wandering has a standard deviation of 0.2 m to 0.35 m.
+        drifts_mps: lateral speed. Ours. drifts_for_s: how long it stays there. Ours.
+        cuts_in_m: lateral distance to the ego's way of an actor that can cut in. Ours: a lane's width.
+            cuts_in_share: share of that distance that it covers. Ours. cuts_in_mps: lateral speed; lane changes take 3
+                s to 6 s; hurried ones 2 s.
         swerve_g, swerve_s, swerve_least_mps: as the operator `steer` of the preset `focused`.
-        yields_share, drives_share: who comes below the first share of its cruise speed yields, from the last moment at
-            which it still had the second share of its speed. Ours.
-        late_light_s: a light is run at most so long after somebody began to brake for it. Ours: red lights are run
+        yields_share, drives_share: an actor yields if it falls below the first share of its cruise speed; it begins to
+            yield when it was last above the second share of its speed. Ours.
+        late_light_s: longest time from the beginning of braking for a light to running it. Ours: red lights are run
             within 2 s of their beginning by 85 % (33,547 citations in Virginia, Virginia Transportation Research
             Council 2005) to 95 % (Bonneson and Zimmerman 2004); amber lasts 3 s, of which it has seen some.
-        ahead_m: nobody may be so near ahead in its lane who would hold it up. Ours.
-        onset_s, onsets: a timed behaviour begins so long before the moment of the point at most, at so many times.
-        draws: strengths of a behaviour.
-        reach_m: an actor that never comes nearer to the ego than this in the window is not looked at. Ours: what a
-            driver at 50 km/h needs to stop, 28 m (R157's braking after a second), and a little.
+        ahead_m: distance within which an actor ahead in its lane would hold it up. Ours.
+        onset_s, onsets: longest time from the onset of a timed behaviour to the moment of the point; number of onsets.
+        draws: number of strengths per behaviour.
+        reach_m: smallest distance to the ego in the window above which an actor is not examined. Ours: the stopping
+            distance from 50 km/h, 28 m (R157's braking after a second), and a little.
     """
 
     late_s: tuple[float, float] = (0.2, 3.0)
@@ -115,8 +115,8 @@ class Candidate:
     """One actor with one changed behaviour.
 
     Attributes:
-        what: as the kernel rolls it out. strength: in the unit of the kind. at_s, for_s: since the window's beginning,
-            of a timed behaviour.
+        what: the change for the kernel's roll-out. strength: in the unit of the kind. at_s, for_s: onset since the
+            window's beginning, and duration, of a timed behaviour.
     """
 
     kind: Kind
@@ -127,12 +127,12 @@ class Candidate:
     for_s: float | None = None
 
     def is_like(self, other: Candidate) -> bool:
-        """Say whether another one is of the same actor and kind."""
+        """Return whether another candidate is of the same actor and kind."""
         return self.actor == other.actor and self.kind is other.kind
 
     @property
     def sentence(self) -> str:
-        """What the actor does, in words."""
+        """The behaviour in words."""
         value = self.strength
         match self.kind:
             case Kind.LATE:
@@ -167,7 +167,8 @@ def _side(left: float) -> str:
 
 
 def what_if(info: ActorInfo, actor: int, first: int, last: int, **changed: float) -> WhatIf:
-    """Return the roll-out of an actor (a column) in a window of frames, with the fields of `WhatIf` that change."""
+    """Return the roll-out of an actor (a column) in a window of frames; `changed`: fields of `WhatIf` that differ from
+    neutral."""
     neutral = {
         "delay": 0.0, "ahead": 0.0, "pace": 1.0, "brakes_at": 0.0, "brakes_for": 0.0, "braking": 0.0,
         "left": 0.0, "left_at": 0.0, "left_for": 0.0, "left_rate": 0.0, "turn": 0.0, "turn_at": 0.0,
@@ -180,7 +181,7 @@ class Behaviours:
     """Makes the candidates of a window of a run.
 
     Args:
-        frame: the moment that the window is about. rng: draws the strengths.
+        frame: the moment of the risky point. rng: draws the strengths.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class Behaviours:
         self._moment_s = (frame - first) * STEP_S
 
     def of(self, actor: int) -> Iterator[Candidate]:
-        """Yield what one actor may do otherwise."""
+        """Yield the candidates of one actor."""
         info = self._run.trace.actors[actor]
         if info.path:
             yield from self._on_path(actor, info)
@@ -200,23 +201,23 @@ class Behaviours:
     def _on_path(self, actor: int, info: ActorInfo) -> Iterator[Candidate]:
         s, stands = self._settings, self._run.mps(actor, self._first) <= 0.1
         if stands or info.kind == "pedestrian":
-            for late in self._drawn(s.late_s):
-                yield self._made(Kind.LATE, actor, late, delay=late)
+            for late in self._draws(s.late_s):
+                yield self._candidate(Kind.LATE, actor, late, delay=late)
         if not stands:
             along = self._run.trace.along[self._first : self._last, actor]
-            for early in self._drawn(s.early_s):
+            for early in self._draws(s.early_s):
                 frame = min(round(early / STEP_S), len(along) - 1)
                 ahead = float(along[frame] - along[0])
                 if ahead >= 0.2:
-                    yield self._made(Kind.EARLY, actor, ahead, ahead=ahead)
+                    yield self._candidate(Kind.EARLY, actor, ahead, ahead=ahead)
         yield from self._paces(actor, info)
         if info.kind == "pedestrian":
             for at in self._onsets():
-                for strength, long in zip(self._drawn(s.hesitates_mps2, 3), self._drawn(s.hesitates_s, 3), strict=True):
+                for strength, long in zip(self._draws(s.hesitates_mps2, 3), self._draws(s.hesitates_s, 3), strict=True):
                     if self._moves(actor, at):
-                        yield self._made(Kind.HESITATES, actor, strength, at, long, braking=strength)
+                        yield self._candidate(Kind.HESITATES, actor, strength, at, long, braking=strength)
         for left in self._either(s.drifts_m):
-            yield self._made(Kind.DRIFTS, actor, left, left=left, left_at=0.0, left_for=math.inf, left_rate=1.0)
+            yield self._candidate(Kind.DRIFTS, actor, left, left=left, left_at=0.0, left_for=math.inf, left_rate=1.0)
 
     def _on_lane(self, actor: int, info: ActorInfo) -> Iterator[Candidate]:
         s = self._settings
@@ -226,23 +227,23 @@ class Behaviours:
             if not self._moves(actor, at, s.swerve_least_mps):
                 continue
             turned = self._turned(actor, at)
-            for strength, long in zip(self._drawn(s.brakes_mps2, 3), self._drawn(s.brakes_s, 3), strict=True):
-                yield self._made(Kind.BRAKES, actor, strength, at, long, braking=strength)
+            for strength, long in zip(self._draws(s.brakes_mps2, 3), self._draws(s.brakes_s, 3), strict=True):
+                yield self._candidate(Kind.BRAKES, actor, strength, at, long, braking=strength)
             if turned:
-                for strength, long in zip(self._drawn(s.halts_mps2, 2), self._drawn(s.halts_s, 2), strict=True):
-                    yield self._made(Kind.HALTS, actor, strength, at, long, braking=strength)
+                for strength, long in zip(self._draws(s.halts_mps2, 2), self._draws(s.halts_s, 2), strict=True):
+                    yield self._candidate(Kind.HALTS, actor, strength, at, long, braking=strength)
             beside = self._beside(actor, at)
-            for left in np.copysign(self._drawn(s.drifts_m, 3), beside):
-                yield self._made(Kind.DRIFTS, actor, left, at, s.drifts_for_s, left=left, left_at=at,
+            for left in np.copysign(self._draws(s.drifts_m, 3), beside):
+                yield self._candidate(Kind.DRIFTS, actor, left, at, s.drifts_for_s, left=left, left_at=at,
                                  left_for=s.drifts_for_s, left_rate=s.drifts_mps)  # fmt: skip
             if info.kind != "bicycle" and s.cuts_in_m[0] <= abs(beside) <= s.cuts_in_m[1] and self._along(actor, at):
-                for left in np.round(beside * self._drawn(s.cuts_in_share, 2), 2):
-                    yield self._made(Kind.CUTS_IN, actor, left, at, 10.0, left=left, left_at=at, left_for=10.0,
+                for left in np.round(beside * self._draws(s.cuts_in_share, 2), 2):
+                    yield self._candidate(Kind.CUTS_IN, actor, left, at, 10.0, left=left, left_at=at, left_for=10.0,
                                      left_rate=s.cuts_in_mps)  # fmt: skip
             yield from self._swerves(actor, info, at)
 
     def _goes(self, actor: int, info: ActorInfo) -> Iterator[Candidate]:
-        """Yield that somebody who slows down for a light or for others drives on instead."""
+        """Yield the candidate of an actor that drives on instead of slowing for a light or for others."""
         s, run = self._settings, self._run
         speeds = np.nan_to_num(run.trace.states[self._first : self._last + 1, actor, SPEED])
         slow = np.flatnonzero(speeds < s.yields_share * info.cruise_mps)
@@ -254,10 +255,10 @@ class Behaviours:
         junction = self._junction(actor, int(slow[0]))
         kind = Kind.RUNS_LIGHT if junction in run.trace.signals else Kind.TAKES_WAY
         if junction and (kind is Kind.TAKES_WAY or (slow[0] - fast[-1]) * STEP_S <= s.late_light_s):
-            yield self._made(kind, actor, 0.0, goes_at=float(fast[-1] * STEP_S))
+            yield self._candidate(kind, actor, 0.0, goes_at=float(fast[-1] * STEP_S))
 
     def _is_first(self, actor: int, since: int) -> bool:
-        """Say whether nobody is ahead of an actor in its lane."""
+        """Return whether an actor has no other ahead in its lane, within `ahead_m`."""
         run, frame = self._run, self._first + since
         x, y, heading, _ = run.tracks[actor, frame]
         away = run.tracks[1:, frame, :2] - (x, y)
@@ -266,7 +267,7 @@ class Behaviours:
         return not bool(((ahead > 0.5) & (ahead < self._settings.ahead_m) & (aside < 1.0)).any())
 
     def _junction(self, actor: int, since: int) -> str:
-        """Return the junction that an actor comes to after a frame, else that of the ego; "" for none."""
+        """Return the next junction of an actor after a frame, else that of the ego; "" for none."""
         trace = self._run.trace
         for column in (actor, 0):
             for lane in trace.lanes[self._first + since :, column]:
@@ -278,9 +279,9 @@ class Behaviours:
     def _paces(self, actor: int, info: ActorInfo) -> Iterator[Candidate]:
         s = self._settings
         bounds = s.walker_pace if info.kind == "pedestrian" else s.vehicle_pace
-        for pace in self._drawn(bounds, 2 * s.draws):
+        for pace in self._draws(bounds, 2 * s.draws):
             if abs(pace - 1) >= 0.05:
-                yield self._made(Kind.PACE, actor, pace, pace=pace)
+                yield self._candidate(Kind.PACE, actor, pace, pace=pace)
 
     def _swerves(self, actor: int, info: ActorInfo, at: float) -> Iterator[Candidate]:
         s, frame = self._settings, self._first + round(at / STEP_S)
@@ -289,10 +290,10 @@ class Behaviours:
             return
         most = s.swerve_g * 9.81 / speed**2
         for share in self._either((0.3, 1.0), 2):
-            yield self._made(Kind.SWERVES, actor, share * most, at, s.swerve_s, turn=share * most, turn_at=at,
+            yield self._candidate(Kind.SWERVES, actor, share * most, at, s.swerve_s, turn=share * most, turn_at=at,
                              turn_for=s.swerve_s)  # fmt: skip
 
-    def _made(
+    def _candidate(
         self, kind: Kind, actor: int, strength: float, at: float | None = None, long: float | None = None,
         **changed: float,
     ) -> Candidate:  # fmt: skip
@@ -301,40 +302,40 @@ class Behaviours:
         what = what_if(info, actor, self._first, self._last, **changed | timed)
         return Candidate(kind, info.id, strength, what, at, long)
 
-    def _drawn(self, bounds: tuple[float, float], count: int | None = None) -> FloatArray:
-        """Draw one strength from each of some equal parts of a range, on two decimals."""
+    def _draws(self, bounds: tuple[float, float], count: int | None = None) -> FloatArray:
+        """Draw one strength from each of `count` equal parts of a range, with two decimals."""
         count = count or self._settings.draws
         shares = (np.arange(count) + self._rng.random(count)) / count
         return np.round(bounds[0] + shares * (bounds[1] - bounds[0]), 2)
 
     def _either(self, bounds: tuple[float, float], count: int | None = None) -> FloatArray:
-        found = self._drawn(bounds, count)
-        return np.concatenate([found, -found])
+        strengths = self._draws(bounds, count)
+        return np.concatenate([strengths, -strengths])
 
     def _onsets(self) -> FloatArray:
         s = self._settings
-        return np.round(np.unique(np.maximum(self._moment_s - self._drawn((0.0, s.onset_s), s.onsets), 0.1)), 1)
+        return np.round(np.unique(np.maximum(self._moment_s - self._draws((0.0, s.onset_s), s.onsets), 0.1)), 1)
 
     def _moves(self, actor: int, at: float, least: float = 0.5) -> bool:
         frame = self._first + round(at / STEP_S)
         return frame < self._run.trace.frames and self._run.mps(actor, frame) >= least
 
     def _beside(self, actor: int, at: float) -> float:
-        """Return how far to the left of an actor (negative: right) the ego's way passes it, m."""
+        """Return the lateral distance from an actor to the ego's way, m (positive: the way is to its left)."""
         x, y, heading, _ = self._run.tracks[actor, self._first + round(at / STEP_S)]
         way = self._run.tracks[0, self._first : self._last + 1, :2] - (x, y)
         dx, dy = way[int(np.hypot(*way.T).argmin())]
         return float(dy * math.cos(heading) - dx * math.sin(heading))
 
     def _along(self, actor: int, at: float) -> bool:
-        """Say whether an actor drives in the direction in which the ego passes it."""
+        """Return whether an actor drives in the direction in which the ego passes it."""
         x, y, heading, _ = self._run.tracks[actor, self._first + round(at / STEP_S)]
         way = self._run.tracks[0, self._first : self._last + 1]
         passes = way[int(np.hypot(way[:, 0] - x, way[:, 1] - y).argmin()), 2]
         return math.cos(passes - heading) > math.cos(_ALONG_RAD)
 
     def _turned(self, actor: int, at: float) -> bool:
-        """Say whether an actor has just turned off, and drives straight on again."""
+        """Return whether an actor has just turned, and drives straight on again."""
         frame, s = self._first + round(at / STEP_S), self._settings
         since = max(0, frame - round(s.turned_s / STEP_S))
         track = self._run.tracks[actor]

@@ -1,4 +1,4 @@
-"""The ranker `careful`: moments by the best candidates around them."""
+"""The ranker `careful`: ranks moments by the best candidates around them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 BEST = 4
-"""A moment counts as much as its best candidates on average: so many (the children of a clip in a campaign)."""
+"""Number of the best candidates whose mean score is the score of a moment (the children of a clip in a campaign)."""
 APART_S = 2.0
-"""Of moments nearer than this the best counts. Ours: clips of 10 s that begin nearer than this show the same."""
+"""Time between two moments below which only the better one counts, s. Ours: clips of 10 s that begin closer together
+show the same."""
 
 
 @dataclass(frozen=True)
 class CarefulRanker:
-    """Ranks encounters by what may happen around them: somebody behaves otherwise, hits the ego as it drove, and a
-    careful driver could have avoided it. Moments without such candidates follow in the order of `foresee`."""
+    """Ranks encounters by the best candidates around them: behaviours of an actor that hit the recorded ego and that a
+    careful driver could have avoided. Moments without candidates follow in the order of `foresee`."""
 
     settings: CarefulSettings = field(default_factory=CarefulSettings)
     encounters: ForeseeSettings = field(
@@ -36,28 +37,28 @@ class CarefulRanker:
     ) -> tuple[RiskyPoint, ...]:
         """Rank the moments of a run; see `Ranker.rank`."""
         run = Recorded.of(trace)
-        found: list[tuple[float, CloseEncounter, Scored]] = []
+        ranked: list[tuple[float, CloseEncounter, Scored]] = []
         for number, encounter in enumerate(close_encounters(trace, self.encounters, before_s=before_s)):
             first = max(0, encounter.frame - round(before_s / STEP_S))
             last = min(trace.frames - 1, encounter.frame + round(after_s / STEP_S))
             rng = np.random.default_rng(np.random.SeedSequence([seed, number]))
             best = search(run, [encounter.actor], first, last, encounter.frame, rng, self.settings)[:BEST]
             if best:
-                found.append((sum(s.score for s in best) / BEST, encounter, best[0]))
-        found.sort(key=lambda f: (-f[0], f[1].frame, f[1].actor))
-        points = [_point(trace, *f, before_s) for f in _apart(found)]
+                ranked.append((sum(s.score for s in best) / BEST, encounter, best[0]))
+        ranked.sort(key=lambda f: (-f[0], f[1].frame, f[1].actor))
+        points = [_point(trace, *f, before_s) for f in _apart(ranked)]
         for other in ForeseeRanker().rank(trace, seed=seed, before_s=before_s, after_s=after_s):
             if all(abs(other.time_s - p.time_s) >= APART_S for p in points):
                 points.append(replace(other, score=0.0))
         return tuple(replace(p, rank=k) for k, p in enumerate(points, start=1))
 
 
-def _apart(found: list[tuple[float, CloseEncounter, Scored]]) -> list[tuple[float, CloseEncounter, Scored]]:
-    kept: list[tuple[float, CloseEncounter, Scored]] = []
-    for one in found:
-        if all(abs(one[1].frame - k[1].frame) * STEP_S >= APART_S for k in kept):
-            kept.append(one)
-    return kept
+def _apart(ranked: list[tuple[float, CloseEncounter, Scored]]) -> list[tuple[float, CloseEncounter, Scored]]:
+    moments: list[tuple[float, CloseEncounter, Scored]] = []
+    for moment in ranked:
+        if all(abs(moment[1].frame - k[1].frame) * STEP_S >= APART_S for k in moments):
+            moments.append(moment)
+    return moments
 
 
 def _point(trace: Trace, score: float, encounter: CloseEncounter, best: Scored, before_s: float) -> RiskyPoint:

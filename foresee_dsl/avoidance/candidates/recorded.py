@@ -1,4 +1,4 @@
-"""A trace as the tables that roll-outs work on."""
+"""Converts a trace into the tables that roll-outs read."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What roll-outs read of a run.
+    """The tables of a run that roll-outs read.
 
     Attributes:
-        tracks: [A, T, 4] x, y (m), heading (rad, continuous), way to the next frame (m); NaN before an actor is there;
-            after it has left straight on. sizes: [A, 3] length, width, height (m). there: [A, T] whether it is there.
+        tracks: [A, T, 4] x, y (m), heading (rad, continuous), distance to the next frame (m); NaN before an actor
+            appears, straight on after it has left. sizes: [A, 3] length, width, height (m). there: [A, T] whether it is
+            present.
     """
 
     trace: Trace
@@ -29,7 +30,8 @@ class Recorded:
 
     @classmethod
     def of(cls, trace: Trace, heights_m: Mapping[str, float] | None = None) -> Self:
-        """Return the tables of a run. `heights_m`: of models by name; without, a class's usual height."""
+        """Return the tables of a run. `heights_m`: heights of models by name, m; for others, the default of the
+        class."""
         states = trace.states
         tracks = np.ascontiguousarray(states[:, :, [X, Y, HEADING, SPEED]].transpose(1, 0, 2))
         there = ~np.isnan(tracks[:, :, 0])
@@ -46,12 +48,12 @@ class Recorded:
             track[last + 1 :, 0] = track[last, 0] + beyond * track[last, 3] * np.cos(track[last, 2])
             track[last + 1 :, 1] = track[last, 1] + beyond * track[last, 3] * np.sin(track[last, 2])
             track[last + 1 :, 2:] = track[last, 2:]
-        known = heights_m or {}
+        heights = heights_m or {}
         usual = {str(kind): defaults.height_m for kind, defaults in CLASS_DEFAULTS.items()}
-        sizes = np.array([(i.length_m, i.width_m, known.get(i.model, usual[i.kind])) for i in trace.actors])
+        sizes = np.array([(i.length_m, i.width_m, heights.get(i.model, usual[i.kind])) for i in trace.actors])
         return cls(trace, tracks, sizes, there)
 
     def mps(self, actor: int, frame: int) -> float:
-        """Return an actor's recorded speed."""
+        """Return an actor's recorded speed, m/s; 0 when it is absent."""
         speed = float(self.trace.states[frame, actor, SPEED])
         return 0.0 if np.isnan(speed) else speed

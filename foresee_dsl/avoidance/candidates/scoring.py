@@ -1,4 +1,4 @@
-"""How good a candidate is: would it hit the ego as it drove, and could a careful driver have avoided that?"""
+"""Scores candidates: how likely each hits the recorded ego, and how likely a careful driver could have avoided that."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from foresee_dsl.kernels.what_if import Ending, Style, WhatIf, roll_out
 from foresee_dsl.simulate.trace import STEP_S
 
 BLIND = Style(delay=99.0, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0)
-"""The driver that does not react. Candidates that miss it by far are not rolled out further."""
+"""The driver that does not react. Candidates that miss it by a wide margin are not rolled out further."""
 DRIVES = (
     Style(delay=0.3, horizon=4.0, braking=8.0, pace=1.0, aside=0.0, room=0.0),
     Style(delay=0.3, horizon=2.5, braking=8.0, pace=1.0, aside=0.0, room=0.0),
     Style(delay=0.5, horizon=2.0, braking=7.0, pace=1.0, aside=0.0, room=0.0),
     Style(delay=0.8, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0),
 )
-"""The driver as it is, whose reaction is not known: four that span the bundled drivers. Ours."""
+"""The driver under test, whose reaction is not known in advance: four styles that span the bundled drivers. Ours."""
 CAREFUL = (
     Style(delay=0.3, horizon=4.0, braking=5.0, pace=1.0, aside=0.0, room=0.5),
     Style(delay=0.4, horizon=3.0, braking=6.0, pace=0.85, aside=0.0, room=0.3),
@@ -32,28 +32,30 @@ CAREFUL = (
     Style(delay=0.4, horizon=3.0, braking=6.0, pace=1.0, aside=0.7, room=0.2),
     Style(delay=0.4, horizon=3.0, braking=6.0, pace=1.0, aside=-0.7, room=0.2),
 )
-"""What a careful driver does: brakes early, approaches slower (twice), keeps to the left or to the right. Ours: less
-than half a lane's free width aside, and the speed of somebody who expects something."""
+"""Careful drivers: one brakes early, two approach more slowly, one keeps to the left and one to the right. Ours: less
+than half a lane's free width aside, and the speed of a driver who expects a hazard."""
 NEAR_M = 0.25
-"""A roll-out that misses by this much counts about a third. Ours: what the roll-out is off by after some seconds."""
+"""Miss distance at which the probability of a hit decays to about a third, m. Ours: the error of a roll-out after some
+seconds."""
 STANDS_MPS = 0.5
-"""An ego slower than this at the contact stands: then nobody could have avoided it."""
+"""Speed below which the ego stands at the contact, m/s; such a contact counts as unavoidable."""
 SUDDEN, SUDDEN_S = 0.5, 0.7
-"""What counts somebody who is in the way of a driver that just stops: so much when there is no time, a third of it
-after that time. Ours: `pdm` hits with its side who steps into its way within a second."""
+"""Probability of a hit by an actor that gets in the way of a driver that just stops: the first number if there is no
+time left, a third of it with the second number of seconds left. Ours: `pdm` hits with its side a walker who steps into
+its way within a second."""
 _HITS = 0.3
-"""What a miss of no width counts, against a contact. Ours."""
+"""Probability of a hit for a miss of zero distance; that of a contact is 1. Ours."""
 LEAST_SHARE = 0.2
-"""What is left of the score where no careful driver of ours avoids it. Ours: in a trial other drivers avoid those too,
-but fewer."""
+"""Factor on the score if none of the careful drivers avoids the contact. Ours: in a trial other drivers avoided such
+contacts too, but fewer."""
 IN_LINE_RAD, IN_LINE_M = math.radians(25), 1.2
-"""An actor is in the ego's line whose heading differs by less, and whose middle is less beside it. Ours: half a car's
-width and a little. None of 30 that braked ahead of `pdm` there, and did not hit a driver that reacts, was hit."""
+"""Largest differences in heading and in lateral position for an actor to be in the ego's line. Ours: half a car's width
+and a little. Of 30 actors that braked there ahead of `pdm`, and did not hit a driver that reacts, none was hit."""
 SHARES = (0.1, 0.3, 0.3, 0.2, 0.1)
-"""How much `BLIND` and each of `DRIVES` counts. Ours: what hits a prompt driver fails in the simulation; of what hits
-only one that is late or does not react, one in twenty does."""
+"""Weights of `BLIND` and of each of `DRIVES`. Ours: a candidate that hits a prompt driver fails in the simulation; one
+in twenty fails of those that hit only a driver that is late or does not react."""
 PROMISING = 0.1
-"""A moment whose best candidate has a smaller score promises nothing. Ours, on the even half: in 260
+"""Score of the best candidate below which a moment is not promising. Ours, on the even half: in 260
 clips whose best was below 0.12, 1 of 268 children failed, in the other 161 clips 62 of 373."""
 
 _STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))
@@ -62,12 +64,13 @@ _CAREFULLY = np.array([BLIND, *CAREFUL], dtype=dtype_of(Style))
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """A candidate with what its roll-outs say.
+    """A candidate with the results of its roll-outs.
 
     Attributes:
-        score: 0 to 1: how likely it is hit as the ego drove, times how likely it is avoidable. hit, avoidable: the
-            two. contact_s: when, since the window's beginning. braking_s: from when a careful driver brakes, if that
-            is what avoids it. gap_m: the smallest distance to the ego as it drove.
+        score: 0 to 1: `hit` times the weight of `avoidable`. hit: how likely it hits the ego as it drove. avoidable:
+            how likely a careful driver avoids that. contact_s: time of the smallest distance since the window's
+            beginning. braking_s: from when a careful driver brakes, if braking avoids the contact. gap_m: smallest
+            distance to the ego as it drove.
     """
 
     candidate: Candidate
@@ -78,10 +81,10 @@ class Scored:
     braking_s: float | None
     gap_m: float
     reacts: bool = True
-    """Whether it hits a driver that reacts."""
+    """Whether the candidate hits a driver that reacts."""
 
     def sentence(self, begins_s: float) -> str:
-        """Say what happens, with times of the run that the window begins in at that time."""
+        """Return the outcome in words, with times of the run; `begins_s`: the window's beginning in the run."""
         if self.gap_m > 0:
             return f"{self.candidate.sentence}: {self.gap_m:.1f} m are left at {begins_s + self.contact_s:.1f} s"
         ends = f"contact at {begins_s + self.contact_s:.1f} s"
@@ -98,48 +101,47 @@ def _ways(avoidable: float) -> str:
 
 def endings(run: Recorded, candidates: Sequence[Candidate]) -> Records:
     """Roll candidates out: [C, S] endings, with the style `BLIND`, those of `DRIVES` and then those of `CAREFUL`."""
-    found = np.zeros((len(candidates), len(_STYLES)), dtype=dtype_of(Ending))
+    rolled = np.zeros((len(candidates), len(_STYLES)), dtype=dtype_of(Ending))
     if candidates:
         whats = np.array([c.what for c in candidates], dtype=dtype_of(WhatIf))
-        roll_out(whats, _STYLES, run.tracks, run.sizes, found)
-    return found
+        roll_out(whats, _STYLES, run.tracks, run.sizes, rolled)
+    return rolled
 
 
 def avoidable_shares(run: Recorded, what: WhatIf, rows: FloatArray) -> FloatArray:
     """Return how likely a careful driver avoids the contact with a changed actor, [C], 0 to 1.
 
-    `what`: the actor and the window, nothing changed. `rows`: the tracks ([C, T, 4], as `Recorded.tracks`) that the
-    actor has in place of its recorded one.
-    """
-    found = np.zeros((len(rows), len(_CAREFULLY)), dtype=dtype_of(Ending))
+    `what`: the actor and the window, without a change. `rows`: [C, T, 4] tracks that replace the actor's recorded one,
+    laid out as `Recorded.tracks`."""
+    rolled = np.zeros((len(rows), len(_CAREFULLY)), dtype=dtype_of(Ending))
     whats, tracks = np.array([what], dtype=dtype_of(WhatIf)), run.tracks.copy()
     for k, row in enumerate(rows):
         tracks[what.actor] = row
-        roll_out(whats, _CAREFULLY, tracks, run.sizes, found[k : k + 1])
-    return _avoidable(found[:, 1:])
+        roll_out(whats, _CAREFULLY, tracks, run.sizes, rolled[k : k + 1])
+    return _avoidable(rolled[:, 1:])
 
 
 def _avoidable(careful: Records) -> FloatArray:
-    """Return half of whether any careful driver avoids the contact, and half of how many do."""
+    """Return, 0 to 1, half for any careful driver that avoids the contact plus half the share that does."""
     avoided = ~np.isfinite(careful["contact"])
     shares: FloatArray = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
     return shares
 
 
 def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
-    """Score candidates; those that hit an ego that stands, or that nobody avoids, have 0."""
+    """Score candidates; a candidate that hits a standing ego has a score of 0."""
     rolled = endings(run, candidates)
     count = 1 + len(DRIVES)
     drives, careful = rolled[:, :count], rolled[:, count:]
     touches = np.isfinite(drives["contact"])
     fair = drives["struck"] & (drives["ego"] >= STANDS_MPS)
     hits = np.where(touches, 1.0, _HITS * np.exp(-drives["gap"] / NEAR_M)) * fair
-    # Who comes into the ego's way at the last moment leaves little time, though a roll-out may just stop.
+    # An actor that comes into the ego's way at the last moment leaves little time, though a roll-out may just stop.
     threatened_s = drives["brakes"] - np.array([style.delay for style in (BLIND, *DRIVES)])
     met_s = np.where(touches[:, :1], drives[:, :1]["contact"], -1.0)
-    known = touches[:, :1] & np.isfinite(threatened_s)
-    left_s = np.maximum(met_s - np.where(known, threatened_s, 0.0), 0.0)
-    sudden = np.where(known, SUDDEN * np.exp(-left_s / SUDDEN_S), 0.0)
+    threatened = touches[:, :1] & np.isfinite(threatened_s)
+    left_s = np.maximum(met_s - np.where(threatened, threatened_s, 0.0), 0.0)
+    sudden = np.where(threatened, SUDDEN * np.exp(-left_s / SUDDEN_S), 0.0)
     hits = np.maximum(hits, sudden * fair[:, :1])
     hits[(touches & (drives["ego"] < STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
     in_line = _ahead_in_line(run, candidates, drives[:, 0])
@@ -150,27 +152,27 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     avoidable = _avoidable(careful)
     score = hit * (LEAST_SHARE + (1 - LEAST_SHARE) * avoidable)
     return [
-        _one(candidates[k], float(score[k]), float(hit[k]), float(avoidable[k]), drives[k], bool(avoided[k, 0]),
+        _scored(candidates[k], float(score[k]), float(hit[k]), float(avoidable[k]), drives[k], bool(avoided[k, 0]),
              careful[k, 0])
         for k in range(len(candidates))
     ]  # fmt: skip
 
 
 def _ahead_in_line(run: Recorded, candidates: Sequence[Candidate], blind: Records) -> BoolArray:
-    """Say of which candidates the actor is ahead in the ego's own line where the driver that does not react is nearest
-    to it: whoever drives at all keeps a distance there."""
-    found = np.zeros(len(candidates), dtype=np.bool_)
+    """Return for which candidates the recorded actor is in the ego's own line when the driver that does not react is
+    nearest to it: every driver keeps a distance there."""
+    in_line = np.zeros(len(candidates), dtype=np.bool_)
     for k, candidate in enumerate(candidates):
         what = candidate.what
         frame = min(what.first + round(float(blind[k]["at"]) / STEP_S), run.tracks.shape[1] - 1)
         x, y, heading, _ = run.tracks[0, frame]
         dx, dy, turned = (run.tracks[what.actor, frame, :3] - (x, y, heading)).tolist()
         beside = dy * math.cos(heading) - dx * math.sin(heading)
-        found[k] = math.cos(turned) > math.cos(IN_LINE_RAD) and abs(beside) < IN_LINE_M
-    return found
+        in_line[k] = math.cos(turned) > math.cos(IN_LINE_RAD) and abs(beside) < IN_LINE_M
+    return in_line
 
 
-def _one(
+def _scored(
     candidate: Candidate, score: float, hit: float, avoidable: float, drives: Records, brakes: bool, early: Records
 ) -> Scored:
     nearest = drives[int(np.argmin(drives["gap"]))]
@@ -183,7 +185,7 @@ def search(
     run: Recorded, actors: Sequence[int], first: int, last: int, frame: int, rng: Generator,
     settings: CarefulSettings | None = None,
 ) -> list[Scored]:  # fmt: skip
-    """Return the scored candidates of some actors in a window of a run, best first; none without a score."""
+    """Return the scored candidates of some actors in a window of a run, best first, without those of score 0."""
     s = settings or CarefulSettings()
     behaviours = Behaviours(run, first, last, frame, s, rng)
     candidates = [c for actor in actors if _near(run, actor, first, last, s.reach_m) for c in behaviours.of(actor)]
@@ -193,19 +195,19 @@ def search(
 
 @dataclass(frozen=True, eq=False)
 class Promise:
-    """Whether anything good may be found around the moments of a run, whoever of its actors behaves otherwise."""
+    """Tests whether the moments of a run are promising, whichever of its actors behaves otherwise."""
 
     run: Recorded
     settings: CarefulSettings
     seed: int = 0
 
     def of(self, frame: int, *, before_s: float, after_s: float) -> bool:
-        """Whether the best candidate of the window around a frame is `PROMISING`."""
+        """Return whether the best candidate of the window around a frame is `PROMISING`."""
         first = max(0, frame - round(before_s / STEP_S))
         last = min(self.run.trace.frames - 1, frame + round(after_s / STEP_S))
         rng = np.random.default_rng(np.random.SeedSequence([self.seed, frame]))
         best = search(self.run, range(1, len(self.run.sizes)), first, last, frame, rng, self.settings)[:1]
-        return any(one.score >= PROMISING for one in best)
+        return any(candidate.score >= PROMISING for candidate in best)
 
 
 def _near(run: Recorded, actor: int, first: int, last: int, reach_m: float) -> bool:
@@ -216,7 +218,7 @@ def _near(run: Recorded, actor: int, first: int, last: int, reach_m: float) -> b
 
 
 def _ego_stands(run: Recorded, candidate: Candidate) -> bool:
-    """Say whether the ego stands at any time at which a swerving actor may come to it."""
+    """Return whether the ego stands at any time at which a swerving actor may reach it."""
     at = candidate.what.first + round((candidate.at_s or 0.0) / STEP_S)
     until = at + round(3.0 / STEP_S)
     return bool((run.trace.states[at : until + 1, 0, 3] < STANDS_MPS).any())

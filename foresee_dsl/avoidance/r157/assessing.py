@@ -1,9 +1,9 @@
-"""Whether a careful and competent driver would have avoided a failure: UN Regulation 157's model, driven in its place.
+"""Judges whether a careful and competent driver would have avoided a failure: drives UN Regulation 157's model in its
+place.
 
 The failing run is driven again, the ego on its recorded path at its recorded speed, until the careful driver has
-perceived the risk (`avoidance.r157.risk`) and its delay is over. From then on it brakes along the same path. The
-other actors do what the test case says, in the real simulation, and may react to the braking ego. A lateral escape is
-not modelled.
+perceived the risk (`avoidance.r157.risk`) and its delay is over. From then on it brakes along the same path. The other
+actors act by the test case, in the real simulation, and may react to the braking ego. A lateral escape is not modelled.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 
 
 class Preventable(StrEnum):
-    """Would a careful and competent driver have avoided it?"""
+    """Whether a careful and competent driver would have avoided the failure."""
 
     origin: Literal["yes", "no", "unknown"]
-    """How a mutant's `origin` says it."""
+    """The answer in a mutant's `origin`."""
 
     def __new__(cls, value: str, origin: Literal["yes", "no", "unknown"]) -> Self:
         """Make a member."""
-        made = str.__new__(cls, value)
-        made._value_, made.origin = value, origin
-        return made
+        member = str.__new__(cls, value)
+        member._value_, member.origin = value, origin
+        return member
 
     YES = "preventable", "yes"
     NO = "unavoidable", "no"
@@ -40,14 +40,14 @@ class Preventable(StrEnum):
 
 @dataclass(frozen=True)
 class Preventability:
-    """What the replay of a failure found.
+    """The result of replaying a failure.
 
     Attributes:
-        verdict: yes, no, or not decided. why: a sentence for people.
+        verdict: whether it was preventable. why: a sentence for people.
         struck: which of the two struck the other: `runner struck the ego`; "" without a contact.
         impact_mps: relative speed at the failure's contact, m/s; None without a contact.
-        perceived_s: when the risk was perceived. braked_s: when braking began, or would have; None where it was not.
-        braked_impact_mps: relative speed at the contact that braking left, m/s; None where it left none.
+        perceived_s: when the risk was perceived; None if it was not. braked_s: when braking began; None without it.
+        braked_impact_mps: relative speed at the contact in spite of braking, m/s; None without a contact.
     """
 
     verdict: Preventable
@@ -65,22 +65,22 @@ class Preventability:
 
     @property
     def answer(self) -> str:
-        """As of a `Judgement`, like all that follow."""
+        """See `Judgement`, as for the properties that follow."""
         return self.verdict.value
 
     @property
     def avoids(self) -> bool:
-        """Whether braking avoids it."""
+        """Whether braking avoids the failure."""
         return self.verdict is Preventable.YES
 
     @property
     def settles(self) -> bool:
-        """Whether it is decided."""
+        """Whether the answer is decided."""
         return self.verdict is not Preventable.UNKNOWN
 
     @property
     def origin(self) -> tuple[str, str]:
-        """The line of a mutant's origin."""
+        """The setting and value for a mutant's `origin`."""
         return "preventable", self.verdict.origin
 
 
@@ -88,10 +88,10 @@ class R157Driver:
     """The judge: it drives the test case up to twice."""
 
     def judge(self, failure: Failure) -> Preventability:
-        """Say whether a careful and competent driver would have avoided the failure."""
+        """Return whether a careful and competent driver would have avoided the failure."""
         failed = failure.contact
         if failed is None:
-            what = "it got stuck" if failure.result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
+            what = "it got stuck" if failure.result.verdict is Verdict.STUCK else "it left the road, without a contact"
             return Preventability(Preventable.UNKNOWN, f"{what}: the model only says when to brake for others")
         return replace(_judged(failure, failed), struck=failed.struck, impact_mps=failed.relative_mps)
 
@@ -123,7 +123,7 @@ _BEFORE = "the risk is there at the first frame: a driver would have seen it com
 
 
 def _after_braking(seen: Perception, failed: Impact, braked: RunResult) -> Preventability:
-    """Read how the run ended in which the careful driver braked."""
+    """Return the judgement from the run in which the careful driver braked."""
     left = contact(braked)
     verdict, why = _without_contact(braked) if left is None else _with_contact(seen, failed, left)
     return Preventability(
@@ -141,7 +141,7 @@ def _without_contact(braked: RunResult) -> tuple[Preventable, str]:
             return Preventable.YES, "avoids the contact"
         case (
             Verdict.F1 | Verdict.F2 | Verdict.F3 | Verdict.F4 | Verdict.F5 | Verdict.CRASH | Verdict.INVALID
-        ):  # off the road, without a contact; or nothing was driven
+        ):  # off the road without a contact, or the simulation failed
             return Preventable.UNKNOWN, f"ends otherwise: {braked.reason}"
         case _:
             assert_never(braked.verdict)

@@ -283,4 +283,4 @@ def _details(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:
     """Return lines on a failure: its story, the judgements of the careful drivers, the drivers that avoid it."""
     sentence = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
     judged = (f"{judgement.name}: {judgement.answer}: {judgement.why}" for judgement in run.judgements)
-    return (*sentence, *judged, *(f"avoided: {other.told}" for other in run.avoided))
+    return (*sentence, *judged, *(f"avoided: {other.sentence}" for other in run.avoided))

@@ -165,7 +165,7 @@ def _print_finding(console: Console, number: int, finding: Finding, out: Path) -
 def _who_avoids(finding: Finding) -> str:
     """Return in words which other drivers avoid the representative's failure, and how."""
     runs = finding.references
-    avoiding = [run.told for run in runs if run.passes]
+    avoiding = [run.sentence for run in runs if run.passes]
     if not avoiding:
         others = f"; {counted(finding.avoided, 'sibling')} avoided" if finding.avoided else ""
         return f"fails with {', '.join(run.driver for run in runs)} too{others}"
