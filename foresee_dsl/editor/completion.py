@@ -1,4 +1,4 @@
-"""What can be written at a place: words of the grammar, names that are known there, units, files."""
+"""Completes a text at a place with words of the grammar, names that are defined there, units and files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from foresee_dsl.editor.files import Files, Found
+from foresee_dsl.editor.files import Definition, Files
 from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
 from foresee_dsl.editor.symbols import kind_named
 from foresee_dsl.language import model as m
@@ -22,17 +22,17 @@ from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import UNITS, Dimension
 
 _MOST_FILES = 500
-"""So many files are offered at most (ours: more are not read, and the list is sent with every letter)."""
+"""Maximum number of files offered. Ours: more are not read, and the list is sent with every letter."""
 _MOST_ENTRIES = 20_000
-"""So many entries of folders are looked at for them (ours: about 50 ms)."""
+"""Maximum number of folder entries examined for files. Ours: about 50 ms."""
 
 
 @dataclass(frozen=True)
 class Suggestion:
-    """One thing that can be written in place of the word that was begun.
+    """A text that can replace the word that was begun.
 
     Attributes:
-        kind: for the picture beside it. detail: a few words beside it. about: a sentence and an example, or empty.
+        kind: selects the icon beside it. detail: a few words beside it. about: a sentence and an example, or empty.
     """
 
     text: str
@@ -43,31 +43,31 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Completion:
-    """What can be written, and how many characters before the place it replaces."""
+    """The suggestions, and the number of characters before the place that they replace."""
 
     suggestions: tuple[Suggestion, ...]
     replaces: int
 
 
 def complete(files: Files, path: Path, text: str, offset: int) -> Completion:
-    """Return what can be written at an offset of a text."""
+    """Return the suggestions at an offset of a text."""
     place = before(text, offset)
     if place.in_comment:
         return Completion((), 0)
     terminals = accepted(place.text)
     if not terminals and place.word:
-        # A word that begins like a number's unit, or that already is one: `speed 50 k`.
+        # The beginning of a number's unit, or a whole unit: `speed 50 k`.
         return Completion((), len(place.word))
-    found: dict[str, Suggestion] = {}
+    suggestions: dict[str, Suggestion] = {}
     for slot in slots(place.text, terminals):
         if place.in_string and slot.token != "STRING":
             continue
         for suggestion in _of_slot(files, path, slot, place):
-            found.setdefault(suggestion.text, suggestion)
+            suggestions.setdefault(suggestion.text, suggestion)
     if not place.in_string:
         for word in words(terminals):
-            found.setdefault(word, _keyword(word))
-    return Completion(tuple(found.values()), len(place.word))
+            suggestions.setdefault(word, _keyword(word))
+    return Completion(tuple(suggestions.values()), len(place.word))
 
 
 def _keyword(word: str) -> Suggestion:
@@ -102,9 +102,9 @@ def _names(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Sugg
             about = KEYWORDS.get(word)
             yield Suggestion(word, "constant", about.meaning if about is not None else "")
     if slot.token == "NAME" and form_of(slot.node.kind, slot.field).parameter:
-        for name, found in files.definitions(path, "parameter").items():
-            if _fits(found, slot, kind):
-                yield Suggestion(name, "name", _describe(found))
+        for name, definition in files.definitions(path, "parameter").items():
+            if _fits(definition, slot, kind):
+                yield Suggestion(name, "name", _describe(definition))
 
 
 def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Before) -> Iterator[Suggestion]:
@@ -123,14 +123,16 @@ def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Befo
     if "stage" in kinds:
         yield from (Suggestion(name, "name", "stage") for name in files.stages(path, slot.node.fields.get("junction")))
         return
-    for name, found in files.definitions(path, *kinds).items():
+    for name, definition in files.definitions(path, *kinds).items():
         without_signal = slot.node.kind is m.TurnsTo and not files.stages(path, name)
-        if found.occurrence.owner.kind is m.Traffic or without_signal:
-            continue  # the traffic's name alone names no actor
+        if definition.occurrence.owner.kind is m.Traffic or without_signal:
+            continue  # the name of a traffic alone does not name an actor
         if slot.token == "DOTTED" and kind == "actor":
-            yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in _properties(slot, place))
+            yield from (
+                Suggestion(f"{name}.{what}", "name", _describe(definition)) for what in _properties(slot, place)
+            )
             continue
-        yield Suggestion(name, "name", _describe(found))
+        yield Suggestion(name, "name", _describe(definition))
         if kind == "road":
             yield Suggestion(f"{name}_back", "name", "the same road, the other way")
     if kind == "word":
@@ -155,27 +157,27 @@ def _type_of_word(files: Files, path: Path, slot: Slot) -> str:
 
 
 def _properties(slot: Slot, place: Before) -> tuple[str, ...]:
-    """What can stand behind an actor's name and a dot."""
+    """Return the words that can follow an actor's name and a dot."""
     if slot.node.kind is m.Measure:
-        functions = words(accepted(place.text))  # `time`, `ttc(...)`: measures that no actor stands before
+        functions = words(accepted(place.text))  # `time`, `ttc(...)`: measures without an actor before them
         return (*(word for word in form_of(m.Measure, "what").words if word not in functions), "signal")
     return ("signal",) if slot.node.kind is m.Shows else ("route",)
 
 
 def _changeable(files: Files, path: Path) -> Iterator[Suggestion]:
-    """What a `change` can name: an actor's properties, and those of weather, parameters, expectations and the end."""
-    for name, found in files.definitions(path, "actor").items():
-        if found.occurrence.owner.kind is not m.Traffic:
-            yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in m.PROPERTIES)
+    """Yield the properties that a `change` can name: of actors, weather, parameters, expectations and the end."""
+    for name, definition in files.definitions(path, "actor").items():
+        if definition.occurrence.owner.kind is not m.Traffic:
+            yield from (Suggestion(f"{name}.{what}", "name", _describe(definition)) for what in m.PROPERTIES)
     for word, kind in (("param", "parameter"), ("expect", "label")):
-        known = files.definitions(path, cast(SymbolKind, kind)).items()
-        yield from (Suggestion(f"{word}.{name}", "name", _describe(found)) for name, found in known)
+        definitions = files.definitions(path, cast(SymbolKind, kind)).items()
+        yield from (Suggestion(f"{word}.{name}", "name", _describe(definition)) for name, definition in definitions)
     for name, owner in m.OWNERS.items():
         yield from (Suggestion(f"{name}.{what}", "name") for what in owner.properties)
 
 
-def _fits(found: Found, slot: Slot, kind: SymbolKind | None) -> bool:
-    type_ = found.occurrence.owner.fields.get("type")
+def _fits(definition: Definition, slot: Slot, kind: SymbolKind | None) -> bool:
+    type_ = definition.occurrence.owner.fields.get("type")
     if kind in ("road", "junction"):
         return type_ in ("arm", kind)
     wanted = {"turn": "turn", "model": "model", "side": "side", "stage": "stage"}.get(slot.field, kind)
@@ -183,24 +185,24 @@ def _fits(found: Found, slot: Slot, kind: SymbolKind | None) -> bool:
 
 
 def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
-    """The parameters that can stand for a value, or for a model."""
+    """Yield the parameters that can stand for a value or for a model."""
     above = slot.above[-1] if slot.above else slot.node
     dimension = _dimension(files, path, slot)
     model = "model" in above.fields
-    given = next((node for node in slot.above if node.kind is m.Assignment), None)
-    if given is not None and not is_number(files.type_of(path, str(given.fields.get("name")))):
+    assignment = next((node for node in slot.above if node.kind is m.Assignment), None)
+    if assignment is not None and not is_number(files.type_of(path, str(assignment.fields.get("name")))):
         return  # a word
-    for name, found in files.definitions(path, "parameter").items():
-        type_ = found.occurrence.owner.fields.get("type")
+    for name, definition in files.definitions(path, "parameter").items():
+        type_ = definition.occurrence.owner.fields.get("type")
         free = dimension is None and not model and (above.kind not in _CALCULATIONS or is_number(str(type_)))
         if type_ == ("model" if model else dimension) or free:
-            yield Suggestion(name, "name", _describe(found))
+            yield Suggestion(name, "name", _describe(definition))
 
 
 def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
-    """The dimension that a value has where the slot is."""
+    """Return the dimension of a value at the slot; None if it may have any."""
     inner, outer = slot.node, list(slot.above)
-    while outer and outer[-1].kind in (m.Sum, m.Extreme, m.Negative):  # of the dimension of the whole
+    while outer and outer[-1].kind in (m.Sum, m.Extreme, m.Negative):  # they have the dimension of the whole
         inner = outer.pop()
     above = outer[-1] if outer else inner
     field = next((f for f, v in above.fields.items() if v is inner or (isinstance(v, tuple) and inner in v)), "")
@@ -225,8 +227,8 @@ def _of_parameter(type_: str) -> Dimension | None:
 _CALCULATIONS = get_args(m.Expression)
 
 
-def _describe(found: Found) -> str:
-    node = found.occurrence.owner
+def _describe(definition: Definition) -> str:
+    node = definition.occurrence.owner
     if node.kind is m.Param:
         return f"parameter, {node.fields.get('type', '')}"
     kind = "model" if node.kind is m.VehicleModel else node.kind.__name__.lower()
@@ -234,7 +236,7 @@ def _describe(found: Found) -> str:
 
 
 def _files(path: Path, *, networks: bool) -> Iterator[Suggestion]:
-    """Files of the language (and networks of others) in this folder and those below, or one above."""
+    """Yield the files of the language (and foreign networks) in the folder of a file and in those below."""
     suffixes = (SUFFIX, *FOREIGN_NETWORKS) if networks else (SUFFIX,)
     names: list[str] = []
     looked_at = 0

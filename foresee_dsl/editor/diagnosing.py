@@ -1,4 +1,4 @@
-"""What is wrong with a text that an editor holds, and with the files that it builds on."""
+"""Finds the errors of a text that an editor holds, and of the files on which it builds."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ _NO_CODE = "FS001"
 
 
 def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) -> tuple[Diagnostic, ...]:
-    """Return what is wrong with a file and with the files that it builds on.
+    """Return the diagnostics of a file and of the files on which it builds.
 
-    The file need not exist on the disk; `overlay` are the texts that the editor holds, by absolute path. With `places`
-    the network is built and every actor placed, which takes up to some seconds. Nothing is raised for what is in the
-    text, nor where SUMO's programs are missing.
-    """
+    The file need not exist on the disk; `overlay`: the texts that the editor holds, by absolute path. With `places` the
+    network is built and every actor placed, which takes up to some seconds. Errors in the text, or missing programs of
+    SUMO, become diagnostics; they do not raise."""
     try:
         result = check_paths([str(path)], {**overlay, path: text})
         if not places:
@@ -27,8 +26,8 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
         from foresee_dsl.compile import placement_lints, placement_mistakes
         from foresee_dsl.language.lints.lint import without_repeated
 
-        found = without_repeated(result.diagnostics, placement_mistakes(result.cases))
-        return (*found, *placement_lints(result.cases))
+        merged = without_repeated(result.diagnostics, placement_mistakes(result.cases))
+        return (*merged, *placement_lints(result.cases))
     except InputError as error:
         return error.diagnostics
     except ForeseeError as error:
@@ -36,7 +35,7 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
 
 
 def find_alone(text: str, name: str) -> tuple[Diagnostic, ...]:
-    """Return what is wrong with a text that is no file yet."""
+    """Return the diagnostics of a text that was never saved as a file."""
     try:
         return check_document(parse(text, name))
     except InputError as error:

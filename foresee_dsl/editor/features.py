@@ -1,4 +1,4 @@
-"""What the editor asks for at a place or of a file, answered from the other modules; one function a request."""
+"""Answers the editor's requests about a place or a file from the other modules, with one function per request."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from functools import cache, partial
 from pathlib import Path
 
 from foresee_dsl.editor import navigate
-from foresee_dsl.editor.answers.fixes import fixes, with_known_names
+from foresee_dsl.editor.answers.expression_results import results
+from foresee_dsl.editor.answers.fixes import fixes, with_names_of
 from foresee_dsl.editor.answers.marks import hints, lenses, tokens
-from foresee_dsl.editor.answers.worked_out import results
 from foresee_dsl.editor.completion import Suggestion, complete
 from foresee_dsl.editor.diagnosing import find, find_alone
 from foresee_dsl.editor.files import Files
@@ -55,13 +55,13 @@ def _uri(params: Json) -> str:
 
 
 def completion(session: Session, params: Json) -> Json:
-    """Return what can be written at a place."""
+    """Return the suggestions at a place."""
     uri = _uri(params)
     places = session.positions(uri)
-    found = complete(session.files(uri), path_of(uri), session.text(uri), places.offset(params["position"]))
+    completed = complete(session.files(uri), path_of(uri), session.text(uri), places.offset(params["position"]))
     line, column = places.place(params["position"])
-    where = {"start": places.position(line, column - found.replaces), "end": params["position"]}
-    items = [_item(suggestion, where, k) for k, suggestion in enumerate(found.suggestions)]
+    where = {"start": places.position(line, column - completed.replaces), "end": params["position"]}
+    items = [_item(suggestion, where, k) for k, suggestion in enumerate(completed.suggestions)]
     return {"isIncomplete": False, "items": items}
 
 
@@ -80,13 +80,13 @@ def _item(suggestion: Suggestion, where: Json, order: int) -> Json:
 
 
 def hover(session: Session, params: Json) -> Json | None:
-    """Return what is known of a place."""
+    """Return the help text of a place; None if there is none."""
     uri = _uri(params)
     places = session.positions(uri)
-    found = hover_of(session.files(uri), path_of(uri), *places.place(params["position"]))
-    if found is None:
+    about = hover_of(session.files(uri), path_of(uri), *places.place(params["position"]))
+    if about is None:
         return None
-    return {"contents": {"kind": "markdown", "value": found.markdown}, "range": places.range(found.span)}
+    return {"contents": {"kind": "markdown", "value": about.markdown}, "range": places.range(about.span)}
 
 
 def _named(session: Session, params: Json) -> tuple[Files, Path, Occurrence | None]:
@@ -101,49 +101,49 @@ def _location(session: Session, place: navigate.Place) -> Json:
 
 
 def definition(session: Session, params: Json) -> Json | None:
-    """Return where a name is defined."""
-    files, path, found = _named(session, params)
-    place = navigate.definition(files, path, found) if found is not None else None
+    """Return the place where a name is defined."""
+    files, path, name = _named(session, params)
+    place = navigate.definition(files, path, name) if name is not None else None
     return _location(session, place) if place is not None else None
 
 
 def references(session: Session, params: Json) -> list[Json]:
-    """Return where a name is used."""
-    files, path, found = _named(session, params)
-    if found is None:
+    """Return the places where a name is used."""
+    files, path, name = _named(session, params)
+    if name is None:
         return []
-    defined = navigate.definition(files, path, found)
-    places = navigate.references(files, path, found)
+    defined = navigate.definition(files, path, name)
+    places = navigate.references(files, path, name)
     wanted = params["context"]["includeDeclaration"]
     return [_location(session, place) for place in places if wanted or place != defined]
 
 
 def prepare_rename(session: Session, params: Json) -> Json | None:
     """Return the place that would be renamed."""
-    files, path, found = _named(session, params)
-    if found is None:
+    files, path, name = _named(session, params)
+    if name is None:
         return None
     try:
-        return session.positions(_uri(params)).range(navigate.renamed_from(files, path, found))
+        return session.positions(_uri(params)).range(navigate.renamed_from(files, path, name))
     except navigate.RenameError as error:
         raise RequestError(str(error)) from None
 
 
 def rename(session: Session, params: Json) -> Json:
-    """Return the edits that give a name another one everywhere."""
-    files, path, found = _named(session, params)
-    if found is None:
+    """Return the edits that rename a name everywhere."""
+    files, path, name = _named(session, params)
+    if name is None:
         raise RequestError("there is no name here")
     try:
-        renaming = navigate.rename(files, path, found, params["newName"])
+        renaming = navigate.rename(files, path, name, params["newName"])
     except navigate.RenameError as error:
         raise RequestError(str(error)) from None
     changes: dict[str, list[Json]] = {}
     positions: dict[str, Positions] = {}
     for place in renaming.places:
         where = session.uri(place.path)
-        known = positions.get(where) or positions.setdefault(where, session.positions(where))
-        changes.setdefault(where, []).append({"range": known.range(place.span), "newText": renaming.name})
+        places = positions.get(where) or positions.setdefault(where, session.positions(where))
+        changes.setdefault(where, []).append({"range": places.range(place.span), "newText": renaming.name})
     if renaming.stale:
         names = ", ".join(path.name for path in renaming.stale[:5]) + (", ..." if len(renaming.stale) > 5 else "")
         message = f"{len(renaming.stale)} recorded children pin what was renamed and are stale now: {names}"
@@ -155,7 +155,7 @@ def rename(session: Session, params: Json) -> Json:
 
 
 def formatting(session: Session, params: Json) -> list[Json] | None:
-    """Return the edit that formats a text; None where it has mistakes, which are shown already."""
+    """Return the edit that formats a text; None if the text has errors, which the editor shows already."""
     uri = _uri(params)
     text = session.text(uri)
     try:
@@ -173,39 +173,39 @@ def document_symbols(session: Session, params: Json) -> list[Json]:
 
 
 def _symbol(entry: Entry, places: Positions) -> Json:
-    found: Json = {
+    symbol: Json = {
         "name": entry.name,
         "kind": _SYMBOLS.get(entry.kind, _PROPERTY),
         "range": places.range(entry.span),
         "selectionRange": places.range(entry.name_span),
         "children": [_symbol(child, places) for child in entry.children],
     }
-    return {**found, "detail": entry.detail} if entry.detail else found
+    return {**symbol, "detail": entry.detail} if entry.detail else symbol
 
 
 def folding_ranges(session: Session, params: Json) -> list[Json]:
-    """Return what can be folded."""
+    """Return the ranges of lines that can be folded."""
     return [{"startLine": a - 1, "endLine": b - 1, "kind": kind} for a, b, kind in folds(session.text(_uri(params)))]
 
 
 def code_actions(session: Session, params: Json) -> list[Json]:
-    """Return a quick fix for every text that a diagnostic suggests."""
+    """Return the quick fixes of the diagnostics at a place."""
     uri = _uri(params)
     places, path, overlay = session.positions(uri), path_of(uri), session.overlay()
 
     @cache
-    def found(text: str, placed: bool) -> tuple[Diagnostic, ...]:
-        # where things stand is looked at only for a mistake that shows no sooner
+    def check_text(text: str, placed: bool) -> tuple[Diagnostic, ...]:
+        # actors are placed only for an error that needs it, as that is slow
         every = find(path, text, overlay, places=placed) if is_file(uri) else find_alone(text, str(path))
-        return tuple(one for one in every if one.path == str(path))
+        return tuple(diagnostic for diagnostic in every if diagnostic.path == str(path))
 
-    adapt = with_known_names(path, overlay)
+    adapt = with_names_of(path, overlay)
     actions = []
     for diagnostic in params["context"]["diagnostics"]:
         if diagnostic.get("source") != SOURCE:
             continue
         span = places.span(diagnostic["range"])
-        check = partial(found, placed=str(diagnostic.get("code", "")) in _PLACED)
+        check = partial(check_text, placed=str(diagnostic.get("code", "")) in _PLACED)
         meant = _meant(diagnostic, span, check(session.text(uri)))
         offered = fixes(meant, span, places, check, adapt) if meant is not None else ()
         for k, fix in enumerate(offered):
@@ -215,10 +215,16 @@ def code_actions(session: Session, params: Json) -> list[Json]:
     return actions
 
 
-def _meant(shown: Json, span: Span, found: Iterable[Diagnostic]) -> Diagnostic | None:
-    """Return the diagnostic that an editor shows; of several with its words the nearest. None: it is not there now."""
-    same = [one for one in found if (one.code, with_help(one)) == (shown.get("code"), shown["message"])]
-    return min(same, key=lambda one: abs(one.span.line - span.line) if one.span is not None else 0, default=None)
+def _meant(sent: Json, span: Span, diagnostics: Iterable[Diagnostic]) -> Diagnostic | None:
+    """Return the present diagnostic that an editor has sent; of several with its words, the nearest; None if it is
+    gone."""
+    words = sent.get("code"), sent["message"]
+    same = [diagnostic for diagnostic in diagnostics if (diagnostic.code, with_help(diagnostic)) == words]
+    return min(
+        same,
+        key=lambda diagnostic: abs(diagnostic.span.line - span.line) if diagnostic.span is not None else 0,
+        default=None,
+    )
 
 
 def _placed_codes() -> frozenset[str]:
@@ -231,7 +237,8 @@ _PLACED = _placed_codes()
 
 
 def semantic_tokens(session: Session, params: Json) -> Json:
-    """Return what the words of a text are, as the protocol packs it: each from the one before."""
+    """Return the kinds of the words of a text in the protocol's encoding: each position is relative to the one
+    before."""
     uri = _uri(params)
     places = session.positions(uri)
     data: list[int] = []
@@ -247,22 +254,22 @@ def semantic_tokens(session: Session, params: Json) -> Json:
 
 
 def inlay_hints(session: Session, params: Json) -> list[Json]:
-    """Return the hints of the lines that are seen."""
+    """Return the hints of the visible lines."""
     uri = _uri(params)
     places = session.positions(uri)
     span = places.span(params["range"])
-    found = [(hint.line, hint.column, hint.text) for hint in hints(session.text(uri), span.line, span.end_line)]
+    texts = [(hint.line, hint.column, hint.text) for hint in hints(session.text(uri), span.line, span.end_line)]
     for where, result in results(session.files(uri), path_of(uri)):
         if span.line <= where.end_line <= span.end_line:
-            found.append((where.end_line, where.end_column, f"= {result}"))
+            texts.append((where.end_line, where.end_column, f"= {result}"))
     return [
         {"position": places.position(line, column), "label": text, "paddingLeft": True}
-        for line, column, text in sorted(found)
+        for line, column, text in sorted(texts)
     ]
 
 
 def code_lenses(session: Session, params: Json) -> list[Json]:
-    """Return the commands above what a file defines and above its cases."""
+    """Return the commands above a file's definition and above its cases."""
     uri = _uri(params)
     if not is_file(uri):
         return []

@@ -1,4 +1,4 @@
-"""The files of a workspace: what the editor holds unsaved, what lies on the disk, and which file refers to which."""
+"""The files of a workspace: unsaved texts of the editor, texts on the disk, and references between files."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from foresee_dsl.language.project.addresses import absolute, scenario_files
 from foresee_dsl.language.syntax.node import Node
 
 _EDGE = re.compile(r"(.*?)(_back)?(#[0-9]+)?$", re.DOTALL)
-"""An edge's id: its road, `_back` for the other direction, `#1` for a part of one that netconvert cut."""
+"""An edge's id: its road, `_back` for the other direction, `#1` for a part of a road that netconvert split."""
 _BACKGROUND = re.compile(r"(.*)(_[0-9]+)$", re.DOTALL)
-"""A background actor: `others_01` is of the traffic `others`."""
+"""A background actor's name: `others_01` belongs to the traffic `others`."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """A definition in a file; `suffix` is what the use adds to the defined name (`_back`, `_01`)."""
+class Definition:
+    """A definition in a file. `suffix`: the part that a use adds to the defined name (`_back`, `_01`)."""
 
     path: Path
     occurrence: Occurrence
@@ -34,15 +34,15 @@ class Found:
 
 
 class Files:
-    """Texts by absolute path (`overlay`: those that an editor holds), and the way from a use to its definition; other
-    files are looked for in `folders`."""
+    """Reads files and finds definitions of names. `overlay`: texts that an editor holds, by absolute path. `folders`:
+    where other files are searched."""
 
     def __init__(self, overlay: Mapping[Path, str], folders: Iterable[Path] = ()) -> None:
         self.overlay = overlay
         self._folders = tuple(folders)
 
     def text(self, path: Path) -> str | None:
-        """Return a file's text, or None where it cannot be read as one."""
+        """Return a file's text, or None if it cannot be read as text."""
         held = self.overlay.get(path)
         return held if held is not None else _on_disk(path, _stamp(path))
 
@@ -52,73 +52,74 @@ class Files:
         return occurrences(text) if text is not None and path.suffix == ".foresee" else ()
 
     def root(self, path: Path) -> Node | None:
-        """Return what a file defines, as far as it can be read."""
+        """Return the node of a file's definition, as far as it can be read."""
         text = self.text(path)
         return read_syntax(text).root if text is not None and path.suffix == ".foresee" else None
 
     def all(self) -> tuple[Path, ...]:
-        """Return every `.foresee` file of the workspace, and those that are open."""
-        found = dict.fromkeys(path for path in self.overlay if path.suffix == ".foresee")
+        """Return all `.foresee` files of the workspace, and the open ones."""
+        files = dict.fromkeys(path for path in self.overlay if path.suffix == ".foresee")
         for folder in self._folders:
             try:
-                found |= dict.fromkeys(absolute(file) for file in scenario_files([folder]))
+                files |= dict.fromkeys(absolute(file) for file in scenario_files([folder]))
             except ForeseeError:
-                continue  # the folder is gone
-        return tuple(sorted(found))
+                continue  # the folder no longer exists
+        return tuple(sorted(files))
 
     def used(self, path: Path) -> tuple[Path, ...]:
-        """Return the files that a file names: its network, its models, its parent."""
+        """Return the files that a file names, such as its network, its models and its parent."""
         named = [o.name for o in self.names(path) if o.kind == "file"]
         return tuple(absolute(path.parent / name) for name in named)
 
     def scope(self, path: Path) -> tuple[Path, ...]:
-        """Return a file and every file that it builds on, nearest first; the bundled models last."""
-        found: dict[Path, None] = {path: None}
+        """Return a file and all files on which it builds, nearest first, with the bundled models last."""
+        in_scope: dict[Path, None] = {path: None}
         waiting = [path]
         while waiting:
             for used in self.used(waiting.pop(0)):
-                if used not in found:
-                    found[used] = None
+                if used not in in_scope:
+                    in_scope[used] = None
                     waiting.append(used)
-        found.setdefault(absolute(data_folder("scenarios") / "models.foresee"))
-        return tuple(found)
+        in_scope.setdefault(absolute(data_folder("scenarios") / "models.foresee"))
+        return tuple(in_scope)
 
     def parents(self, path: Path) -> tuple[Path, ...]:
-        """Return the files that a clip, mutant or extension comes from, nearest first."""
-        found: list[Path] = []
+        """Return the files from which a clip, mutant or extension is derived, nearest first."""
+        parents: list[Path] = []
         while (root := self.root(path)) is not None and isinstance(root.fields.get("parent"), str):
             path = absolute(path.parent / str(root.fields["parent"]))
-            if path in found:
+            if path in parents:
                 break
-            found.append(path)
-        return tuple(found)
+            parents.append(path)
+        return tuple(parents)
 
-    def definitions(self, path: Path, *kinds: SymbolKind) -> dict[str, Found]:
-        """Return what can be named in a file, by name, of some kinds; a nearer definition hides a farther one."""
-        found: dict[str, Found] = {}
-        for known in self._defined(path, *kinds):
-            found.setdefault(known.occurrence.name, known)
-        return found
+    def definitions(self, path: Path, *kinds: SymbolKind) -> dict[str, Definition]:
+        """Return the definitions of some kinds that a file can use, by name; a nearer definition hides a farther
+        one."""
+        definitions: dict[str, Definition] = {}
+        for definition in self._defined(path, *kinds):
+            definitions.setdefault(definition.occurrence.name, definition)
+        return definitions
 
-    def _defined(self, path: Path, *kinds: SymbolKind) -> Iterator[Found]:
+    def _defined(self, path: Path, *kinds: SymbolKind) -> Iterator[Definition]:
         for file in self.scope(path):
-            yield from (Found(file, o) for o in self.names(file) if o.defines and o.kind in kinds)
+            yield from (Definition(file, o) for o in self.names(file) if o.defines and o.kind in kinds)
 
-    def define(self, path: Path, use: Occurrence) -> Found | None:
-        """Return where a name that is used in a file is defined."""
+    def define(self, path: Path, use: Occurrence) -> Definition | None:
+        """Return the definition of a name that is used in a file; None if there is none."""
         if use.kind == "file":
             return None
         if use.defines:
-            return Found(path, use)
+            return Definition(path, use)
         kinds = self._kinds(path, use)
         if kinds == ("stage",):
-            known = self.definitions(path, "parameter").get(use.name) if use.owner.kind is m.Ref else None
+            definition = self.definitions(path, "parameter").get(use.name) if use.owner.kind is m.Ref else None
             junctions = self._junctions(path, use.scope) if use.kind == "word" else {use.scope} - {""}
-            return known or self._stage(path, use.name, junctions)
+            return definition or self._stage(path, use.name, junctions)
         return self._of_kinds(path, use, kinds)
 
-    def _of_kinds(self, path: Path, use: Occurrence, kinds: tuple[SymbolKind, ...]) -> Found | None:
-        # A word where a parameter may stand is one if there is one of that name.
+    def _of_kinds(self, path: Path, use: Occurrence, kinds: tuple[SymbolKind, ...]) -> Definition | None:
+        # Where a parameter may stand, a word is a parameter if one of that name exists.
         for kind in ("parameter", *kinds) if use.owner.kind is m.Ref else kinds:
             there = self.definitions(path, kind)
             if use.name in there:
@@ -130,36 +131,36 @@ class Files:
                 and base[1] in there
                 and (kind == "road" or there[base[1]].occurrence.owner.kind is m.Traffic)
             ):
-                found = there[base[1]]
-                return Found(found.path, found.occurrence, use.name[len(base[1]) :])
+                base_definition = there[base[1]]
+                return Definition(base_definition.path, base_definition.occurrence, use.name[len(base[1]) :])
         return None
 
-    def _stage(self, path: Path, name: str, junctions: set[str]) -> Found | None:
-        """Return a stage of one of some junctions; of any where none is known."""
+    def _stage(self, path: Path, name: str, junctions: set[str]) -> Definition | None:
+        """Return a stage of one of some junctions; of any junction if the set is empty."""
         stages = (f for f in self._defined(path, "stage") if f.occurrence.name == name)
         return next((f for f in stages if not junctions or f.occurrence.scope in junctions), None)
 
     def _junctions(self, path: Path, parameter: str) -> set[str]:
-        """Return the junctions of whose stages a parameter is one: those where it is used, in any file of the scope."""
-        found: set[str] = set()
+        """Return the junctions for which a parameter is used as a stage, in any file of the scope."""
+        junctions: set[str] = set()
         for file in self.scope(path):
             root = self.root(file)
             for node, _ in walk(root) if root is not None else ():
                 stage = node.fields.get("state" if node.kind is m.Shows else "stage")
                 named = isinstance(stage, Node) and stage.kind is m.Ref and stage.fields.get("name") == parameter
                 if (named or stage == parameter) and isinstance(junction := node.fields.get("junction"), str):
-                    found.add(junction)
-        return found
+                    junctions.add(junction)
+        return junctions
 
     def stages(self, path: Path, junction: object) -> tuple[str, ...]:
         """Return the names of a junction's stages."""
-        found = (known.occurrence for known in self._defined(path, "stage"))
-        return tuple(o.name for o in found if o.scope == junction)
+        stages = (definition.occurrence for definition in self._defined(path, "stage"))
+        return tuple(o.name for o in stages if o.scope == junction)
 
     def type_of(self, path: Path, parameter: str) -> str:
-        """Return the type of a parameter as written, or ""."""
-        found = self.definitions(path, "parameter").get(parameter)
-        return str(found.occurrence.owner.fields.get("type", "")) if found is not None else ""
+        """Return the type of a parameter as written; "" if it is not defined."""
+        definition = self.definitions(path, "parameter").get(parameter)
+        return str(definition.occurrence.owner.fields.get("type", "")) if definition is not None else ""
 
     def _kinds(self, path: Path, use: Occurrence) -> tuple[SymbolKind, ...]:
         if use.kind == "thing":
@@ -185,7 +186,7 @@ def _stamp(path: Path) -> tuple[int, int] | None:
 
 @lru_cache(maxsize=1024)
 def _on_disk(path: Path, stamp: tuple[int, int] | None) -> str | None:
-    """Read a file once as long as it stays the same."""
+    """Return a file's text; read again only when `stamp` changes."""
     if stamp is None or stamp[1] > MAX_BYTES:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Our own terminal output in colours."""
+"""Prints texts of the language in the terminal, in colours."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _STYLES = MappingProxyType(
         "Token.Literal.String": "green",
     }
 )
-"""By the name of Pygments' token. The terminal's own colours, which a person has chosen to read well (ours)."""
+"""Styles by the name of Pygments' token. Ours: the terminal's own colours, which its user has chosen to be readable."""
 
 
 def highlighted(text: str) -> Text:
-    """Return a text of the language in colours; all its characters stay, but those that move a terminal's cursor."""
+    """Return a text of the language in colours, without characters that move a terminal's cursor."""
     from rich.text import Text
 
     from foresee_dsl.editor.lexer import ForeseeLexer
@@ -41,14 +41,16 @@ def highlighted(text: str) -> Text:
 
 
 def wanted() -> bool:
-    """Return whether standard output shows colours: it is a terminal, and nobody has set NO_COLOR."""
+    """Return whether standard output shows colours: it is a terminal, and NO_COLOR is not set."""
     return sys.stdout.isatty() and "NO_COLOR" not in os.environ
 
 
 def show(text: str) -> None:
-    """Print a text of the language on standard output: in colours where they are wanted, else byte for byte."""
+    """Print a text of the language on standard output: in colours if they are wanted, else byte for byte."""
     if not wanted():
-        getattr(sys.stdout, "trusted", sys.stdout).write(text)  # the command line's stream writes out hidden signs
+        getattr(sys.stdout, "trusted", sys.stdout).write(
+            text
+        )  # the command line's own stream escapes hidden characters
         return
     from rich.console import Console
 

@@ -1,4 +1,4 @@
-"""The help text for the word under the cursor."""
+"""Returns the help text for the word under the cursor."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.editor import navigate
-from foresee_dsl.editor.answers.worked_out import worked_out
-from foresee_dsl.editor.files import Files, Found
+from foresee_dsl.editor.answers.expression_results import describe_expression
+from foresee_dsl.editor.files import Definition, Files
 from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
@@ -22,7 +22,7 @@ _TOKEN = re.compile(
     r'#.*|"[^"]*"?|(?P<number>-?[0-9]+(?:\.[0-9]+)?)(?:[ \t]*(?P<unit>[^\W\d][\w/^]*))?|(?P<word>[^\W\d]\w*)'
 )
 _LONGEST = 12
-"""So many lines of a definition are shown (ours: a model has eleven)."""
+"""Maximum number of lines of a definition that are shown. Ours: a model has eleven."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,15 @@ class Hover:
 
 
 def hover(files: Files, path: Path, line: int, column: int) -> Hover | None:
-    """Return what is known of a place (1-based), or None."""
+    """Return the help text of a place (1-based), or None."""
     text = plain(files.text(path) or "")
     lines = text.split("\n")
     if line > len(lines):
         return None
-    found = navigate.at(files, path, line, column)
-    result = worked_out(files, path, line, column)
-    if found is not None and (about := _of_name(files, path, found)):
-        return Hover(f"{about}\n\n{result[0]}" if result is not None else about, found.span)
+    name = navigate.at(files, path, line, column)
+    result = describe_expression(files, path, line, column)
+    if name is not None and (about := _of_name(files, path, name)):
+        return Hover(f"{about}\n\n{result[0]}" if result is not None else about, name.span)
     for token in _TOKEN.finditer(lines[line - 1]):
         if not token.start() < column <= token.end() + 1:
             continue
@@ -73,7 +73,7 @@ def conversions(number: float, unit: Unit) -> str:
 
 
 def _digits(value: float) -> str:
-    """Four digits that matter, and never an exponent for what people write."""
+    """Return a number with four significant digits, without an exponent for usual values."""
     if value == 0 or not 1e-4 <= abs(value) < 1e7:
         return f"{value:.4g}"
     if abs(value) >= 1000:
@@ -91,32 +91,32 @@ def _of_name(files: Files, path: Path, use: Occurrence) -> str:
         return f"{about}`{shown(place.path)}`" + _doc(root)
     if use.kind == "model" and (model := _model(files, path, use.name)) is not None:
         return model
-    found = files.define(path, use)
-    if found is None:
+    definition = files.define(path, use)
+    if definition is None:
         return ""
-    text = f"{_code(_written(files, found))}\n\n{_where(path, found)}"
-    name = found.occurrence.owner.fields.get("model")
+    text = f"{_code(_written(files, definition))}\n\n{_where(path, definition)}"
+    name = definition.occurrence.owner.fields.get("model")
     model = _model(files, path, name) if isinstance(name, str) else None
     return f"{text}\n\n{model}" if model is not None else text
 
 
 def _model(files: Files, path: Path, name: str) -> str | None:
-    """A model's size and abilities, as in its catalogue."""
-    found = files.definitions(path, "model").get(name)
-    if found is None:
+    """Return a model's size and abilities as Markdown, from its catalogue."""
+    definition = files.definitions(path, "model").get(name)
+    if definition is None:
         return None
-    rows = [f"**{name}** {_where(path, found)}", ""]
-    for field, value in found.occurrence.owner.fields.items():
+    rows = [f"**{name}** {_where(path, definition)}", ""]
+    for field, value in definition.occurrence.owner.fields.items():
         if isinstance(value, Node) and value.kind is m.Quantity:
             number, unit = value.fields["value"], value.fields.get("unit", "")
             rows.append(f"- {field.replace('_', ' ')} {number:f} {unit}".rstrip())
     return "\n".join(rows)
 
 
-def _written(files: Files, found: Found) -> str:
-    """The lines of a definition, as they stand in its file."""
-    span = found.occurrence.owner.span
-    lines = plain(files.text(found.path) or "").split("\n")[span.line - 1 : span.end_line]
+def _written(files: Files, definition: Definition) -> str:
+    """Return the lines of a definition as in its file, without their common indentation."""
+    span = definition.occurrence.owner.span
+    lines = plain(files.text(definition.path) or "").split("\n")[span.line - 1 : span.end_line]
     if not lines:
         return ""
     if span.line == span.end_line:
@@ -127,9 +127,9 @@ def _written(files: Files, found: Found) -> str:
     return "\n".join(block if len(block) <= _LONGEST else [*block[: _LONGEST - 1], "  ..."])
 
 
-def _where(path: Path, found: Found) -> str:
-    place = "in this file" if found.path == path else f"in `{found.path.name}`"
-    return f"({found.occurrence.kind}, {place}, line {found.occurrence.span.line})"
+def _where(path: Path, definition: Definition) -> str:
+    place = "in this file" if definition.path == path else f"in `{definition.path.name}`"
+    return f"({definition.occurrence.kind}, {place}, line {definition.occurrence.span.line})"
 
 
 def _doc(root: Node | None) -> str:

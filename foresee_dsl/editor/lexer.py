@@ -1,9 +1,8 @@
-"""The Pygments lexer of the language: for our own terminal output, documentation pages, and whatever uses Pygments.
+"""The Pygments lexer of the language: for our terminal output, documentation pages, and other users of Pygments.
 
 It is registered as an entry point, so that `pygmentize -l foresee` finds it. Words come from `language.keywords`, units
-from `language.units`. Where a word may be a keyword or a name, what stands around it decides; every text has tokens
-throughout and none of them is an error.
-"""
+from `language.units`. Where a word may be a keyword or a name, its surroundings decide. Every text is split into tokens
+completely, without an error token."""
 
 from __future__ import annotations
 
@@ -30,24 +29,24 @@ TOKENS: MappingProxyType[Group, _TokenType] = MappingProxyType(
         "constant": Name.Constant,
     }
 )
-"""How each group of words is shown."""
+"""The token type of each group of words."""
 
 NAMED = ("scenario", "clip", "mutant", "network", "models", "param", "case", "vehicle", "bicycle", "pedestrian",
          "obstacle", "traffic", "junction", "road", "stage", "signal")  # fmt: skip
-"""The words behind which a name stands."""
+"""The words that a name follows."""
 
 _UNIT_WORDS = "|".join(re.escape(word) for word in sorted(UNITS, key=len, reverse=True))
 UNIT = rf"(?:{_UNIT_WORDS})(?![\w/^])"
 """A unit as a regular expression; longer words first, so that `m/s^2` is not read as `m`."""
 NUMBER = r"(?<![\w.])-?[0-9]+(?:\.[0-9]+)?"
-"""A number as a regular expression: none inside a name."""
+"""A number as a regular expression; digits inside a name are not one."""
 NAME = r"[^\W\d]\w*"
 NAMED_RULE = rf"\b({'|'.join(NAMED)})([ \t]+)({NAME})(?=[ \t]*(?:[:={{]|$|(?:of|at|from|for|extends)\b))"
-"""A word and the name that it gives, where what follows shows that it is one."""
+"""A word and the name that it defines, if the following text shows that it is a definition."""
 
 
 def _by(*tokens: _TokenType) -> object:
-    return bygroups(*tokens)  # type: ignore[no-untyped-call]  # Pygments' own stubs leave it so
+    return bygroups(*tokens)  # type: ignore[no-untyped-call]  # Pygments' stubs do not type it
 
 
 class ForeseeLexer(RegexLexer):

@@ -1,4 +1,4 @@
-"""From a name to its definition, to its uses, and to another name, across the files of a workspace."""
+"""Finds the definition and the uses of a name across the files of a workspace, and renames it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee_dsl.editor.files import Files, Found
+from foresee_dsl.editor.files import Definition, Files
 from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError, InputError, Span
@@ -25,7 +25,7 @@ _START = Span(1, 1, 1, 1)
 
 
 class RenameError(ForeseeError):
-    """This name cannot be changed, or not to that; the message says why."""
+    """A name cannot be renamed, or not to the wanted name; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Renaming:
-    """What a renaming does: the places of the old name, by file, and the children that it makes stale."""
+    """The result of a renaming: the places of the old name, the new name, and the children that become stale."""
 
     places: tuple[Place, ...]
     name: str
@@ -46,14 +46,14 @@ class Renaming:
 
 
 def at(files: Files, path: Path, line: int, column: int) -> Occurrence | None:
-    """Return the name at a place (1-based), the innermost where several overlap."""
+    """Return the name at a place (1-based); the innermost if several overlap."""
     spans = ((o, o.span) for o in files.names(path))
-    found = [o for o, s in spans if (s.line, s.column) <= (line, column) <= (s.end_line, s.end_column)]
-    return min(found, key=lambda o: (o.span.end_line - o.span.line, o.span.end_column - o.span.column), default=None)
+    names = [o for o, s in spans if (s.line, s.column) <= (line, column) <= (s.end_line, s.end_column)]
+    return min(names, key=lambda o: (o.span.end_line - o.span.line, o.span.end_column - o.span.column), default=None)
 
 
 def definition(files: Files, path: Path, use: Occurrence) -> Place | None:
-    """Return where a name is defined; for a file's name, the beginning of what it holds."""
+    """Return the place where a name is defined; for a file's name, the name of its definition."""
     if use.kind == "file":
         target = absolute(path.parent / use.name)
         if not target.is_file() and target not in files.overlay:
@@ -61,54 +61,54 @@ def definition(files: Files, path: Path, use: Occurrence) -> Place | None:
         root = files.root(target)
         named = root.places.get("name") if root is not None else None
         return Place(target, named or _START)
-    found = files.define(path, use)
-    return Place(found.path, found.occurrence.span) if found is not None else None
+    defined = files.define(path, use)
+    return Place(defined.path, defined.occurrence.span) if defined is not None else None
 
 
 def references(files: Files, path: Path, use: Occurrence) -> tuple[Place, ...]:
-    """Return every place in the workspace that names the same thing, its definition among them."""
+    """Return all places in the workspace that mean the same thing, including its definition."""
     target = files.define(path, use)
     if target is None:
         return ()
-    found = (Place(file, _of_base(o, suffix)) for file, o, suffix in _uses(files, path, target))
-    return tuple(dict.fromkeys(found))
+    places = (Place(file, _of_base(o, suffix)) for file, o, suffix in _uses(files, path, target))
+    return tuple(dict.fromkeys(places))
 
 
 def renamed_from(files: Files, path: Path, use: Occurrence) -> Span:
-    """Return the place that is renamed at a use, without quotes and without what follows the defined name."""
+    """Return the place that is renamed at a use, without quotes and without a suffix of the defined name."""
     return _of_base(use, _renamable(files, path, use).suffix)
 
 
 def rename(files: Files, path: Path, use: Occurrence, name: str) -> Renaming:
-    """Return what changes when a name is changed everywhere; a `RenameError` where it cannot be.
+    """Return the changes of renaming a name everywhere.
 
-    Files of children (clips and mutants) are never changed: they pin what their parent means, and names are part of it.
-    """
+    Files of children (clips and mutants) are never changed: they pin the meaning of their parent, and names are part of
+    it. Raises `RenameError` if the name cannot be renamed."""
     target = _renamable(files, path, use)
     old = target.occurrence.name
     if not re.fullmatch(NAME_PATTERN, name) or len(name) > 80:
-        raise RenameError(f"'{name}' is no name: a small letter, then small letters, digits and `_`")
+        raise RenameError(f"'{name}' is not a name: write a small letter, then small letters, digits and `_`")
     places: dict[Path, list[Span]] = {}
     for file, o, suffix in _uses(files, path, target):
-        # a clip's pin does not hold the case's name: the clip stays what it is
+        # a clip's pin does not depend on the case's name, so the clip stays valid
         if not _is_child(files, file) or target.occurrence.kind == "case":
             places.setdefault(file, []).append(_of_base(o, suffix))
     affected = tuple(places) if name != old else ()
     _check_broken(files, affected, old)
     for file in affected:
         _check_free(files, file, name, target.occurrence)
-        # Another name is read in the place of a name alike, unless it is a word of the language; that the definition
-        # is sound is seen in its own file.
+        # A new name can be read wherever the old one was, unless it is a word of the language; errors of the definition
+        # show in its own file.
         if file == target.path or name in KEYWORDS or name in UNITS:
             _check_result(files, file, places[file], name)
     pinned = affected if target.occurrence.kind != "case" else ()
     stale = tuple(f for f in files.all() if pinned and _is_child(files, f) and set(files.scope(f)) & set(pinned))
-    found = tuple(Place(file, span) for file in affected for span in sorted(places[file], key=_order))
-    return Renaming(found, name, stale)
+    renamed = tuple(Place(file, span) for file in affected for span in sorted(places[file], key=_order))
+    return Renaming(renamed, name, stale)
 
 
 def edited(text: str, spans: list[Span], name: str) -> str:
-    """Return a text with a name put at places (each on one line)."""
+    """Return a text with a name written at places (each on one line)."""
     lines = text.split("\n")
     for span in sorted(set(spans), key=_order, reverse=True):
         line = lines[span.line - 1]
@@ -116,20 +116,25 @@ def edited(text: str, spans: list[Span], name: str) -> str:
     return "\n".join(lines)
 
 
-def _uses(files: Files, path: Path, target: Found) -> Iterator[tuple[Path, Occurrence, str]]:
-    """Every name in the workspace that means the target, with what it adds to the target's name."""
+def _uses(files: Files, path: Path, target: Definition) -> Iterator[tuple[Path, Occurrence, str]]:
+    """Yield every name in the workspace that means the target, with its file and the suffix that it adds to the
+    target's name."""
     for file in dict.fromkeys((path, target.path, *files.all())):
         if target.occurrence.name not in (files.text(file) or "") or target.path not in files.scope(file):
             continue
         for o in files.names(file):
             if not o.name.startswith(target.occurrence.name):
                 continue
-            found = files.define(file, o)
-            if found is not None and found.path == target.path and found.occurrence.span == target.occurrence.span:
-                yield file, o, found.suffix
+            definition = files.define(file, o)
+            if (
+                definition is not None
+                and definition.path == target.path
+                and definition.occurrence.span == target.occurrence.span
+            ):
+                yield file, o, definition.suffix
 
 
-def _renamable(files: Files, path: Path, use: Occurrence) -> Found:
+def _renamable(files: Files, path: Path, use: Occurrence) -> Definition:
     if _is_child(files, path):
         raise RenameError("a child's names are its parent's: rename there, then clip and mutate again")
     target = files.define(path, use)
@@ -148,8 +153,8 @@ def _is_child(files: Files, path: Path) -> bool:
 
 
 def _check_free(files: Files, file: Path, name: str, renamed: Occurrence) -> None:
-    """A name that anything else has there could change what other lines mean."""
-    if renamed.kind in ("stage", "case"):  # these have their own names: a junction's stages, a scenario's cases
+    """Raise if another definition has the name, as renaming could then change the meaning of other lines."""
+    if renamed.kind in ("stage", "case"):  # their names must differ only within a junction or a scenario
         alike = (o for f in files.scope(file) for o in files.names(f) if o.defines and o.kind == renamed.kind)
         if any(o.name == name and o.scope == renamed.scope for o in alike):
             raise RenameError(f"'{name}' is the name of a {renamed.kind} already")
@@ -161,7 +166,8 @@ def _check_free(files: Files, file: Path, name: str, renamed: Occurrence) -> Non
 
 
 def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
-    """A broken file may hold uses that cannot be seen: where it has the word and names one of the files, better not."""
+    """Raise if a file with syntax errors contains the word and belongs to the affected files: it may hold unreadable
+    uses."""
     for file in files.all() if affected else ():
         text = files.text(file) or ""
         broken = re.search(rf"\b{old}(?:_back)?\b", text) is not None and not read_syntax(text).whole
@@ -170,19 +176,19 @@ def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
 
 
 def _check_result(files: Files, file: Path, spans: list[Span], name: str) -> None:
-    """A renaming must bring in no error."""
+    """Raise if the renaming causes an error in a file."""
     text = files.text(file) or ""
     try:
         before = len(check_document(parse(text, str(file))))
-        found = check_document(parse(edited(text, spans, name), str(file)))
+        diagnostics = check_document(parse(edited(text, spans, name), str(file)))
     except InputError as error:
         raise RenameError(f"this would be an error in '{shown(file)}': {error.diagnostics[0].message}") from None
-    if len(found) > before:
-        raise RenameError(f"this would be an error in '{shown(file)}': {found[0].message}")
+    if len(diagnostics) > before:
+        raise RenameError(f"this would be an error in '{shown(file)}': {diagnostics[0].message}")
 
 
 def _of_base(use: Occurrence, suffix: str) -> Span:
-    """The place of the defined name in a use: without quotes, and without `_back` or `_01`."""
+    """Return the span of the defined name in a use, without quotes, and without `_back` or `_01`."""
     span = use.span
     quoted = span.end_column - span.column - len(use.name) == 2
     start = span.column + quoted

@@ -1,9 +1,8 @@
-"""What the grammar lets stand at a place in a text that is being written, and what a word there would mean.
+"""Determines what the grammar accepts at a place of a half-written text, and what a word there would mean.
 
-The text up to the place is cut down to the heads of the open blocks and the statement itself, so that errors
-elsewhere do not matter. The parser then says which tokens it accepts. To learn what a name or a number would mean, one
-is put there, the statement is ended in the shortest way, and the place of the name in the resulting nodes is looked up.
-"""
+The text up to the place is reduced to the heads of the open blocks and the statement itself, so that errors elsewhere
+have no effect. The parser then lists the tokens that it accepts. To learn what a name or a number would mean, a probe
+is inserted there, the statement is ended in the shortest way, and the probe is searched in the resulting nodes."""
 
 from __future__ import annotations
 
@@ -29,23 +28,23 @@ _PROBE = "zzprobe"
 _NUMBER_PROBE = "987654321"
 _PROBES = (_PROBE, _NUMBER_PROBE, f"{_PROBE}.{_PROBE}")
 _CLOSERS = ("$END", "RBRACE", "RSQB", "RPAR", "NUMBER", "NAME", "DOTTED", "STRING", "PIN", "COMPARE", "UNIT", "LBRACE")
-"""How a statement is ended in the shortest way: what closes comes first, then values; words in their order."""
+"""Order in which terminals are tried to end a statement in the shortest way: closing ones first, then values."""
 _MORE = ("FUNCTION", "LPAR", "MINUS", "OPERATOR")
-"""What makes a calculation of a value: it never ends a statement."""
+"""Terminals that turn a value into a calculation; they never end a statement."""
 _MOST_STEPS = 60
-"""A statement that is not ended after so many tokens is given up (ours: the longest heads need some twenty)."""
+"""Maximum number of tokens that are tried to end a statement. Ours: the longest heads need about twenty."""
 _SAMPLES = {"NUMBER": "1", "NAME": "zz", "DOTTED": "zz.zz", "STRING": '"zz"', "PIN": "sha256:000000000000", "UNIT": "s"}
 
 
 @dataclass(frozen=True)
 class Before:
-    """What stands before a place.
+    """The text before a place, reduced.
 
     Attributes:
         text: the heads of the open blocks and the statement up to the place, without the word being written.
         word: the beginning of the word at the place.
-        in_string: the place is inside a text in quotes, of which `word` is the beginning.
-        in_comment: the place is inside a comment.
+        in_string: whether the place is inside a quoted text, of which `word` is the beginning.
+        in_comment: whether the place is inside a comment.
     """
 
     text: str
@@ -56,7 +55,7 @@ class Before:
 
 @dataclass(frozen=True)
 class Slot:
-    """Where a name, number or unit would go: the node, its field, and the nodes above, outermost first."""
+    """Where a name, number or unit would stand: the node, its field, and the nodes above, outermost first."""
 
     token: str
     node: Node
@@ -65,7 +64,7 @@ class Slot:
 
 
 def before(text: str, offset: int) -> Before:
-    """Cut a text down to what matters for the place at an offset (of the plain text)."""
+    """Return the reduced text before an offset (of the plain text)."""
     text = plain(text)[:offset]
     heads: list[int] = []
     start, depth, last, begun = 0, 0, "", False
@@ -92,14 +91,14 @@ def before(text: str, offset: int) -> Before:
         return Before("", "", in_comment=True)
     if last.startswith('"') and (len(last) == 1 or not last.endswith('"')):
         return Before(above + _without_comments(statement[: len(statement) - len(last)]), last[1:], in_string=True)
-    found = _WORD_BEFORE.search(statement)
-    word = found[0] if found is not None else ""
+    begun_word = _WORD_BEFORE.search(statement)
+    word = begun_word[0] if begun_word is not None else ""
     return Before(above + _without_comments(statement[: len(statement) - len(word)]), word)
 
 
 def accepted(text: str) -> tuple[str, ...]:
-    """Return the names of the terminals that may follow a text, sorted; nothing where the text is wrong already."""
-    state: Any = _state(text)  # Lark leaves its methods without types
+    """Return the names of the terminals that may follow a text, sorted; empty if the text has an error already."""
+    state: Any = _state(text)  # Lark's methods are untyped
     return tuple(sorted(state.accepts())) if state is not None else ()
 
 
@@ -110,30 +109,30 @@ def words(terminals: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def slots(text: str, terminals: tuple[str, ...]) -> Iterator[Slot]:
-    """Return what a name, number, unit or text would mean that stands right behind a text.
+    """Yield the possible meanings of a name, number, unit or quoted text directly after a text.
 
-    One word can be several things (`when ego` continues as `ego within 5 m of ...` or `gap < 2 s`): all of them, once.
-    """
+    One word can mean several things (`when ego` continues as `ego within 5 m of ...` or `gap < 2 s`); each is yielded
+    once."""
     for terminal in ("NAME", "STRING", "DOTTED", "NUMBER", "UNIT"):
         if terminal not in terminals:
             continue
         seen: set[tuple[type[Item], str]] = set()
         for following in _following(text, terminal):
-            found = _slot(text, terminal, following)
-            if found is not None and (found.node.kind, found.field) not in seen:
-                seen.add((found.node.kind, found.field))
-                yield found
+            slot = _slot(text, terminal, following)
+            if slot is not None and (slot.node.kind, slot.field) not in seen:
+                seen.add((slot.node.kind, slot.field))
+                yield slot
 
 
 def _following(text: str, terminal: str) -> tuple[str, ...]:
-    """The terminals that may follow a probe, the shortest way to an end first; for values that one only."""
+    """Return the terminals that may follow a probe, the shortest way to an end first; for values only that one."""
     state = _probed(text, terminal)
     ranked = _ranked(state) if state is not None else []
     return tuple(ranked if terminal in ("NAME", "STRING", "DOTTED") else ranked[:1])
 
 
 def _probed(text: str, terminal: str) -> InteractiveParser | None:
-    """The parser behind a text and a probe."""
+    """Return the parser's state after a text and a probe; None if the probe is not accepted."""
     state: Any = _state(text)  # as above
     if state is None:
         return None
@@ -172,7 +171,7 @@ def _state(text: str) -> InteractiveParser | None:
 
 
 def _ended(parser_: InteractiveParser, first: str) -> Tree[Token] | None:
-    """Feed tokens, `first` first, that end everything that is open; return the tree, or None if that takes too long."""
+    """Feed tokens, `first` first, that end all open statements and blocks; return the tree, or None after too many."""
     state: Any = parser_  # as above
     seen: set[tuple[tuple[int, ...], str]] = set()
     chosen: str | None = first
@@ -190,7 +189,7 @@ def _ended(parser_: InteractiveParser, first: str) -> Tree[Token] | None:
 
 
 def _ranked(parser_: InteractiveParser) -> list[str]:
-    """What may follow, what closes first."""
+    """Return the terminals that may follow, closing ones first."""
     state: Any = parser_  # as above
     return sorted(state.accepts(), key=lambda n: (_CLOSERS.index(n) if n in _CLOSERS else len(_CLOSERS), n in _MORE, n))
 

@@ -1,4 +1,4 @@
-"""The language server: the session's messages, and which function answers which request."""
+"""The language server: handles the messages of a session and maps requests to functions."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from foresee_dsl.editor.protocol.positions import Encoding
 
 TOKEN_TYPES = ("class", "enumMember", "event", "keyword", "number", "parameter", "string", "struct", "type", "variable")
-"""Kinds of semantic tokens, as the protocol names them; a token says its place in here."""
+"""Kinds of semantic tokens, as the protocol names them; a token states its index in this list."""
 TOKEN_MODIFIERS = ("declaration",)
 COMMANDS = ("foresee.run", "foresee.forecast", "foresee.draw")
-"""What code lenses call; the editor's extension does them."""
+"""Commands that code lenses call; the editor's extension carries them out."""
 
 _FEATURES = (
     ("textDocument/completion", "completion"),
@@ -36,11 +36,12 @@ _FEATURES = (
     ("textDocument/inlayHint", "inlay_hints"),
     ("textDocument/codeLens", "code_lenses"),
 )
-"""Requests and their functions in `editor.features`, which is imported with the first one: mistakes come before."""
+"""Requests and their functions in `editor.features`, which is imported at the first request, so that errors are shown
+before."""
 
 
 class Server:
-    """One client's server: a session and what answers."""
+    """The server of one client: a session and its handlers."""
 
     def __init__(self, reader: BinaryIO, writer: BinaryIO) -> None:
         self._connection = Connection(reader, writer)
@@ -48,7 +49,7 @@ class Server:
         self._drawing = ThreadPoolExecutor(max_workers=1, thread_name_prefix="drawing")
 
     def run(self) -> Literal[0, 1]:
-        """Answer until the client leaves; 0 where it said so as the protocol wants."""
+        """Answer until the client leaves; return 0 if it left as the protocol requires, else 1."""
         handlers: dict[str, Handler] = {
             "initialize": self._initialize,
             "shutdown": self._shutdown,
@@ -70,13 +71,13 @@ class Server:
     # ---- the session ----------------------------------------------------------------------------------------------
 
     def _initialize(self, params: Json) -> Json:
-        asked = params.get("capabilities") or {}
-        encodings = (asked.get("general") or {}).get("positionEncodings") or ()
+        capabilities = params.get("capabilities") or {}
+        encodings = (capabilities.get("general") or {}).get("positionEncodings") or ()
         encoding: Encoding = "utf-32" if "utf-32" in encodings else "utf-16"
         folders = params.get("workspaceFolders") or []
         if not folders and params.get("rootUri"):
             folders = [{"uri": params["rootUri"]}]
-        workspace = asked.get("workspace") or {}
+        workspace = capabilities.get("workspace") or {}
         wanted = (("inlayHint", "workspace/inlayHint/refresh"), ("codeLens", "workspace/codeLens/refresh"))
         refreshes = tuple(method for key, method in wanted if (workspace.get(key) or {}).get("refreshSupport"))
         self._session.begin(encoding=encoding, folders=folders, refreshes=refreshes)
@@ -100,7 +101,7 @@ class Server:
     def _changed(self, params: Json) -> None:
         document = params["textDocument"]
         for change in params["contentChanges"]:
-            # Whole texts, not changes: files are short, and we decide what ends a line.
+            # We ask for whole texts, not changes: files are short, and lines then end by our rules.
             self._session.put(document["uri"], change["text"], document.get("version") or 0)
         self._session.check_soon(document["uri"], places=False)
 
@@ -128,7 +129,7 @@ class Server:
         return {"html": page(nonce)}
 
     def _draw(self, params: Json) -> object:
-        """Draw beside the other requests: netconvert takes some tenths of a second for a new network."""
+        """Draw in another thread, as netconvert takes some tenths of a second for a new network."""
         from foresee_dsl.editor.answers.drawing import picture
 
         path, overlay, request = path_of(params["textDocument"]["uri"]), self._session.overlay(), params["foresee/id"]
@@ -138,7 +139,7 @@ class Server:
         def work() -> None:
             try:
                 self._connection.reply(request, picture(path, overlay, params))
-            except Exception as error:  # a fault of ours is an answer too: the page would wait for ever
+            except Exception as error:  # our own faults are answered too, as the page would wait for ever
                 message = f"foresee has a fault: {type(error).__name__}: {error}"
                 mistake = {"message": message, "path": "", "line": 0, "column": 0}
                 self._connection.reply(request, {"svg": None, "mistakes": [mistake]})

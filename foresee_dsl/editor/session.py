@@ -1,4 +1,4 @@
-"""One editor's session: the open texts, the places in them, and the diagnostics that are sent as they change."""
+"""The session of an editor: the open texts, their places, and the diagnostics that are sent when texts change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 SOURCE = "foresee"
 _PAUSE_S = 0.2
-"""So long after the last letter the text is checked (ours: shorter than a pause between words)."""
+"""Time from the last letter to the check of the text, s. Ours: shorter than a pause between words."""
 _AT_ONCE_S = 0.0
 _ERROR, _WARNING = 1, 2
 """Severities of the protocol (3.17, `DiagnosticSeverity`)."""
@@ -38,14 +38,14 @@ class Open:
 
 @dataclass
 class _Due:
-    """A document that waits to be checked."""
+    """A document that waits to be checked, with the time of its check."""
 
     at_s: float
     places: bool
 
 
 class Session:
-    """The open documents, the folders, and one worker for the checks (`work`), whose results are sent."""
+    """The open documents, the folders, and a worker thread that checks documents and sends the results."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
@@ -53,20 +53,21 @@ class Session:
         self.encoding: Encoding = "utf-16"
         self.folders: dict[str, Path] = {}
         self.refreshes: tuple[str, ...] = ()
-        """What the client wants to be told to ask again for, once another text has changed what it was told."""
+        """Methods by which the client wants to be asked to refresh, when a change of another text makes its data
+        stale."""
         self._open: dict[str, Open] = {}
         self._due: dict[str, _Due] = {}
-        self._asked = 0
+        self._requests = 0
         self._news = threading.Condition()
         self._stopped = self._checked = False
         self.answering = False
-        """A request is being answered: nothing is read ahead meanwhile."""
+        """Whether a request is being answered; meanwhile no files are read ahead."""
         self._worker = threading.Thread(target=self._work, name="checks", daemon=True)
 
     # ---- files ----------------------------------------------------------------------------------------------------
 
     def begin(self, *, encoding: Encoding, folders: list[Json], refreshes: tuple[str, ...] = ()) -> None:
-        """Begin: how the editor counts, and which folders it shows."""
+        """Begin the session with the editor's unit of columns and its folders."""
         self.encoding, self.refreshes, self.begun = encoding, refreshes, True
         for folder in folders:
             self.folders[folder["uri"]] = path_of(folder["uri"])
@@ -83,7 +84,7 @@ class Session:
             return tuple(self._open.values())
 
     def uri(self, path: Path) -> str:
-        """Return a file's address, as the editor writes it where the file is open."""
+        """Return a file's address, in the editor's own spelling if the file is open."""
         return next((document.uri for document in self.documents() if document.path == path), uri_of(path))
 
     def overlay(self) -> dict[Path, str]:
@@ -91,13 +92,13 @@ class Session:
         return {document.path: document.text for document in self.documents()}
 
     def files(self, uri: str) -> Files:
-        """Return the files of the workspace; where no folder is open, those beside the document."""
+        """Return the files of the workspace; without an open folder, those beside the document."""
         from foresee_dsl.editor.files import Files
 
         return Files(self.overlay(), self.folders.values() or [path_of(uri).parent])
 
     def text(self, uri: str) -> str:
-        """Return a document's text, the editor's or else the disk's."""
+        """Return a document's text from the editor, else from the disk."""
         document = self._open.get(uri)
         if document is not None:
             return document.text
@@ -115,35 +116,35 @@ class Session:
     # ---- diagnostics ----------------------------------------------------------------------------------------------
 
     def check_soon(self, uri: str, *, places: bool) -> None:
-        """Check a document, and the open ones that build on it, once nothing has changed for a moment; with `places` at
-        once, and also where things stand, which takes longer."""
+        """Check a document, and the open ones that build on it, after a pause without changes; with `places` at once,
+        and with the placing of actors, which takes longer."""
         changed = path_of(uri)
         others = [document for document in self.documents() if document.uri != uri]
         files = self.files(uri) if others else None
-        found = [uri, *(o.uri for o in others if files is not None and changed in files.scope(o.path))]
+        uris = [uri, *(o.uri for o in others if files is not None and changed in files.scope(o.path))]
         at_s = time.monotonic() + (_AT_ONCE_S if places else _PAUSE_S)
         with self._news:
-            for one in found:
-                self._due[one] = _Due(at_s, places)
+            for due_uri in uris:
+                self._due[due_uri] = _Due(at_s, places)
             self._news.notify()
 
     def close(self, uri: str) -> None:
-        """Remove the diagnostics of a document that is not open any more."""
+        """Forget a document that was closed, and remove its diagnostics."""
         with self._news:
             self._open.pop(uri, None)
             self._due.pop(uri, None)
         self._publish(uri, [], None)
 
     def stop(self) -> None:
-        """Check nothing more."""
+        """Stop all checks."""
         with self._news:
             self._stopped = True
             self._due.clear()
             self._news.notify()
 
     def _work(self) -> None:
-        """Check what is due, for as long as the session lasts."""
-        # The language is imported while the editor still reads what the server can do.
+        """Check documents that are due, as long as the session lasts."""
+        # Import the language while the editor still reads the server's capabilities.
         import foresee_dsl.editor.diagnosing as _  # noqa: F401
 
         warm: Iterator[None] | None = None
@@ -151,7 +152,7 @@ class Session:
             with self._news:
                 if self._stopped:
                     return
-                uri = min(self._due, key=lambda one: self._due[one].at_s, default=None)
+                uri = min(self._due, key=lambda due_uri: self._due[due_uri].at_s, default=None)
                 wait_s = self._due[uri].at_s - time.monotonic() if uri is not None else None
                 due = self._due.pop(uri) if uri is not None and wait_s is not None and wait_s <= 0 else None
                 idle = uri is None and self._checked and bool(self._open)
@@ -166,11 +167,11 @@ class Session:
                     self.connection.notify("window/logMessage", {"type": _ERROR, "message": f"{error!r}"})
                 continue
             warm = self._warm() if warm is None else warm
-            if next(warm, self) is self:  # all is read: wait for something to do
+            if next(warm, self) is self:  # all files are read: wait for the next check
                 self._checked, warm = False, None
 
     def _warm(self) -> Iterator[None]:
-        """Read the workspace's files one by one while nothing else is to be done: a rename needs them all."""
+        """Read the workspace's files one by one while the worker is idle, as a rename needs them all."""
         uri = next(iter(self._open), "")
         files = self.files(uri)
         for path in files.all():
@@ -190,15 +191,15 @@ class Session:
                 )
             else:
                 work = partial(find_alone, document.text, str(document.path))
-            found = work()
+            diagnostics = work()
             with self._news:
                 now = self._open.get(uri)
                 if now is None or now.version != document.version or self._stopped:
-                    return  # what was found is about another text; its own check is due
-            self._publish(uri, list(self._shown(document, found)), document.version)
+                    return  # the text has changed meanwhile; its own check is due
+            self._publish(uri, list(self._shown(document, diagnostics)), document.version)
         for method in self.refreshes:
-            self._asked += 1
-            self.connection.ask(self._asked, method)
+            self._requests += 1
+            self.connection.ask(self._requests, method)
 
     def _publish(self, uri: str, diagnostics: list[Json], version: int | None) -> None:
         params: Json = {"uri": uri, "diagnostics": diagnostics}
@@ -206,10 +207,10 @@ class Session:
             params["version"] = version
         self.connection.notify("textDocument/publishDiagnostics", params)
 
-    def _shown(self, document: Open, found: tuple[Diagnostic, ...]) -> Iterator[Json]:
+    def _shown(self, document: Open, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Json]:
         here = self._places(document.text)
         elsewhere: dict[Path, list[Diagnostic]] = {}
-        for diagnostic in found:
+        for diagnostic in diagnostics:
             file = absolute(Path(diagnostic.path)) if diagnostic.path else document.path
             if file == document.path:
                 yield diagnostic_json(diagnostic, here.range(diagnostic.span))
@@ -218,24 +219,24 @@ class Session:
         for file, errors in elsewhere.items():
             yield self._of_another(document, here, file, errors)
 
-    def _of_another(self, document: Open, here: Positions, file: Path, found: list[Diagnostic]) -> Json:
-        """What is wrong in a file that this one names, shown where it names it."""
+    def _of_another(self, document: Open, here: Positions, file: Path, diagnostics: list[Diagnostic]) -> Json:
+        """Return the diagnostic of another file's errors, at the place where this document names that file."""
         files = self.files(document.uri)
         folder = document.path.parent
         uses = (o.span for o in files.names(document.path) if o.kind == "file" and absolute(folder / o.name) == file)
         there = self._places(files.text(file) or "")
-        first = next((d for d in found if d.severity == "error"), found[0])
+        first = next((d for d in diagnostics if d.severity == "error"), diagnostics[0])
         message = f"'{file.name}' has an error: {first.message}"
         moved = Diagnostic(first.code, message, "", str(document.path), severity=first.severity)
-        shown = diagnostic_json(moved, here.range(next(uses, None)))
-        shown["relatedInformation"] = [
+        pointer = diagnostic_json(moved, here.range(next(uses, None)))
+        pointer["relatedInformation"] = [
             {
                 "location": {"uri": self.uri(file), "range": there.range(d.span)},
                 "message": f"{d.code}: {d.message}",
             }
-            for d in found
+            for d in diagnostics
         ]
-        return shown
+        return pointer
 
 
 def with_help(diagnostic: Diagnostic) -> str:
@@ -244,7 +245,7 @@ def with_help(diagnostic: Diagnostic) -> str:
 
 
 def diagnostic_json(diagnostic: Diagnostic, where: Json) -> dict[str, Any]:
-    """Return a diagnostic as the protocol has it."""
+    """Return a diagnostic in the protocol's form."""
     return {
         "range": where,
         "message": with_help(diagnostic),

@@ -1,4 +1,4 @@
-"""The names in a file (where each is defined and used), its outline, and what of it can be folded."""
+"""Lists the names in a file (where each is defined and used), its outline, and its foldable ranges."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from foresee_dsl.language.syntax.node import Node
 _MEASURED_TO: Mapping[str, SymbolKind] = MappingProxyType(
     {"eta": "junction", **dict.fromkeys(m.BETWEEN_ACTORS, "actor")}
 )
-"""What a measure is to; a distance is to an actor or a junction."""
+"""The kind of thing to which a measure relates; a distance relates to an actor or a junction."""
 
 _DROPPED: Mapping[str, SymbolKind] = MappingProxyType(
     {
@@ -30,10 +30,10 @@ _DROPPED: Mapping[str, SymbolKind] = MappingProxyType(
         "slippery": "patch",
     }
 )
-"""What the name in a `drop` is of; otherwise an actor."""
+"""The kind of the name in a `drop`; an actor for other words."""
 
 _CHANGED: Mapping[str, SymbolKind] = MappingProxyType({"param": "parameter", "expect": "label"})
-"""Of a `change param.gap: ...`, what the word behind the dot names."""
+"""The kind of the word after the dot in `change param.gap: ...`."""
 
 _UNNAMED = (m.When, m.Expect, m.Origin, m.Window, m.Weather)
 """Statements without a name of their own that an outline still shows."""
@@ -44,9 +44,9 @@ class Occurrence:
     """A name at a place.
 
     Attributes:
-        name: as written, without quotes. span: the place, with quotes where it has any.
-        defines: it is the definition, not a use. owner, field: the node whose field it is.
-        scope: of a stage: its junction. Of a word: its parameter.
+        name: as written, without quotes. span: its place, including quotes.
+        defines: whether it is the definition rather than a use. owner, field: the node and its field with the name.
+        scope: for a stage, its junction; for a word, its parameter.
     """
 
     kind: SymbolKind
@@ -59,7 +59,7 @@ class Occurrence:
 
 
 def kind_named(node: Node, field: str) -> SymbolKind | None:
-    """Return what a field of a node names when it is used, or None where it is no name."""
+    """Return the kind of name that a field of a node uses; None if the field is not a use of a name."""
     if node.kind is m.Drop and field == "name":
         return _DROPPED.get(str(node.fields.get("what")), "actor")
     if node.kind is m.Change and field == "actor" and node.fields.get("actor") in m.OWNERS:
@@ -72,12 +72,12 @@ def kind_named(node: Node, field: str) -> SymbolKind | None:
 
 @lru_cache(maxsize=256)
 def occurrences(text: str) -> tuple[Occurrence, ...]:
-    """Return every name in a text, in the order of the file; of a broken text, those of its sound statements."""
+    """Return all names in a text in the order of the file; of a text with errors, those of its valid statements."""
     root = read_syntax(text).root
     if root is None:
         return ()
-    found = [o for node, above in walk(root) for o in _of_node(node, above)]
-    return tuple(sorted(found, key=lambda o: (o.span.line, o.span.column)))
+    names = [o for node, above in walk(root) for o in _of_node(node, above)]
+    return tuple(sorted(names, key=lambda o: (o.span.line, o.span.column)))
 
 
 def _of_node(node: Node, above: tuple[Node, ...]) -> Iterator[Occurrence]:
@@ -97,14 +97,15 @@ def _of_node(node: Node, above: tuple[Node, ...]) -> Iterator[Occurrence]:
                 continue
             named = names if names is not None and names.defines else None
             kind = named.kind if named else _kind_of_word(node, above) or kind_named(node, field)
-            # What an extension changes is the other scenario's: there its name is a use.
+            # An extension changes statements of another scenario, so their names are uses there.
             defines = named is not None and not (above and above[-1].kind is m.Replace)
             if kind is not None:
                 yield Occurrence(kind, part, place_found, defines, node, field, _scope(node, above, kind))
 
 
 def _kind_of_word(node: Node, above: tuple[Node, ...]) -> SymbolKind | None:
-    """In an extension, whose parameters are in the other file, a word may be a parameter or what its field takes."""
+    """Return the kind of a word in an extension, where it may be a parameter of the other file or a name of its field's
+    kind."""
     if node.kind is not m.Ref or not above or above[0].kind is not m.Extension:
         return None
     for field, value in above[-1].fields.items():
@@ -116,7 +117,7 @@ def _kind_of_word(node: Node, above: tuple[Node, ...]) -> SymbolKind | None:
 def _scope(node: Node, above: tuple[Node, ...], kind: SymbolKind) -> str:
     if kind == "stage":
         junction = node.fields.get("junction")
-        if junction is None and above:  # within its junction, or in an extension a word that may be a parameter
+        if junction is None and above:  # inside its junction, or a word in an extension that may be a parameter
             junction = above[-1].fields.get("name" if above[-1].kind is m.Junction else "junction")
         return junction if isinstance(junction, str) else ""
     if kind == "word":
@@ -132,7 +133,8 @@ def _scope(node: Node, above: tuple[Node, ...], kind: SymbolKind) -> str:
 
 @dataclass(frozen=True)
 class Entry:
-    """A line of the outline: the name, the class of the model (`Actor`), more about it, its places, what is in it."""
+    """A line of the outline: its name, its class in the model (`Actor`), details, its places, and the entries
+    inside."""
 
     name: str
     kind: str
@@ -153,11 +155,11 @@ def outline(text: str) -> tuple[Entry, ...]:
 def folds(text: str) -> tuple[tuple[int, int, str], ...]:
     """Return the ranges of lines (1-based, both ends) that can be folded, with `region` or `comment`."""
     syntax = read_syntax(text)
-    found: dict[tuple[int, int, str], None] = {}
+    ranges: dict[tuple[int, int, str], None] = {}
     if syntax.root is not None:
         for node, _ in walk(syntax.root):
             if node.block is not None and node.block.end_line > node.span.line + 1:
-                found[node.span.line, node.block.end_line - 1, "region"] = None
+                ranges[node.span.line, node.block.end_line - 1, "region"] = None
     run: list[int] = []
     lines = plain(text).split("\n")
     for number, line in enumerate([*lines, ""], start=1):
@@ -165,13 +167,13 @@ def folds(text: str) -> tuple[tuple[int, int, str], ...]:
             run.append(number)
             continue
         if len(run) > 1:
-            found[run[0], run[-1], "comment"] = None
+            ranges[run[0], run[-1], "comment"] = None
         run = []
-    return tuple(sorted(found))
+    return tuple(sorted(ranges))
 
 
 def _entries(node: Node, lines: list[str]) -> tuple[Entry, ...]:
-    """The entry of a node; or, where it has none, those of what is in it."""
+    """Return the entry of a node; if the node has none, the entries inside it."""
     inside: list[Entry] = []
     for value in node.fields.values():
         for part in value if isinstance(value, tuple) else (value,):

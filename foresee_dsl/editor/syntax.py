@@ -1,4 +1,4 @@
-"""Reads a text that may be half written: what can be read of it, as positioned nodes."""
+"""Reads a text that may be half written, and returns its readable part as positioned nodes."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.syntax.nodes import NodeMaker
 
-_KEPT = 256
-"""Texts whose syntax stays in memory (ours: the files of a folder and some edits; about 100 kB each)."""
+_CACHED_TEXTS = 256
+"""Number of texts whose syntax stays in memory. Ours: the files of a folder and some edits; about 100 kB each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Syntax:
-    """What could be read of a text.
+    """The readable part of a text.
 
     Attributes:
-        root: the definition with every statement that is well-formed, or None where not even its head is.
-        whole: nothing had to be left out. comments: in order; none where something had to be left out.
+        root: the definition with all well-formed statements, or None if its head is not well-formed.
+        whole: whether nothing was left out. comments: in order; empty if something was left out.
     """
 
     root: Node | None
@@ -33,9 +33,9 @@ class Syntax:
     comments: tuple[Token, ...] = ()
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_TEXTS)
 def read_syntax(text: str) -> Syntax:
-    """Return what can be read of a text; never raises for what is in the text."""
+    """Return the readable part of a text; errors in the text never raise."""
     text = plain(text)
     if len(text) > MAX_BYTES:
         return Syntax(None, whole=False)
@@ -66,7 +66,7 @@ def root_of(tree: Tree[Token]) -> Node | None:
 
 
 def walk(node: Node, above: tuple[Node, ...] = ()) -> Iterator[tuple[Node, tuple[Node, ...]]]:
-    """Return a node and everything in it with the nodes above each, outermost first, in the order of the file."""
+    """Yield a node and all nodes in it, each with the nodes above it, outermost first, in the order of the file."""
     yield node, above
     inner = (*above, node)
     for value in node.fields.values():

@@ -1,7 +1,7 @@
-"""Makes the TextMate grammar from the keyword table: `python -m foresee_dsl.editor.textmate > FILE`.
+"""Generates the TextMate grammar from the keyword table: `python -m foresee_dsl.editor.textmate > FILE`.
 
-Every regular expression means the same to Oniguruma (the editors') and to Python, so that the tests can run them.
-"""
+Every regular expression has the same meaning in Oniguruma, which editors use, and in Python, so that tests can run
+them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from foresee_dsl.language.keywords import words_of
 from foresee_dsl.language.model.item import Group
 
 FILE = "editors/vscode/syntaxes/foresee.tmLanguage.json"
-"""Where the grammar is kept in the repository."""
+"""Path of the grammar in the repository."""
 
 SCOPES: MappingProxyType[Group, str] = MappingProxyType(
     {
@@ -29,7 +29,7 @@ SCOPES: MappingProxyType[Group, str] = MappingProxyType(
         "constant": "constant.language.foresee",
     }
 )
-"""How each group of words is scoped; the names are those that colour themes know."""
+"""The scope of each group of words; colour themes define styles for these names."""
 
 
 def grammar() -> dict[str, Any]:
@@ -71,7 +71,7 @@ def grammar() -> dict[str, Any]:
 
 
 def text() -> str:
-    """Return the grammar's file."""
+    """Return the text of the grammar's file."""
     return json.dumps(grammar(), indent=2) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""The rankers that the paper compares its forecaster with (section 4.3), bar the learned one."""
+"""The rankers with which the paper compares its forecaster (section 4.3), except the learned one."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 
 _REACHED_M = 2.0
-"""A waypoint farther from the recorded path was not driven over. Ours: the spacing of the waypoints."""
+"""Distance to the recorded path above which a waypoint was not reached, m. Ours: the spacing of the waypoints."""
 
 
 @dataclass(frozen=True)
 class ProximityRanker:
-    """Step 1a only: every close encounter, in order of appearance (paper, section 4.3.2)."""
+    """Ranks by step 1a only: every close encounter, in order of appearance (paper, section 4.3.2)."""
 
     settings: ForeseeSettings = field(default_factory=ForeseeSettings)
     name: str = "proximity"
@@ -26,7 +26,7 @@ class ProximityRanker:
     def rank(
         self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
     ) -> tuple[RiskyPoint, ...]:
-        """Rank the close encounters of a run; see `Ranker.rank`. The seed does not matter."""
+        """Rank the close encounters of a run; see `Ranker.rank`. The seed has no effect."""
         del seed, after_s
         encounters = close_encounters(trace, self.settings, before_s=before_s)
         return tuple(
@@ -47,9 +47,10 @@ class ProximityRanker:
 
 @dataclass(frozen=True)
 class RandomRanker:
-    """Waypoints of the ego's route in random order, without replacement, each at the frame where the ego was nearest.
+    """Ranks the waypoints of the ego's route in random order, without replacement, each at the frame where the ego was
+    nearest.
 
-    Waypoints that it did not reach or reached too early are left out; two that fall on one frame count once.
+    Waypoints that the ego did not reach, or reached too early, are left out; two at one frame count once.
     """
 
     name: str = "random"
@@ -72,14 +73,14 @@ class RandomRanker:
 
 @dataclass(frozen=True)
 class ExhaustiveRanker:
-    """Every whole second from `before_s` on (paper, section 4.3.1), in order of time."""
+    """Ranks every whole second from `before_s` on (paper, section 4.3.1), in order of time."""
 
     name: str = "exhaustive"
 
     def rank(
         self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
     ) -> tuple[RiskyPoint, ...]:
-        """List the seconds of a run; see `Ranker.rank`. The seed does not matter."""
+        """List the seconds of a run; see `Ranker.rank`. The seed has no effect."""
         del seed, after_s
         seconds = range(math.ceil(before_s - 1e-9), math.floor(trace.duration_s + 1e-9) + 1)
         return tuple(

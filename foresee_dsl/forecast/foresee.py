@@ -26,12 +26,12 @@ _GROUPS: tuple[Group, ...] = ("critical crossing", "crossing", "critical")
 """Ours (the paper prints no order): an actor that crosses close by is nearer to a collision than one that crosses
 elsewhere, and both are nearer than one that stays beside the ego's path."""
 _STANDS_MPS = 0.1
-"""Under this an actor stands: the usual threshold of a halt in SUMO's outputs."""
+"""Speed below which an actor stands, m/s: the usual threshold of a halt in SUMO's outputs."""
 
 
 @dataclass(frozen=True, slots=True)
 class CloseEncounter:
-    """Step 1a's pair of frame and actor (its column in the trace), with the distance between the footprints."""
+    """A close encounter of step 1a: frame, actor (its column in the trace), and distance between the footprints, m."""
 
     actor: int
     frame: int
@@ -39,17 +39,17 @@ class CloseEncounter:
 
 
 def close_encounters(trace: Trace, settings: ForeseeSettings, *, before_s: float) -> list[CloseEncounter]:
-    """Step 1a: every local minimum of the distance to an actor within its class's radius, in order of appearance.
+    """Step 1a: return every local minimum of the distance to an actor within its class's radius, in order of
+    appearance.
 
     Encounters in the first `before_s` seconds are left out, as the paper does for its exhaustive search (section
-    4.4.3): no clip of full length can begin before the run. Where the two stay about as near until later (both stand,
-    one follows the other), the nearest moment that is late enough counts.
-    """
+    4.4.3): no clip of full length can begin before the run. Where the two stay about as close until later (both stand,
+    or one follows the other), the closest moment that is late enough counts."""
     earliest = math.ceil(before_s / STEP_S - 1e-9)
     radii = [settings.radius_m(info.kind) for info in trace.actors]
     actors = [actor for actor, radius in enumerate(radii) if actor > 0 and radius > 0]
     within_m = np.array([radii[actor] for actor in actors])
-    found = []
+    encounters = []
     all_gaps = all_distances_to_ego(trace, actors, within_m + settings.prominence_m)
     for actor, gaps in zip(actors, all_gaps, strict=True):
         for first, last in local_minima(gaps, within_m=radii[actor], prominence_m=settings.prominence_m):
@@ -57,8 +57,8 @@ def close_encounters(trace: Trace, settings: ForeseeSettings, *, before_s: float
                 first if first >= earliest or last < earliest else earliest + int(gaps[earliest : last + 1].argmin())
             )
             if frame >= earliest:
-                found.append(CloseEncounter(actor, frame, float(gaps[frame])))
-    return sorted(found, key=lambda e: (e.frame, e.actor))
+                encounters.append(CloseEncounter(actor, frame, float(gaps[frame])))
+    return sorted(encounters, key=lambda e: (e.frame, e.actor))
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class _PerturbedEgo:
     trace: Trace
     settings: ForeseeSettings
     errors: NDArray[np.float64]
-    """[N, 2], -1 to 1: speed and yaw rate, as a share of what the bounds allow."""
+    """[N, 2], -1 to 1: errors of speed and yaw rate, as shares of the bounds."""
 
     @cached_property
     def path(self) -> NDArray[np.float64]:
@@ -76,10 +76,10 @@ class _PerturbedEgo:
         return thinned_path(self.trace.states[:, 0, [X, Y]], self.settings.path_step_m)
 
     def perturbed(self, first: int, last: int, horizon: int) -> NDArray[np.float64]:
-        """Roll out the recorded speeds and yaw rates of frames `first` to `last` with constant small errors, [N, T, 3]
-        poses.
+        """Return the recorded motion of frames `first` to `last` with constant small errors of speed and yaw rate, [N,
+        T, 3] poses.
 
-        The errors are such that after `horizon` frames the trajectory is off by no more than the bounds.
+        The errors are such that after `horizon` frames the trajectory deviates by at most the bounds.
         """
         s = self.settings
         recorded = self.trace.states[first : last + 1, 0]
@@ -91,7 +91,8 @@ class _PerturbedEgo:
             yaw_bound = min(yaw_bound, 2 * s.lateral_error_m / (driven_m * span_s))
         since_s = np.arange(last - first + 1) * STEP_S
         turned = self.errors[:, 1:] * yaw_bound * since_s
-        # The recorded steps are turned and stretched: with no error the recorded trajectory comes back exactly.
+        # The recorded steps are turned and stretched, so that without errors the result is exactly the recorded
+        # trajectory.
         steps = np.diff(recorded[:, [X, Y]], axis=0)
         extra = self.errors[:, :1] * (s.longitudinal_error_m / span_s) * STEP_S
         moves = recorded[:-1, SPEED] > _STANDS_MPS
@@ -108,12 +109,11 @@ class _PerturbedEgo:
 
 
 def crosses(trace: Trace, actor: int, ego_path: NDArray[np.float64], settings: ForeseeSettings) -> bool:
-    """Step 1b: say whether an actor's recorded path meets the ego's, at any time of the run.
+    """Step 1b: return whether an actor's recorded path meets the ego's, at any time of the run.
 
-    It does where the two cut each other at an angle, or where the actor comes from beside into the corridor that both
-    bodies' half widths make around the ego's path (a merge, a cut-in). One that drives ahead or behind in the ego's
-    lane all along meets it nowhere: step 1c looks at it.
-    """
+    It does if the two paths intersect at an angle, or if the actor enters, from the side, the corridor of both bodies'
+    half widths around the ego's path (a merge, a cut-in). An actor that stays ahead or behind in the ego's lane does
+    not meet the path; step 1c examines it."""
     path = thinned_path(trace.states[:, actor, [X, Y]], settings.path_step_m)
     half_width_m = (trace.actors[0].width_m + trace.actors[actor].width_m) / 2
     return paths_cut(path, ego_path, angle_rad=settings.crossing_angle_rad) or enters_from_side(
@@ -123,11 +123,10 @@ def crosses(trace: Trace, actor: int, ego_path: NDArray[np.float64], settings: F
 
 @dataclass(frozen=True)
 class ForeseeRanker:
-    """The paper's ranking: group, then pedestrians before vehicles, then nearness to the ego's trajectory.
+    """Ranks as the paper does: by group, then pedestrians before vehicles, then by distance to the ego's trajectory.
 
-    Every actor's best encounter comes first, as the paper collects one frame an actor; its further encounters follow
-    in the same order, for budgets that are larger than the number of actors.
-    """
+    The best encounters of all actors come first, as the paper collects one frame per actor; further encounters follow
+    in the same order, for budgets larger than the number of actors."""
 
     settings: ForeseeSettings = field(default_factory=ForeseeSettings)
     name: str = "foresee"
@@ -162,7 +161,7 @@ class ForeseeRanker:
         return "critical" if self._is_critical(ego, encounter) else None
 
     def _is_critical(self, ego: _PerturbedEgo, encounter: CloseEncounter) -> bool:
-        """Step 1c: say whether a perturbed ego comes within the threshold of a non-crossing actor."""
+        """Step 1c: return whether a perturbed ego comes within the threshold of a non-crossing actor."""
         s, trace = self.settings, ego.trace
         first = max(0, encounter.frame - round(s.horizon_s / STEP_S))
         last = min(trace.frames - 1, encounter.frame + round(s.beyond_s / STEP_S))
@@ -171,7 +170,8 @@ class ForeseeRanker:
 
 
 def _distance_to_path(ego: _PerturbedEgo, encounter: CloseEncounter, before_s: float, after_s: float) -> float:
-    """Return how near an actor's centre comes to the ego's recorded path in the window around an encounter, m."""
+    """Return the smallest distance of an actor's centre to the ego's recorded path in the window around an encounter,
+    m."""
     first = max(0, encounter.frame - round(before_s / STEP_S))
     last = min(ego.trace.frames - 1, encounter.frame + round(after_s / STEP_S))
     points = thinned_path(ego.trace.states[first : last + 1, encounter.actor, [X, Y]], ego.settings.path_step_m)
@@ -181,14 +181,15 @@ def _distance_to_path(ego: _PerturbedEgo, encounter: CloseEncounter, before_s: f
 
 
 def _order(trace: Trace, point: RiskyPoint) -> tuple[int, bool, float, float, int, str]:
-    """Step 1d. Trajectory distances are compared in steps of 0.1 m (ours): below, the thinning of paths decides."""
+    """Return the sort key of step 1d; trajectory distances are rounded to 0.1 m (ours), as thinning changes smaller
+    ones."""
     pedestrian = trace.actors[trace.index(point.actor)].kind in PEDESTRIAN_KINDS
     near_m = round(point.trajectory_distance_m, 1)
     return _GROUPS.index(point.group), not pedestrian, near_m, point.distance_m, point.frame, point.actor
 
 
 def _best_per_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[RiskyPoint], list[RiskyPoint]]:
-    """Split into every actor's best point and its further ones, without repetitions of one encounter."""
+    """Return every actor's best point, and its further points without repetitions of one encounter."""
     firsts: list[RiskyPoint] = []
     others: list[RiskyPoint] = []
     times: dict[str, list[float]] = {}
@@ -203,7 +204,7 @@ def _best_per_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[Ri
 
 def _point(trace: Trace, encounter: CloseEncounter, group: Group, to_path_m: float) -> RiskyPoint:
     info = trace.actors[encounter.actor]
-    # One unit a group, half a unit for a pedestrian, and less than that for nearness: sorts as `_order` does.
+    # One unit per group, half a unit for a pedestrian, and less than that for distance: the same order as `_order`.
     score = len(_GROUPS) - _GROUPS.index(group) + 0.5 * (info.kind in PEDESTRIAN_KINDS) + 0.49 / (1 + to_path_m)
     return RiskyPoint(
         rank=0,
@@ -221,8 +222,8 @@ def _point(trace: Trace, encounter: CloseEncounter, group: Group, to_path_m: flo
 def passes(trace: Trace, encounter: CloseEncounter, *, crossing: bool = False) -> str:
     """Return the clause of the report: `runner passes 1.9 m behind the ego at 17.40 s`.
 
-    For a crossing actor the clause says `ahead of` or `behind` wherever that holds.
-    """
+    For a crossing actor the clause says `ahead of` or `behind` if that holds, even when the actor is farther to the
+    side."""
     state = trace.states[encounter.frame, encounter.actor]
     verb = "passes" if state[SPEED] > _STANDS_MPS else "stands"
     place = f"{encounter.distance_m:.1f} m {_side(trace, encounter, crossing=crossing)} the ego"
@@ -230,7 +231,7 @@ def passes(trace: Trace, encounter: CloseEncounter, *, crossing: bool = False) -
 
 
 def _side(trace: Trace, encounter: CloseEncounter, *, crossing: bool) -> str:
-    """Return where the actor's nearest part is, seen from the ego: beyond its front, its rear, or a side."""
+    """Return on which side of the ego the actor's nearest part is: beyond its front, its rear, or a side."""
     ego, info = trace.states[encounter.frame, 0], trace.actors[0]
     state, other = trace.states[encounter.frame, encounter.actor], trace.actors[encounter.actor]
     dx, dy = state[X] - ego[X], state[Y] - ego[Y]

@@ -1,4 +1,4 @@
-"""Distances, minima and paths over whole traces, vectorised or compiled."""
+"""Computes distances, minima and paths over whole traces, vectorised or compiled."""
 
 from __future__ import annotations
 
@@ -28,25 +28,24 @@ def footprints(trace: Trace, actor: int) -> FloatArray:
 def distances_to_ego(trace: Trace, actor: int, *, within_m: float = math.inf) -> FloatArray:
     """Return the distance between the footprints of the ego and an actor, [T], m.
 
-    Infinite where one of them is absent, and where the centres alone say that it exceeds `within_m`: those frames are
-    not computed.
-    """
-    found: FloatArray = all_distances_to_ego(trace, [actor], np.array([within_m]))[0]
-    return found
+    Infinite where one of them is absent, and where the distance between centres shows that it exceeds `within_m`; it is
+    not computed there."""
+    gaps: FloatArray = all_distances_to_ego(trace, [actor], np.array([within_m]))[0]
+    return gaps
 
 
 def all_distances_to_ego(trace: Trace, actors: Sequence[int], within_m: FloatArray) -> FloatArray:
-    """Return the same of several actors at once, each with its own radius [K]: [K, T], m."""
+    """Return the distances to the ego of K actors, each with its own radius `within_m` [K]: [K, T], m."""
     columns = [0, *actors]
     poses = trace.states[:, columns][..., [X, Y, HEADING]].transpose(1, 0, 2)
-    found: FloatArray = gaps_to_first(_whole(poses), _sizes(trace, columns), _whole(within_m))
-    return found
+    gaps: FloatArray = gaps_to_first(_whole(poses), _sizes(trace, columns), _whole(within_m))
+    return gaps
 
 
 def ever_near(trace: Trace, actor: int, ways: FloatArray, first: int, radius_m: float) -> bool:
-    """Say whether the ego, on any of other ways than its own, comes within a distance of an actor on its recorded one.
+    """Return whether the ego, on any of N other ways, comes within a radius of an actor on its recorded way.
 
-    `ways`: [N, T, 3] poses of the ego from frame `first` on. `radius_m`: between the footprints.
+    `ways`: [N, T, 3] poses of the ego from frame `first` on. `radius_m`: largest distance between the footprints.
     """
     other = trace.states[first : first + ways.shape[1], actor][:, [X, Y, HEADING]]
     return bool(ever_within(_whole(ways), _whole(other), _sizes(trace, [0, actor]), radius_m))
@@ -57,18 +56,18 @@ def _sizes(trace: Trace, actors: Sequence[int]) -> FloatArray:
 
 
 def local_minima(distance_m: FloatArray, *, within_m: float, prominence_m: float) -> list[tuple[int, int]]:
-    """Find every local minimum of a distance that is within a radius.
+    """Return every local minimum of a distance that is within a radius.
 
     A plateau counts once; the first and the last frame of an actor's presence count where the distance falls towards
     them.
 
     Args:
-        distance_m: [T], infinite where there is none.
+        distance_m: [T], infinite where an actor is absent.
         within_m: larger minima are left out.
-        prominence_m: two minima between which the distance rises by less than this over the farther one are one.
+        prominence_m: two minima are one if the distance between them rises by less than this above the larger one.
 
     Returns:
-        Of each minimum the frame, and the last frame up to which the distance stays within the prominence of it (the
+        For each minimum its frame, and the last frame up to which the distance stays within the prominence of it (the
         end of a plateau), in order of time.
     """
     if not (distance_m <= within_m).any():
@@ -76,15 +75,15 @@ def local_minima(distance_m: FloatArray, *, within_m: float, prominence_m: float
     starts = np.concatenate(([0], np.flatnonzero(distance_m[1:] != distance_m[:-1]) + 1))
     value = np.concatenate(([np.inf], distance_m[starts], [np.inf]))
     here = value[1:-1]
-    kept: list[int] = []
+    minima: list[int] = []
     for frame in starts[(here < value[:-2]) & (here < value[2:]) & (here <= within_m)].tolist():
-        if kept:
-            now, previous = distance_m[frame], distance_m[kept[-1]]
-            if distance_m[kept[-1] : frame].max() - max(now, previous) < prominence_m:
-                kept[-1] = frame if now < previous else kept[-1]
+        if minima:
+            now, previous = distance_m[frame], distance_m[minima[-1]]
+            if distance_m[minima[-1] : frame].max() - max(now, previous) < prominence_m:
+                minima[-1] = frame if now < previous else minima[-1]
                 continue
-        kept.append(frame)
-    return [(frame, _valley_end(distance_m, frame, prominence_m)) for frame in kept]
+        minima.append(frame)
+    return [(frame, _valley_end(distance_m, frame, prominence_m)) for frame in minima]
 
 
 def _valley_end(distance_m: FloatArray, frame: int, prominence_m: float) -> int:
@@ -95,7 +94,7 @@ def _valley_end(distance_m: FloatArray, frame: int, prominence_m: float) -> int:
 def thinned_path(points: FloatArray, step_m: float) -> FloatArray:
     """Return a recorded path without absent points and with points at least `step_m` apart, [N, 2].
 
-    The last point is kept. One point (or none) is left of an actor that stood.
+    The last point is kept. For an actor that stood, one point (or none) is returned.
     """
     points = np.asarray(points[~np.isnan(points).any(axis=1)], dtype=np.float64)
     if len(points) < 2:
@@ -112,7 +111,7 @@ def thinned_path(points: FloatArray, step_m: float) -> FloatArray:
 
 
 def feet_on_path(points: FloatArray, path: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Project points [N, 2] onto a polyline [M, 2], M >= 1: the distances, [N] m, and whether each foot lies beside it,
+    """Return the distances of points [N, 2] to a polyline [M, 2], M >= 1: [N] m; and whether each foot lies beside it,
     [N], rather than beyond an end."""
     if len(path) < 2:
         return np.hypot(*(points - path[0]).T), np.zeros(len(points), dtype=np.bool_)
@@ -124,14 +123,14 @@ def feet_on_path(points: FloatArray, path: FloatArray) -> tuple[FloatArray, Bool
 
 
 def paths_cut(a: FloatArray, b: FloatArray, *, angle_rad: float) -> bool:
-    """Say whether two polylines ([N, 2], [M, 2]) cut each other at an angle of at least `angle_rad`."""
+    """Return whether two polylines ([N, 2], [M, 2]) intersect at an angle of at least `angle_rad`."""
     return bool(lines.paths_cut(_whole(a), _whole(b), math.sin(angle_rad)))
 
 
 def enters_from_side(points: FloatArray, path: FloatArray, *, half_width_m: float) -> bool:
-    """Say whether a recorded path ([N, 2]) comes into the corridor along another ([M, 2]) across its side.
+    """Return whether a recorded path ([N, 2]) enters the corridor along another ([M, 2]) from the side.
 
-    One that lies in the corridor from the beginning, or comes in over an end of it (a leader, a follower), does not.
+    A path that lies in the corridor from the beginning, or enters at an end (a leader, a follower), does not.
     """
     if not len(points) or len(path) < 2:
         return False

@@ -1,4 +1,4 @@
-"""The ranker protocol and what a ranker returns."""
+"""The interface of rankers, and the risky points that they return."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class RiskyPoint:
 
     Attributes:
         rank: from 1. frame: index into the trace. time_s: its time.
-        actor: the id of the actor that makes it risky, or "" where the ranker names none.
-        group: the actor's group. distance_m: smallest distance between the footprints of the ego and the actor, at
-            `frame` (NaN without actor).
-        trajectory_distance_m: distance from the actor to the ego's trajectory, the tie-breaker of step 1d (NaN
-            without).
+        actor: the id of the actor that makes it risky, or "" if the ranker names none.
+        group: the actor's group. distance_m: distance between the footprints of the ego and the actor at `frame` (NaN
+            without an actor).
+        trajectory_distance_m: distance from the actor to the ego's trajectory, the tie-breaker of step 1d (NaN if
+            unknown).
         score: the ranker's own figure, larger is riskier.
         why: one sentence for the report.
-        operator: the mutation operator with which the actor is to be changed, or "" where the ranker proposes none.
-        begins: the frame at which the change begins (and the clip, but for a hand-over); None where the ranker leaves
-            that to the length of clips.
+        operator: the mutation operator that the ranker proposes for the actor, or "" for none.
+        begins: the frame at which the change begins, and the clip too (or a hand-over earlier); None if the clip's
+            length decides that.
     """
 
     rank: int
@@ -52,7 +52,7 @@ class RiskyPoint:
 
     @classmethod
     def without_actor(cls, trace: Trace, rank: int, frame: int, score: float, why: str) -> Self:
-        """Return a moment of a run that no actor makes risky."""
+        """Return a risky point without an actor."""
         return cls(rank, frame, float(trace.time_s[frame]), "", "none", math.nan, math.nan, score, why)
 
 
@@ -69,7 +69,7 @@ class Ranker(Protocol):
 
         Args:
             trace: a run that passed.
-            seed: of all random choices.
+            seed: seed of all random choices.
             before_s: o_b; no point lies nearer to the beginning.
             after_s: o_a; a point may lie nearer to the end (the clip is then shorter).
         """
@@ -78,10 +78,10 @@ class Ranker(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What a trace does not hold of the place where it was recorded.
+    """The surroundings of a run, which its trace does not contain.
 
     Attributes:
-        network: the roads and buildings. mission: the ego's route. signals: the programs by junction.
+        network: the roads and buildings. mission: the ego's route. signals: signal programs by junction.
     """
 
     network: RoadNetwork
@@ -90,7 +90,7 @@ class Surroundings:
 
     @classmethod
     def of(cls, bundle: SumoBundle) -> Self:
-        """Return those of a compiled test case."""
+        """Return the surroundings of a compiled test case."""
         from foresee_dsl.simulate.mission import mission_of
 
         return cls(bundle.network, mission_of(bundle), bundle.signals)
@@ -98,10 +98,10 @@ class Surroundings:
 
 @runtime_checkable
 class NeedsSurroundings(Protocol):
-    """A ranker that cannot rank a trace alone, for example because it draws what a camera saw."""
+    """A ranker that needs more than a trace, for example because it draws camera images."""
 
     def within(self, surroundings: Surroundings) -> Ranker:
-        """Return the ranker of the runs in these surroundings."""
+        """Return the ranker for runs in these surroundings."""
         ...
 
 
@@ -119,17 +119,17 @@ class Mutations:
 
 @runtime_checkable
 class Proposes(Protocol):
-    """A ranker that also proposes what to change, and when; it needs to know what the mutation can do."""
+    """A ranker that also proposes which actor to change and when, for which it needs the settings of the mutation."""
 
     def before(self, mutations: Mutations) -> Ranker:
-        """Return the ranker of runs whose clips are mutated in this way."""
+        """Return the ranker for runs whose clips are mutated in this way."""
         ...
 
 
 @runtime_checkable
 class Learned(Protocol):
-    """A ranker whose answers depend on trained weights; campaign keys contain their hash."""
+    """A ranker that depends on trained weights; campaign keys contain their hash."""
 
     def weights_hash(self, driver: str) -> str:
-        """Return the hash of the weights with which runs of a driver are ranked."""
+        """Return the hash of the weights that rank the runs of a driver."""
         ...

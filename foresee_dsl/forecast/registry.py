@@ -1,4 +1,4 @@
-"""Rankers by name: the entry points of group `foresee_dsl.rankers`, ours and those of other packages."""
+"""Loads rankers by name from the entry points of group `foresee_dsl.rankers`, ours and those of other packages."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def ranker_names() -> tuple[str, ...]:
 
 
 def load_ranker(name: str) -> Ranker:
-    """Make the ranker of a name, with its default settings."""
+    """Return the ranker of a name, with its default settings."""
     entry = RANKERS.find(name)
     with RANKERS.loading(entry):
         ranker = entry.load()()
@@ -36,10 +36,10 @@ def load_ranker(name: str) -> Ranker:
 
 
 def ranker_within(name: str, compiled: Callable[[], SumoBundle], mutations: Mutations | None = None) -> Ranker:
-    """Make the ranker of a name for the runs of one test case.
+    """Return the ranker of a name for the runs of one test case.
 
     `compiled`: returns that test case, compiled; it is called only for a ranker that needs the surroundings.
-    `mutations`: how clips will be mutated, for a ranker that proposes changes; None: it takes what is usual.
+    `mutations`: how clips will be mutated, for a ranker that proposes changes; None: its default.
     """
     ranker = load_ranker(name)
     if mutations is not None and isinstance(ranker, Proposes):

@@ -6,39 +6,42 @@ import math
 from dataclasses import dataclass
 
 VEHICLE_KINDS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
-"""What counts as a vehicle in the paper's two groups (section 3.2, step 1d); bicycles and motorcycles do."""
+"""The classes that count as vehicles in the paper's two groups (section 3.2, step 1d), with bicycles and
+motorcycles."""
 PEDESTRIAN_KINDS = frozenset({"pedestrian"})
-"""Obstacles are in neither group: they follow no scripted behaviour, so they are no NPCs in the paper's sense
-(section 2), and no operator could act on them."""
+"""The classes that count as pedestrians. Obstacles are in neither group: without scripted behaviour they are not NPCs
+in the paper's sense (section 2), and no operator could act on them."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForeseeSettings:
-    """Everything that steps 1a to 1d leave to be chosen.
+    """Settings of steps 1a to 1d.
 
     Attributes:
         vehicle_radius_m: th1, step 1a (paper, section 4.4).
         pedestrian_radius_m: th2, step 1a (paper, section 4.4).
         perturbed_radius_m: the threshold of step 1c (paper, section 4.4).
-        limited_distance_m: step 1b's "limited distance" between footprints that makes a crossing actor a critical
-            one. Ours: 5 m, about a car's length, is what the ego covers in half a second in town.
-        crossing_angle_rad: two recorded paths that cut each other at less than this run along each other. Ours, 20 deg:
-            a leader that wanders in the ego's lane stays far below it, a turn through a junction cuts well above it.
-        path_step_m: recorded paths are thinned to this before they are intersected. Ours: on the tightest turn of a
-            car (5 m) half a metre of chord is 6 mm off the arc.
+        limited_distance_m: step 1b's "limited distance" between footprints, up to which a crossing actor is critical.
+            Ours: 5 m, about a car's length; the ego covers it in half a second in town.
+        crossing_angle_rad: angle between two recorded paths below which they do not cross but run along each other.
+            Ours, 20 deg: a leader that wanders in the ego's lane stays far below it, a turn through a junction cuts
+            well above it.
+        path_step_m: spacing to which recorded paths are thinned before they are intersected. Ours: on the tightest turn
+            of a car (5 m) half a metre of chord is 6 mm off the arc.
         perturbations: N of step 1c. Ours (the paper prints none): the smallest distance over 20 differs by under 2 cm
             from that over 200, as the errors are small against the threshold.
-        horizon_s: how long before the close encounter a perturbed trajectory sets out. Ours: 3 s, the shorter of the
+        horizon_s: how long before the close encounter a perturbed trajectory begins. Ours: 3 s, the shorter of the
             paper's two clip offsets, so that every kind of clip contains the whole roll-out.
-        beyond_s: how long after the encounter it goes on. Ours: 1 s, for the encounter to become closer than it was.
-        lateral_error_m, longitudinal_error_m, heading_error_rad: how far a perturbed trajectory may be off at the end
+        beyond_s: how long it continues after the encounter. Ours: 1 s, so that the encounter can become closer than it
+            was.
+        lateral_error_m, longitudinal_error_m, heading_error_rad: largest deviation of a perturbed trajectory at the end
             of the horizon. Reid et al. 2019 (arXiv 1906.01061), passenger vehicle on local roads, which the paper
             cites: 0.29 m, 0.29 m, 0.50 deg.
-        same_encounter_s: two minima of one actor nearer than this are one encounter. Ours: 1 s, the raster of the
-            exhaustive baseline.
-        prominence_m: the distance must rise by this between two minima, so that the trembling of standing or
-            side-by-side actors makes none. Ours: 0.1 m, above the sway of a controller that keeps its lane and under
-            every threshold.
+        same_encounter_s: time between two minima of one actor below which they are one encounter. Ours: 1 s, the raster
+            of the exhaustive baseline.
+        prominence_m: rise of the distance between two minima below which they are one, so that jitter of standing or
+            side-by-side actors does not count. Ours: 0.1 m, above the sway of a controller that keeps its lane and
+            under every threshold.
     """
 
     vehicle_radius_m: float = 10.0
@@ -57,7 +60,7 @@ class ForeseeSettings:
     prominence_m: float = 0.1
 
     def radius_m(self, kind: str) -> float:
-        """Return step 1a's radius for a class of actor; 0 for those that are not looked at."""
+        """Return step 1a's radius for a class of actor, m; 0 for a class that is ignored."""
         if kind in PEDESTRIAN_KINDS:
             return self.pedestrian_radius_m
         return self.vehicle_radius_m if kind in VEHICLE_KINDS else 0.0

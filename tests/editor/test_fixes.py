@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.editor.answers.edits import Fix, applied
-from foresee_dsl.editor.answers.fixes import fixes, with_known_names
+from foresee_dsl.editor.answers.fixes import fixes, with_names_of
 from foresee_dsl.editor.diagnosing import find
 from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.errors import Diagnostic
@@ -71,7 +71,7 @@ def _of(file: Path) -> Iterator[Mistake]:
 
     for one in check(text):
         if one.span is not None:
-            offered = fixes(one, one.span, Positions(text), check, with_known_names(file, {}))
+            offered = fixes(one, one.span, Positions(text), check, with_names_of(file, {}))
             yield Mistake(file, text, one, offered, check)
 
 

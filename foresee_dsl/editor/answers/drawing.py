@@ -1,4 +1,4 @@
-"""The picture beside the text: what `foresee/draw` answers, drawn from the texts that the editor holds."""
+"""Answers `foresee/draw`: draws the picture of a file from the texts that the editor holds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from foresee_dsl.editor.protocol.rpc import Json
 
 
 def picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:
-    """Return the picture of a file with the editor's texts, or what is wrong with it (see `report.picture.answer`)."""
+    """Return the picture of a file with the editor's texts, or its errors (see `report.picture.answer`)."""
     from foresee_dsl.report.picture.answer import answer
 
     return answer(
@@ -22,7 +22,7 @@ def picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:
 
 
 def page(nonce: str) -> str:
-    """Return the page that shows pictures, for a web view whose scripts and styles have this nonce."""
+    """Return the page that shows pictures; `nonce`: that of the web view's scripts and styles."""
     from foresee_dsl.report.picture.answer import page_of
 
     return page_of(nonce, title="foresee", connect="")

@@ -1,4 +1,4 @@
-"""Where the edits that a diagnostic carries may be made: to write, to take out, to rename, to close."""
+"""Turns the fixes of a diagnostic into edits of the text: insert, replace, move, remove, rename, close."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from foresee_dsl.language.syntax.scan import Lines, Raw, scan
 from foresee_dsl.language.units import UNITS
 
 LISTED = "one of the"
-"""What edits are for that put in one of the names of a list: those are the file's own."""
+"""Prefix of the purpose of edits that insert a name offered in a list; such names come from the file itself."""
 _CONDITION = re.compile(r"(?:if|elif|when(?:\s+(?:once|every|next))?(?:\s+\w+:)?)\s+(?P<condition>.+)", re.DOTALL)
 _VALUE = re.compile(r"-?[0-9]|\([^()]*,[^()]*\)$")
 _WORD = re.compile(r"[a-z]\w*")
 _IN_ORDER = (h.Rewrite, h.GoOn, h.InBlock, h.Instead, h.Write, h.OneOf, h.Remove, h.Rename)
-"""Likely ones first: what is written anew in a fixed form, then texts, then what takes something away."""
+"""Kinds of fixes, likely ones first: fixed rewritings, then insertions of text, then removals and renamings."""
 
 
 @dataclass(frozen=True)
 class Fix:
-    """An edit: what is written, where, and what it is called."""
+    """An edit: its title, the span that it replaces, and the new text."""
 
     title: str
     span: Span
@@ -42,8 +42,8 @@ def applied(text: str, positions: Positions, fix: Fix) -> str:
 
 
 def edits(diagnostic: Diagnostic, span: Span, positions: Positions) -> Iterator[tuple[str, Fix]]:
-    """Yield the edits at a place that a diagnostic's fixes may stand for, likely ones first; each with what it puts in
-    or does, of which one edit is enough."""
+    """Yield the possible edits for a diagnostic's fixes at a place, likely ones first, each with its purpose: one edit
+    per purpose is enough."""
     place = _Place(span, positions)
     meant = meant_at(diagnostic.fixes, place.written)
     if meant is not None and (span.line == span.end_line or "\n" not in place.written[: meant[1]]):
@@ -58,7 +58,7 @@ def edits(diagnostic: Diagnostic, span: Span, positions: Positions) -> Iterator[
 
 
 def _texts_of(fix: h.Edit) -> tuple[str, ...]:
-    """Return the texts of an edit that is more than to write them."""
+    """Return the texts of a fix that does more than insert them; empty for other fixes."""
     match fix:
         case h.Instead(text, other) | h.InBlock(text, other):
             return text, other
@@ -66,7 +66,7 @@ def _texts_of(fix: h.Edit) -> tuple[str, ...]:
 
 
 class _Place:
-    """The part of a text that a diagnostic marks."""
+    """The part of a text that a diagnostic marks, and the edits that are possible there."""
 
     def __init__(self, span: Span, positions: Positions) -> None:
         self._text = "\n".join(positions.lines)
@@ -83,25 +83,25 @@ class _Place:
         return Fix(title, self._lines.span(start, end), text)
 
     def edits(self, fix: h.Edit, message: str) -> Iterator[tuple[str, Fix]]:
-        """Yield what an edit may be here, with what it puts in or does."""
+        """Yield the possible edits of a fix at this place, each with its purpose."""
         match fix:
             case h.Rewrite(to):
-                yield from ((to, one) for one in self._rewritten(to))
+                yield from ((to, edit) for edit in self._rewritten(to))
             case h.GoOn(text):
                 yield text, self.fix(f"Add `{text}`", self.end, self.end, f" {text}")
             case h.InBlock(text, name):
-                yield from ((text, one) for one in self.in_block(text, name))
+                yield from ((text, edit) for edit in self.in_block(text, name))
             case h.Instead(text, wrong):
-                yield from (("instead", one) for one in self.instead(wrong, text))
+                yield from (("instead", edit) for edit in self.instead(wrong, text))
             case h.Write(text) | h.Meant(text):
-                yield from ((text, one) for one in self.ways(text))
+                yield from ((text, edit) for edit in self.ways(text))
             case h.OneOf(words):
                 for word in words:
-                    yield from ((f"{LISTED} {word}", one) for one in self.words(word, message))
+                    yield from ((f"{LISTED} {word}", edit) for edit in self.words(word, message))
             case h.Remove(word):
-                yield from (("removed", one) for one in self.removals(word))
+                yield from (("removed", edit) for edit in self.removals(word))
             case h.Rename(everywhere):
-                yield from (("renamed", one) for one in self.renamings(everywhere=everywhere))
+                yield from (("renamed", edit) for edit in self.renamings(everywhere=everywhere))
             case _:
                 assert_never(fix)
 
@@ -117,18 +117,19 @@ class _Place:
 
     def _around(self) -> list[Raw]:
         """Return the statements around the place, outermost first."""
-        found: list[Raw] = []
+        statements: list[Raw] = []
         inner: list[Raw] | None = self._statements
         while inner is not None:
-            raw = next((one for one in inner if one.start <= self.start <= max(one.end, one.close)), None)
+            holding = (raw for raw in inner if raw.start <= self.start <= max(raw.end, raw.close))
+            raw = next(holding, None)
             if raw is None:
                 break
-            found.append(raw)
+            statements.append(raw)
             inner = raw.block
-        return found
+        return statements
 
     def _line(self, offset: int) -> tuple[int, int, str]:
-        """Return where the line of an offset begins and ends (comments left out), and its indentation."""
+        """Return the offsets of the beginning and end (without a comment) of an offset's line, and its indentation."""
         start = self._text.rfind("\n", 0, offset) + 1
         end = self._text.find("\n", offset)
         line = self._text[start : end if end >= 0 else len(self._text)]
@@ -137,8 +138,8 @@ class _Place:
     # ---- to write a text --------------------------------------------------------------------------------------------
 
     def ways(self, words: str) -> Iterator[Fix]:
-        """Yield the edits by which a suggested text can be put in: in the place of what is marked, behind it, before
-        it, for the rest of the line or statement, and as a statement of its own."""
+        """Yield the edits that insert a suggested text: in place of the marked part, behind it, before it, in place of
+        the rest of the line or statement, and as a statement of its own."""
         write, add = f"Write `{words}`", f"Add `{words}`"
         begin, end, indent = self._line(self.start)
         around = self._around()
@@ -171,36 +172,36 @@ class _Place:
             yield self.fix(add, last, last, f"  {words}\n")
 
     def _values(self, words: str, title: str) -> Iterator[Fix]:
-        """Yield the edits that put a value, or a point, in the place of one of its kind in what is marked."""
+        """Yield the edits that replace a value or a point of the same kind in the marked part."""
         of_words = _dimension(words.partition(" ")[2])
         pattern = r"\([^()]*,[^()]*\)" if words.startswith("(") else r"-?[0-9][0-9.]*(?: (?P<unit>[a-z][\w/^]*))?"
-        for found in re.finditer(pattern, self.written):
-            if words.startswith("(") or _dimension(found["unit"]) == of_words:
-                yield self.fix(title, self.start + found.start(), self.start + found.end(), words)
+        for value in re.finditer(pattern, self.written):
+            if words.startswith("(") or _dimension(value["unit"]) == of_words:
+                yield self.fix(title, self.start + value.start(), self.start + value.end(), words)
 
     def words(self, word: str, message: str) -> Iterator[Fix]:
-        """Yield the edits that put one of the words that a help lists in the place of one."""
+        """Yield the edits that replace the wrong word by one of the words that a help lists."""
         if re.fullmatch(r"\S+", self.written):
             yield self.fix(f"Write `{word}`", self.start, self.end, word)
             return
         for wrong in dict.fromkeys(re.findall(r"\w+", message)):
-            places = [found.start() for found in re.finditer(rf"\b{wrong}\b", self.written)]
+            places = [occurrence.start() for occurrence in re.finditer(rf"\b{wrong}\b", self.written)]
             if len(places) == 1 and wrong != word:
                 start = self.start + places[0]
                 yield self.fix(f"Write `{word}`", start, start + len(wrong), word)
 
     def instead(self, wrong: str, right: str) -> Iterator[Fix]:
-        """Yield the edits that write one text where another stands."""
+        """Yield the edits that replace one text by another, the nearest place first."""
         around = self._around()
         first, end = (around[-1].start, max(around[-1].end, self.end)) if around else (self.start, self.end)
-        places = [first + found.start() for found in re.finditer(re.escape(wrong), self._text[first:end])]
+        places = [first + occurrence.start() for occurrence in re.finditer(re.escape(wrong), self._text[first:end])]
         for place in sorted(places, key=lambda place: abs(place - self.start)):
             yield self.fix(f"Write `{right}`", place, place + len(wrong), right)
 
     # ---- to close, to move, to take out, to rename ------------------------------------------------------------------
 
     def closings(self) -> Iterator[Fix]:
-        """Yield the edits that close a block where the lines stop being indented more than its first."""
+        """Yield the edits that close a block before the first line that is not indented more than its head."""
         begin, _, indent = self._line(self.start)
         offset = self._text.find("\n", self.start) + 1
         while 0 < offset < len(self._text):
@@ -242,26 +243,26 @@ class _Place:
         if actor is None or action is None or named is None:
             return
         indent = self._line(actor.start)[2]
-        said = re.split(r"//|/\*", self._text[action.start : action.end])[0].strip()
-        does = f"when time >= 0 s {{ {named[1]} {said} }}"
+        action_text = re.split(r"//|/\*", self._text[action.start : action.end])[0].strip()
+        does = f"when time >= 0 s {{ {named[1]} {action_text} }}"
         rest = self._without(action.start, action.end)
         end = self._lines.offset(rest.span.end_line, rest.span.end_column)
         text = f"{self._text[end : actor.close]}\n{indent}{does}"
         yield self.fix(f"Write `{does}`", self._lines.offset(rest.span.line, rest.span.column), actor.close, text)
 
     def commented(self) -> Iterator[Fix]:
-        """Yield the edit that makes a comment of other languages lines of one of ours."""
+        """Yield the edit that turns a comment of another language into lines of `#` comments."""
         closed = self._text.find("*/", self.start)
         end = closed + 2 if closed >= 0 else len(self._text.rstrip())
         behind = self._text[end : self._line_end(end)].strip()
         indent = self._line(self.start)[2]
-        said = self._text[self.start + 2 : closed if closed >= 0 else end].split("\n")
-        lines = [f"# {line.strip().lstrip('*').strip()}".rstrip() for line in said]
+        comment_lines = self._text[self.start + 2 : closed if closed >= 0 else end].split("\n")
+        lines = [f"# {line.strip().lstrip('*').strip()}".rstrip() for line in comment_lines]
         text = f"\n{indent}".join([*lines, ""] if behind else lines)
         yield self.fix("Begin each line with `#`", self.start, end, text)
 
     def otherwise(self) -> Iterator[Fix]:
-        """Yield the edit that makes of an `else` a trigger with the opposite of the condition before."""
+        """Yield the edit that turns an `else` into a trigger with the opposite of the condition before."""
         around = self._around()
         beside = (around[-2].block or []) if len(around) > 1 else self._statements
         k = next((k for k, raw in enumerate(beside) if around and raw is around[-1]), 0)
@@ -276,13 +277,14 @@ class _Place:
         yield self.fix(f"Write `{text.strip()}`", self.start, max(around[-1].end, self.end), text)
 
     def in_block(self, words: str, name: str) -> Iterator[Fix]:
-        """Yield the edit that puts a setting into the block of what has a name, or in the place of one there."""
+        """Yield the edit that inserts a setting into the block of a named statement, or replaces the one there."""
         around = self._around()
         beside = (around[-2].block or []) if len(around) > 1 else self._statements
         for raw in beside:
             if not re.match(rf"\w+\s+{name}\b", self._text[raw.start : raw.end]):
                 continue
-            same = [one for one in raw.block or () if self._text.startswith(words.split(maxsplit=1)[0], one.start)]
+            first_word = words.split(maxsplit=1)[0]
+            same = [inner for inner in raw.block or () if self._text.startswith(first_word, inner.start)]
             if same:
                 yield self.fix(f"Write `{words}` in '{name}'", same[0].start, same[0].end, words)
             elif raw.block is None:
@@ -295,7 +297,7 @@ class _Place:
                 yield self.fix(f"Add `{words}` to '{name}'", raw.open + 1, raw.open + 1, f" {words};")
 
     def removals(self, word: str = "") -> Iterator[Fix]:
-        """Yield the edits that take out what is marked (with the word before it), or the statement that it is in."""
+        """Yield the edits that remove the marked part (with the word before it), or the statement around it."""
         comment = self._text.rfind("#", self._text.rfind("\n", 0, self.start) + 1, self.start)
         if comment >= 0:
             yield self._without(comment, self._line_end(self.start))
@@ -322,9 +324,9 @@ class _Place:
         return end if end >= 0 else len(self._text)
 
     def _without(self, start: int, end: int) -> Fix:
-        """Return the edit that takes a part out, with its line where nothing else is on it."""
-        shown = self._text[start:end].partition("\n")[0]
-        title = f"Remove `{shown if len(shown) <= 40 else shown[:37] + '...'}`"
+        """Return the edit that removes a part, with its line if nothing else is on it."""
+        first_line = self._text[start:end].partition("\n")[0]
+        title = f"Remove `{first_line if len(first_line) <= 40 else first_line[:37] + '...'}`"
         begin, last = self._text.rfind("\n", 0, start) + 1, self._line_end(end)
         behind = self._text[end:last].strip()
         if not self._text[begin:start].strip() and (not behind or behind.startswith("#")):
@@ -343,22 +345,22 @@ class _Place:
         return self.fix(title, start, end, "")
 
     def renamings(self, *, everywhere: bool) -> Iterator[Fix]:
-        """Yield the edit that gives what is marked a name that is free; `everywhere`: in what is told to it too."""
-        found = _WORD.fullmatch(self.written) or _WORD.match(self.written)
-        if found is None:
+        """Yield the edit that gives the marked part a free name; `everywhere`: also in the later uses of the name."""
+        word = _WORD.fullmatch(self.written) or _WORD.match(self.written)
+        if word is None:
             return
         taken = set(re.findall(r"\w+", self._text))
-        name = next(name for k in range(2, 1000) if (name := f"{found[0]}_{k}") not in taken)
-        end = self.start + len(found[0])
-        told = "|".join((*words_of("action"), "in", "within", "sees", "ahead", "behind"))
-        uses = rf"\b{found[0]}(?=\s+(?:{told})\b|\.[a-z])|(?<=\(){found[0]}(?=[,)])|(?<=, ){found[0]}(?=\))"
+        name = next(name for k in range(2, 1000) if (name := f"{word[0]}_{k}") not in taken)
+        end = self.start + len(word[0])
+        followers = "|".join((*words_of("action"), "in", "within", "sees", "ahead", "behind"))
+        uses = rf"\b{word[0]}(?=\s+(?:{followers})\b|\.[a-z])|(?<=\(){word[0]}(?=[,)])|(?<=, ){word[0]}(?=\))"
         places = [use.end() for use in re.compile(uses).finditer(self._text, end)]
         if everywhere and places:
-            parts = (self._text[one : other - len(found[0])] + name for one, other in pairwise((end, *places)))
+            parts = (self._text[begin : other - len(word[0])] + name for begin, other in pairwise((end, *places)))
             yield self.fix(f"Call it `{name}`", self.start, places[-1], name + "".join(parts))
         yield self.fix(f"Call it `{name}`", self.start, end, name)
 
 
 def _dimension(unit: str | None) -> str:
-    known = UNITS.get(unit or "")
-    return known.dimension if known is not None else ""
+    entry = UNITS.get(unit or "")
+    return entry.dimension if entry is not None else ""

@@ -1,4 +1,4 @@
-"""Quick fixes: of the edits that a diagnostic's help stands for, those that make the diagnostic go away."""
+"""Quick fixes: the edits of a diagnostic's help that remove the diagnostic."""
 
 from __future__ import annotations
 
@@ -17,66 +17,66 @@ from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.syntax.scan import Lines
 
-_MOST_TRIED = 24
-"""So many edits are tried for one diagnostic at most (ours: each is a check of the file, 20 to 80 ms)."""
+_MOST_ATTEMPTS = 24
+"""Maximum number of edits tried per diagnostic. Ours: each needs a check of the file, 20 to 80 ms."""
 _MOST_OFFERED = 5
-"""So many fixes are offered for one diagnostic at most (ours: a menu that is read at a glance)."""
+"""Maximum number of fixes offered per diagnostic. Ours: a menu that is read at a glance."""
 _OF_THE_GRAMMAR = frozenset({"FS003", "FS004", "FS008", "FS009", "FS015", "FS065"})
-"""Mistakes that no edit may bring, wherever they stand."""
+"""Codes of errors that no edit may cause, at any place."""
 
 _SURE = frozenset({"meant", "closed block"})
-"""What these edits put in is no example."""
+"""Purposes of edits that insert a definite text, not an example."""
 _NAMES: tuple[SymbolKind, ...] = ("actor", "junction", "road", "parameter", "thing")
 _MEANT_BY: Mapping[str, str] = {"gap": "time", "pace": "speed", "speed": "speed", "width": "length", "share": "ratio"}
-"""Of which type the parameters are that examples name."""
+"""The types of the parameters that examples name."""
 
 _PINS = re.compile(r" is (sha256:\w+) now, but (sha256:\w+) is pinned")
 
 Check = Callable[[str], tuple[Diagnostic, ...]]
-"""Returns what is wrong with a text of the file."""
+"""Returns the diagnostics of a text of the file."""
 Adapt = Callable[[str, Positions, Fix], Fix]
-"""Returns an edit with names of the text in the place of those of an example."""
+"""Returns an edit with names of the file in place of those of an example."""
 
 
 def fixes(
     diagnostic: Diagnostic, span: Span, positions: Positions, check: Check, adapt: Adapt | None = None
 ) -> tuple[Fix, ...]:
-    """Return what a diagnostic offers; each was tried, and leaves one mistake less.
+    """Return the fixes of a diagnostic; each was tried, and leaves one error less.
 
     Args:
-        diagnostic: what is wrong. span: where it is now. positions: of the text.
-        check: says what is wrong with a text, other files left out.
-        adapt: puts names that are known into an example.
+        diagnostic: the diagnostic. span: its present place. positions: the places of the text.
+        check: returns the diagnostics of a text, without those of other files.
+        adapt: replaces the names of an example by names of the file.
     """
     text = "\n".join(positions.lines)
-    found: dict[str, Fix] = {}
-    tried: dict[tuple[Span, str], None] = {}
+    offered: dict[str, Fix] = {}
+    attempts: dict[tuple[Span, str], None] = {}
     before: tuple[Diagnostic, ...] | None = None
     for purpose, edit in edits(diagnostic, span, positions):
-        if purpose in found:
+        if purpose in offered:
             continue
-        if len(found) == _MOST_OFFERED or len(tried) == _MOST_TRIED:
+        if len(offered) == _MOST_OFFERED or len(attempts) == _MOST_ATTEMPTS:
             break
         fix = edit if adapt is None or purpose.startswith(LISTED) else adapt(text, positions, edit)
-        if (fix.span, fix.text) in tried:
+        if (fix.span, fix.text) in attempts:
             continue
-        tried[fix.span, fix.text] = None
+        attempts[fix.span, fix.text] = None
         before = check(text) if before is None else before
         trial = _Trial(text, positions, fix, check)
-        pinned = _of_the_parent(trial.found, fix)
+        pinned = _of_the_parent(trial.diagnostics, fix)
         if pinned is not None:
             fix, trial = pinned, _Trial(text, positions, pinned, check)
         if not trial.stays(diagnostic.code, diagnostic.message, span) and not trial.worse(before, purpose):
-            found[purpose] = fix
-    return tuple(found.values())
+            offered[purpose] = fix
+    return tuple(offered.values())
 
 
 class _Trial:
-    """An edit that was made, and what is wrong with the text after it."""
+    """An edit, and the diagnostics of the text after it."""
 
     def __init__(self, text: str, positions: Positions, fix: Fix, check: Check) -> None:
         after = applied(text, positions, fix)
-        self.found = check(after)
+        self.diagnostics = check(after)
         self._lines, self._places = Lines(after), positions
         self._start = positions.offset_of(fix.span.line, fix.span.column)
         self._old_end = positions.offset_of(fix.span.end_line, fix.span.end_column)
@@ -86,47 +86,48 @@ class _Trial:
         return self._lines.offset(span.line, span.column)
 
     def stays(self, code: str, message: str, span: Span) -> bool:
-        """Whether the mistake is still there: at its place, or in what was put in."""
+        """Return whether the error remains, at its place or in the inserted text."""
         was = self._places.offset_of(span.line, span.column)
         moved = was if was < self._start else was + self._end - self._old_end
-        for one in self.found:
-            if (one.code, one.message) != (code, message):
+        for diagnostic in self.diagnostics:
+            if (diagnostic.code, diagnostic.message) != (code, message):
                 continue
-            at = self._at(one.span) if one.span is not None else moved
+            at = self._at(diagnostic.span) if diagnostic.span is not None else moved
             if at == moved or (self._start <= was <= self._old_end and self._start <= at <= self._end):
                 return True
         return False
 
     def worse(self, before: tuple[Diagnostic, ...], purpose: str) -> bool:
-        """Whether the edit has brought a mistake: one where the text was mended, or one of the grammar.
+        """Return whether the edit causes an error: a new one in the edited lines, or one of the grammar anywhere.
 
-        Of a statement the grammar reports only the first mistake, so that the next shows when the first is mended: on
-        the same line, but not right beside the edit. Where what the help says is no example, the edit may show that the
-        statement is wrong in its meaning too.
-        """
-        were, are = _counted(before), _counted(self.found)
+        The grammar reports only the first error of a statement. So fixing it may reveal the next: on the same line, but
+        not directly beside the edit. If the help gives a definite text, the edit may also reveal an error in the
+        statement's meaning."""
+        were, are = _counted(before), _counted(self.diagnostics)
         sure = purpose in _SURE
-        more_open = _unclosed(self.found) > _unclosed(before)
-        for one in self.found:
-            if one.severity != "error" or are[one.code, one.message] <= were[one.code, one.message]:
+        more_open = _unclosed(self.diagnostics) > _unclosed(before)
+        for diagnostic in self.diagnostics:
+            key, span = (diagnostic.code, diagnostic.message), diagnostic.span
+            if diagnostic.severity != "error" or are[key] <= were[key]:
                 continue
-            if one.span is None or (one.code == "FS007" and more_open):
+            if span is None or (diagnostic.code == "FS007" and more_open):
                 return True
-            at, far = self._at(one.span), self._lines.offset(one.span.end_line, one.span.end_column)
+            at, far = self._at(span), self._lines.offset(span.end_line, span.end_column)
             first, last = (self._lines.place(place)[0] for place in (self._start, self._end))
-            here = first <= one.span.line <= last
-            if one.code in _OF_THE_GRAMMAR:
+            here = first <= span.line <= last
+            if diagnostic.code in _OF_THE_GRAMMAR:
                 if not (sure and here and (at > self._end + 1 or far < self._start)):
                     return True
-            elif here and not sure and one.code != "FS007":
+            elif here and not sure and diagnostic.code != "FS007":
                 return True
         return False
 
 
-def _of_the_parent(found: tuple[Diagnostic, ...], fix: Fix) -> Fix | None:
-    """Return the edit that writes the pin that a parent has, where one writes an example's."""
-    for one in found:
-        pins = _PINS.search(one.message)
+def _of_the_parent(diagnostics: tuple[Diagnostic, ...], fix: Fix) -> Fix | None:
+    """Return the edit with the parent's actual pin in place of an example's; None if the edit does not write a wrong
+    pin."""
+    for diagnostic in diagnostics:
+        pins = _PINS.search(diagnostic.message)
         if pins is not None and pins[2] in fix.text:
             text = fix.text.replace(pins[2], pins[1])
             return replace(fix, title=fix.title.replace(pins[2], pins[1]), text=text)
@@ -134,25 +135,27 @@ def _of_the_parent(found: tuple[Diagnostic, ...], fix: Fix) -> Fix | None:
 
 
 def _counted(diagnostics: tuple[Diagnostic, ...]) -> Counter[tuple[str, str]]:
-    return Counter((one.code, one.message) for one in diagnostics)
+    return Counter((diagnostic.code, diagnostic.message) for diagnostic in diagnostics)
 
 
 def _unclosed(diagnostics: tuple[Diagnostic, ...]) -> int:
-    """Return how many blocks are not closed: each is reported, but of many the last in one line."""
-    more = (re.match(r"(\d+) more block", one.message) for one in diagnostics if one.code == "FS007")
-    return sum(int(found[1]) if found is not None else 1 for found in more)
+    """Return the number of blocks that are not closed; of many, the last are reported together with their number."""
+    more = (
+        re.match(r"(\d+) more block", diagnostic.message) for diagnostic in diagnostics if diagnostic.code == "FS007"
+    )
+    return sum(int(count[1]) if count is not None else 1 for count in more)
 
 
 # ---- the file's names in an example ----------------------------------------------------------------------------------
 
 
-def with_known_names(path: Path, overlay: Mapping[Path, str]) -> Callable[[str, Positions, Fix], Fix]:
-    """Return what replaces the names in examples of helps (`lead`, `j4`) by names that a file knows."""
+def with_names_of(path: Path, overlay: Mapping[Path, str]) -> Callable[[str, Positions, Fix], Fix]:
+    """Return a function that replaces names of examples in helps (`lead`, `j4`) by names that a file defines."""
 
     def adapt(text: str, positions: Positions, fix: Fix) -> Fix:
         if not re.search(r"[a-z]\w*[ .(,)\]}]|^[a-z]\w*$", fix.text):
             return fix
-        for stages in (False, True):  # a stage is one of its junction, whose name has to be known first
+        for stages in (False, True):  # a stage belongs to its junction, whose name must be settled first
             fix = _adapted(text, positions, fix, stages=stages)
         return fix
 
@@ -170,7 +173,7 @@ def with_known_names(path: Path, overlay: Mapping[Path, str]) -> Callable[[str, 
                 continue
             if use.kind not in (("stage",) if stages else _NAMES) or files.define(path, use) is not None:
                 continue
-            name = _known(files, path, use)
+            name = _name_for(files, path, use)
             if name:
                 changed = f"{changed[: at - start]}{name}{changed[end - start :]}"
         if changed == fix.text:
@@ -184,14 +187,14 @@ def _end(use: Occurrence) -> tuple[int, int]:
     return use.span.end_line, use.span.end_column
 
 
-def _known(files: Files, path: Path, use: Occurrence) -> str:
-    """Return a name that can stand where an example's stands; nothing where there is none."""
+def _name_for(files: Files, path: Path, use: Occurrence) -> str:
+    """Return a name of the file that can replace an example's name; "" if there is none."""
     if use.kind == "stage":
         return next(iter(files.stages(path, use.scope)), "")
     kinds: tuple[SymbolKind, ...] = ("actor",) if use.kind == "thing" else (use.kind,)
     names = list(files.definitions(path, *kinds))
     if use.kind == "actor":
-        names.sort(key=lambda name: name == "ego")  # the examples' others are told what to do, the ego is not
+        names.sort(key=lambda name: name == "ego")  # examples give orders to other actors, not to the ego
     if use.kind == "parameter" and use.name in _MEANT_BY:
         names = [name for name in names if files.type_of(path, name) == _MEANT_BY[use.name]]
     return names[0] if names else ""

@@ -1,4 +1,4 @@
-"""What an editor shows in a text: kinds of words, speeds in m/s, and commands above scenarios and cases."""
+"""Marks that an editor shows in a text: kinds of words, speeds in m/s, and commands above scenarios and cases."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Hint:
 
 @dataclass(frozen=True)
 class Lens:
-    """A command above a place: `run`, `forecast` or `draw`, of an address."""
+    """A command above a place: `run`, `forecast` or `draw`, with its address."""
 
     span: Span
     command: str
@@ -52,7 +52,7 @@ class Lens:
 
 
 def hints(text: str, first: int, last: int) -> Iterator[Hint]:
-    """Yield the hints of some lines of a text: other speeds in m/s."""
+    """Yield the hints of some lines of a text: speeds in other units, as m/s."""
     root = read_syntax(text).root
     for node, _ in walk(root) if root is not None else ():
         if node.kind is not m.Quantity or not first <= node.span.line <= last:
@@ -64,7 +64,7 @@ def hints(text: str, first: int, last: int) -> Iterator[Hint]:
 
 
 def lenses(path: Path, text: str) -> Iterator[Lens]:
-    """Yield the commands of what a file defines, and of each of its cases."""
+    """Yield the commands of a file's definition, and of each of its cases."""
     root = read_syntax(text).root
     if root is None:
         return
@@ -97,13 +97,13 @@ class Token(NamedTuple):
 
 
 def tokens(text: str) -> Iterator[Token]:
-    """Yield the names and quantities of a text in order; words of the grammar have the highlighter's colours."""
-    found = [*_names(text), *_quantities(text)]
-    found.sort(key=lambda token: (token.span.line, token.span.column))
+    """Yield the names and quantities of a text in order; the highlighter colours the words of the grammar."""
+    in_order = [*_names(text), *_quantities(text)]
+    in_order.sort(key=lambda token: (token.span.line, token.span.column))
     line = end = 0
-    for token in found:
+    for token in in_order:
         if token.span.line == line and token.span.column < end:
-            continue  # within another
+            continue  # inside another token
         line, end = token.span.line, token.span.end_column
         yield token
 

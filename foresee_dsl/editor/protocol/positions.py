@@ -1,4 +1,5 @@
-"""The places of one text: an editor counts from 0, in UTF-16 or in code points; we from 1, in code points."""
+"""Converts places of a text: an editor counts from 0, in UTF-16 units or code points; we count from 1, in code
+points."""
 
 from __future__ import annotations
 
@@ -13,12 +14,12 @@ _BEYOND_16 = "\uffff"
 
 
 class Positions:
-    """From an editor's positions to ours, and back."""
+    """Converts an editor's positions in one text to ours, and back."""
 
     def __init__(self, text: str, encoding: Encoding = "utf-16") -> None:
         self.lines = plain(text).split("\n")
         self._wide = encoding == "utf-16"
-        # A byte order mark is a character to the editor and none to the parser.
+        # A byte order mark is a character for the editor, but not for the parser.
         self._mark = 1 if text.startswith("\ufeff") else 0
 
     def _units(self, text: str) -> int:
@@ -72,5 +73,5 @@ class Positions:
         return Span(*self.place(where["start"]), *self.place(where["end"]))
 
     def text(self, where: Json) -> str:
-        """Return what stands in a range."""
+        """Return the text in a range."""
         return "\n".join(self.lines)[self.offset(where["start"]) : self.offset(where["end"])]

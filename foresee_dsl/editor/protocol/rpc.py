@@ -1,7 +1,8 @@
-"""JSON-RPC 2.0 with the Language Server Protocol's framing, over two byte streams; answers can come from any thread.
+"""Implements JSON-RPC 2.0 with the framing of the Language Server Protocol over two byte streams; any thread may
+answer.
 
-Our own: importing pygls 2.1 with lsprotocol, which makes 500 classes, takes 0.3 s, as long as all of the language.
-"""
+Our own, because importing pygls 2.1 with lsprotocol, which creates 500 classes, takes 0.3 s, as long as importing the
+whole language."""
 
 from __future__ import annotations
 
@@ -12,12 +13,12 @@ from typing import Any, BinaryIO, Literal
 
 Json = dict[str, Any]
 Handler = Callable[[Any], object]
-"""Takes a message's parameters, and returns the result (of a notification: nothing)."""
+"""Takes a message's parameters, and returns the result (None for a notification)."""
 
 METHOD_NOT_FOUND, INTERNAL_ERROR, INVALID_REQUEST, REQUEST_FAILED = -32601, -32603, -32600, -32803
 """Codes of JSON-RPC 2.0 (5.1) and of the protocol (3.17, `ErrorCodes`)."""
 LARGEST_BYTES = 64_000_000
-"""A message that says it is larger is not read. Ours: ten times the largest file of the language with all escapes."""
+"""Largest message that is read, bytes. Ours: ten times the largest file of the language with all escapes."""
 
 
 class RequestError(Exception):
@@ -25,7 +26,7 @@ class RequestError(Exception):
 
 
 class LATER:
-    """What a handler returns that answers later, by `Connection.reply`."""
+    """The return value of a handler that answers later, by `Connection.reply`."""
 
 
 class Connection:
@@ -36,12 +37,12 @@ class Connection:
         self._lock = threading.Lock()
 
     def messages(self) -> Iterator[Json]:
-        """Yield what the client sends, until it is gone; what is no JSON is answered with an error."""
+        """Yield the client's messages until it disconnects; a message that is not JSON is answered with an error."""
         while (body := self._body()) is not None:
             try:
                 message = json.loads(body)
             except ValueError:
-                self._send({"id": None, "error": {"code": -32700, "message": "this is no JSON"}})
+                self._send({"id": None, "error": {"code": -32700, "message": "this is not JSON"}})
                 continue
             if isinstance(message, dict):
                 yield message
@@ -51,7 +52,7 @@ class Connection:
         self._send({"method": method, "params": params})
 
     def ask(self, number: int, method: str, params: Json | None = None) -> None:
-        """Send a request whose answer nobody waits for."""
+        """Send a request without waiting for its answer."""
         self._send({"id": number, "method": method, "params": params})
 
     def reply(self, request: int | str, result: object) -> None:
@@ -87,20 +88,19 @@ class Connection:
                 self._writer.write(b"Content-Length: %d\r\n\r\n%s" % (len(body), body))
                 self._writer.flush()
             except (OSError, ValueError):
-                pass  # the client is gone; reading ends too
+                pass  # the client has disconnected; reading ends too
 
 
 def serve(connection: Connection, handlers: dict[str, Handler], ready: Callable[[], bool]) -> Literal[0, 1]:
-    """Answer a client until it says `exit` or is gone; 0 where it has said `shutdown` before.
+    """Answer a client until it sends `exit` or disconnects; return 0 if it sent `shutdown` before, else 1.
 
-    `ready`: whether the session was begun, without which requests are refused. A handler of a request gets its
-    parameters; one that returns `LATER` finds the request's number under `"foresee/id"` in them.
-    """
+    `ready`: returns whether the session has begun; before that, requests are refused. A handler gets the request's
+    parameters; they contain the request's number as `"foresee/id"`, for a handler that returns `LATER`."""
     stopped = False
     for message in connection.messages():
         method, request = message.get("method"), message.get("id")
         if not isinstance(method, str):
-            continue  # an answer to us
+            continue  # an answer to one of our requests
         if method == "exit":
             return 0 if stopped else 1
         handler = handlers.get(method)
@@ -119,9 +119,9 @@ def serve(connection: Connection, handlers: dict[str, Handler], ready: Callable[
 
 
 def _answer(connection: Connection, request: int | str, handler: Handler, params: object) -> None:
-    given = {**params, "foresee/id": request} if isinstance(params, dict) else params
+    numbered = {**params, "foresee/id": request} if isinstance(params, dict) else params
     try:
-        result = handler(given)
+        result = handler(numbered)
     except RequestError as error:
         connection.fail(request, REQUEST_FAILED, str(error))
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Files as editors name them: `file:` addresses, and those of texts that were never saved."""
+"""Converts between paths and the addresses of editors: `file:` addresses, and those of texts that were never saved."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from urllib.request import url2pathname
 
 
 def absolute(path: Path) -> Path:
-    """Return an absolute, normalised path, as `addresses.absolute` of the language, without importing that."""
+    """Return an absolute, normalised path, like the language's `addresses.absolute`, without importing that."""
     return Path(os.path.abspath(path))  # noqa: PTH100 - symbolic links stay as they are
 
 
@@ -19,7 +19,7 @@ def is_file(uri: str) -> bool:
 
 
 def path_of(uri: str) -> Path:
-    """Return the file of a document; one that was never saved has a name that no file has."""
+    """Return the path of a document; for one that was never saved, a path that does not exist."""
     if not is_file(uri):
         return Path("/") / uri.replace("/", "_").replace(":", "_")
     parts = urlsplit(uri)

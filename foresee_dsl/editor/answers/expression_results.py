@@ -1,4 +1,4 @@
-"""What an expression under the cursor comes to with the parameters' defaults, and of which dimension it is."""
+"""Computes the value of an expression under the cursor with the parameters' defaults, and its dimension."""
 
 from __future__ import annotations
 
@@ -19,23 +19,24 @@ from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.node import Node
 
 
-def worked_out(files: Files, path: Path, line: int, column: int) -> tuple[str, Span] | None:
-    """Return what is said of the outermost expression at a place (1-based), and its place; None where there is none."""
+def describe_expression(files: Files, path: Path, line: int, column: int) -> tuple[str, Span] | None:
+    """Return a description of the outermost expression at a place (1-based), and its span; None without an
+    expression."""
     root = files.root(path)
     node = _expression_at(root, line, column) if root is not None else None
     value = Builder(partial=True).build(node) if node is not None else None
     if node is None or not isinstance(value, m.Expression):
         return None
-    return _told(value, *_parameters(files, path)), node.span
+    return _description(value, *_parameters(files, path)), node.span
 
 
 def results(files: Files, path: Path) -> Iterator[tuple[Span, str]]:
-    """Yield the place of every outermost expression of a file and what it comes to with the parameters' defaults; of
-    those that come to nothing, none."""
+    """Yield the span and the value of every outermost expression of a file, with the parameters' defaults; expressions
+    without a value are left out."""
     root = files.root(path)
-    found = list(_expressions(root)) if root is not None else []
-    values = _parameters(files, path)[1] if found else {}
-    for node in found:
+    expressions = list(_expressions(root)) if root is not None else []
+    values = _parameters(files, path)[1] if expressions else {}
+    for node in expressions:
         value = Builder(partial=True).build(node)
         if isinstance(value, m.Expression):
             with suppress(ExpressionError):
@@ -43,11 +44,11 @@ def results(files: Files, path: Path) -> Iterator[tuple[Span, str]]:
 
 
 def _parameters(files: Files, path: Path) -> tuple[dict[str, m.ParamType], dict[str, m.ParamValue]]:
-    """Return the types and the defaults of the parameters that a file knows."""
+    """Return the types and the defaults of the parameters that are defined for a file."""
     types: dict[str, m.ParamType] = {}
     values: dict[str, m.ParamValue] = {}
-    for name, found in files.definitions(path, "parameter").items():
-        param = Builder(partial=True).build(found.occurrence.owner)
+    for name, definition in files.definitions(path, "parameter").items():
+        param = Builder(partial=True).build(definition.occurrence.owner)
         if isinstance(param, m.Param):
             types[name], values[name] = param.type, param.default
     return types, values
@@ -62,7 +63,7 @@ def _expressions(node: Node) -> Iterator[Node]:
         yield from _expressions(part)
 
 
-def _told(value: m.Expression, types: dict[str, m.ParamType], values: dict[str, m.ParamValue]) -> str:
+def _description(value: m.Expression, types: dict[str, m.ParamType], values: dict[str, m.ParamValue]) -> str:
     dimensions = Dimensions(types)
     powers = dimensions.of(value)
     if dimensions.mismatches:
@@ -78,10 +79,10 @@ def _told(value: m.Expression, types: dict[str, m.ParamType], values: dict[str, 
 
 
 def _expression_at(node: Node, line: int, column: int) -> Node | None:
-    """Return the outermost expression that holds a place."""
+    """Return the outermost expression that contains a place."""
     if node.kind in get_args(m.Expression) and _holds(node.span, line, column):
         return node
-    return next((found for part in _parts(node) if (found := _expression_at(part, line, column)) is not None), None)
+    return next((inner for part in _parts(node) if (inner := _expression_at(part, line, column)) is not None), None)
 
 
 def _parts(node: Node) -> Iterator[Node]:
