@@ -9,7 +9,7 @@ from numpy.random import Generator
 
 from foresee_dsl.avoidance.candidates.behaviours import Candidate, Kind
 from foresee_dsl.avoidance.candidates.recorded import Recorded
-from foresee_dsl.avoidance.candidates.scoring import Scored, search
+from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.derive.operators.situation import Situation, is_free
 from foresee_dsl.derive.operators.steer import largest_share
@@ -81,7 +81,7 @@ def avoidable(situation: Situation, preset: Preset, count: int, rng: Generator) 
     return children
 
 
-def _worth(scored: Scored, chosen: list[Candidate]) -> float:
+def _worth(scored: ScoredCandidate, chosen: list[Candidate]) -> float:
     mine = scored.candidate
     actor = sum(c.actor == mine.actor for c in chosen)
     kind = sum(map(mine.is_like, chosen))

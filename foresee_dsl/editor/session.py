@@ -53,8 +53,7 @@ class Session:
         self.encoding: Encoding = "utf-16"
         self.folders: dict[str, Path] = {}
         self.refreshes: tuple[str, ...] = ()
-        """Methods by which the client wants to be asked to refresh, when a change of another text makes its data
-        stale."""
+        """Requests to the client to refresh its hints and lenses; sent when a change of a text may make them stale."""
         self._open: dict[str, Open] = {}
         self._due: dict[str, _Due] = {}
         self._requests = 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.avoidance.anticipating import Answer, AnticipatingDriver, Anticipation
-from foresee_dsl.avoidance.anticipating.assessing import _Assessment, _Confirmed
+from foresee_dsl.avoidance.anticipating.assessing import _Assessment, _ConfirmingRun
 from foresee_dsl.avoidance.anticipating.manoeuvre import Plan, sidestep_s
 from foresee_dsl.avoidance.anticipating.settings import (
     COMFORTABLE_MPS2,
@@ -179,5 +179,5 @@ def test_who_is_hit_from_behind_after_braking_hard_is_not_judged(
 def test_a_hairs_breadth_prevents_nothing(town: Town, gap_m: float, clear: bool) -> None:
     beside = make_trace({"ego": straight("car", 0, 0, 0.0, 5), "by": straight("car", 0, 1.8 + gap_m + 1e-9, 0.0, 5)})
     passed = replace(run(walks_into_the_way(town, 5.0), LaneKeeper(10.0)), verdict=Verdict.PASS, trace=beside)
-    assert _Confirmed(passed).clear is clear
-    assert not _Confirmed(replace(passed, verdict=Verdict.F1)).clear
+    assert _ConfirmingRun(passed).clear is clear
+    assert not _ConfirmingRun(replace(passed, verdict=Verdict.F1)).clear

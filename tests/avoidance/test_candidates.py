@@ -7,7 +7,7 @@ import pytest
 
 from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings, Kind
 from foresee_dsl.avoidance.candidates.recorded import Recorded
-from foresee_dsl.avoidance.candidates.scoring import Scored, search
+from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.simulate.trace import STEP_S, Trace
 from tests.support.handmade_traces import EAST, NORTH, Track, make_trace, straight
@@ -22,7 +22,7 @@ def crossing_car(*, behind_m: float) -> Trace:
     return make_trace(tracks).part(0, 201)
 
 
-def found(trace: Trace, seed: int = 0) -> list[Scored]:
+def found(trace: Trace, seed: int = 0) -> list[ScoredCandidate]:
     last = trace.frames - 1
     return search(Recorded.of(trace), [1], 0, last, last // 2, np.random.default_rng(seed))
 

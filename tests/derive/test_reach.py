@@ -18,7 +18,7 @@ from foresee_dsl.derive.operators.steer import Steer, largest_share
 from foresee_dsl.derive.presets import FOCUSED, PAPER
 from foresee_dsl.derive.reach.promise import Promise, Tale, in_order
 from foresee_dsl.derive.reach.ranker import ReachRanker
-from foresee_dsl.derive.reach.rolling import Change, Rolled
+from foresee_dsl.derive.reach.rolling import Change, RollOut
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker
 from foresee_dsl.forecast.registry import load_ranker
@@ -126,7 +126,7 @@ def test_a_second_moment_of_one_story_comes_after_another_story() -> None:
 
     def one(onset: int, tale: Tale, share: float) -> Promise:
         nowhere = np.zeros((1, 1, 3))
-        rolled = Rolled(Change(onset, 1, steer), np.zeros(1), np.zeros(1), nowhere, np.zeros((1, 1)))
+        rolled = RollOut(Change(onset, 1, steer), np.zeros(1), np.zeros(1), nowhere, np.zeros((1, 1)))
         return Promise(rolled, np.array([0]), {tale: share}, onset + 40)
 
     ordered = in_order([one(100, front, 0.4), one(120, front, 0.4), one(300, side, 0.3)], ReachSettings())

@@ -165,7 +165,7 @@ def test_rename_goes_across_files_and_names_stale_children(work: Path) -> None:
         road = await rename(editor, uri, at(new, "mill_west"), "avenue")
         assert applied(new, list((road.changes or {})[uri])) == new.replace("mill_west", "avenue")
         for where, name, why in (
-            (at(new, "other:"), "Other", "no name"),
+            (at(new, "other:"), "Other", "not a name"),
             (at(new, "other:"), "ego", "already"),
             (at(new, "ego:"), "me", "always called"),
             (at(new, "other:"), "mill_mid", "already"),

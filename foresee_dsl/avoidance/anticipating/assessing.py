@@ -10,7 +10,7 @@ from foresee_dsl.avoidance.anticipating.ahead import CLEAR_SIGHT, Ahead
 from foresee_dsl.avoidance.anticipating.answer import Answer, Anticipation
 from foresee_dsl.avoidance.anticipating.foresight import onset, priority_ways
 from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre
-from foresee_dsl.avoidance.anticipating.screening import Screened, Screening, sideways
+from foresee_dsl.avoidance.anticipating.screening import ScreenedManoeuvre, Screening, sideways
 from foresee_dsl.avoidance.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
 from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.judge import Failure, contact
@@ -47,7 +47,7 @@ class AnticipatingDriver:
 
 
 @dataclass(frozen=True)
-class _Confirmed:
+class _ConfirmingRun:
     """A confirming run in the real simulation."""
 
     result: RunResult
@@ -124,11 +124,11 @@ class _Assessment:
     def _seen_s(self) -> float | None:
         return onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole), self._first)
 
-    def _run(self, driver: Driver, sensors: SensorSettings = STANDARD) -> _Confirmed:
+    def _run(self, driver: Driver, sensors: SensorSettings = STANDARD) -> _ConfirmingRun:
         self._runs += 1
-        return _Confirmed(run(self._bundle, driver, sensors=sensors))
+        return _ConfirmingRun(run(self._bundle, driver, sensors=sensors))
 
-    def _confirm(self, screened: Screened) -> _Confirmed:
+    def _confirm(self, screened: ScreenedManoeuvre) -> _ConfirmingRun:
         return self._run(Manoeuvre(self._trace, self._way, screened.plan, self._whole.scene))
 
     def _by_braking(self, screening: Screening, begins_s: float) -> Anticipation | None:
@@ -223,11 +223,11 @@ class _Assessment:
             return Anticipation(Answer.NO, f"the driver can tell {when}; {ends}")
         return Anticipation(Answer.NO, ends)
 
-    def _leaves(self, confirmed: _Confirmed) -> str:
+    def _leaves(self, confirmed: _ConfirmingRun) -> str:
         near = confirmed.least_m
         return "avoids it" if near is None else f"avoids it, {near:.1f} m at the nearest"
 
-    def _ended(self, confirmed: _Confirmed) -> str:
+    def _ended(self, confirmed: _ConfirmingRun) -> str:
         left = contact(confirmed.result)
         if left is None:
             near = confirmed.least_m

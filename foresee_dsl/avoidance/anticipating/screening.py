@@ -39,7 +39,7 @@ _SHOWN_EVERY = 4
 
 
 @dataclass(frozen=True)
-class Screened:
+class ScreenedManoeuvre:
     """A manoeuvre, and its smallest distance to any actor, m."""
 
     plan: Plan
@@ -102,19 +102,19 @@ class Screening:
             poses[:, 2] += np.arctan2(rate, np.maximum(speeds, 1.0))
         return first, poses, speeds
 
-    def braking(self, begins_s: float) -> Screened:
+    def braking(self, begins_s: float) -> ScreenedManoeuvre:
         """Return the gentlest braking from a time on that keeps the margin; the hardest if none does."""
         for strength in (COMFORTABLE_MPS2, FIRM_MPS2, HARDEST):
             plan = Plan(begins_s, strength)
             least = self.least_m(plan)
             if least >= MARGIN_M:
                 break
-        return Screened(plan, least)
+        return ScreenedManoeuvre(plan, least)
 
-    def hardest(self, begins_s: float) -> Screened:
+    def hardest(self, begins_s: float) -> ScreenedManoeuvre:
         """Return the hardest braking from a time on."""
         plan = Plan(begins_s, HARDEST)
-        return Screened(plan, self.least_m(plan))
+        return ScreenedManoeuvre(plan, self.least_m(plan))
 
     def latest_s(self, begins_s: float) -> float:
         """Return the latest time at which the hardest braking can begin and still keep the margin, s; it keeps the
@@ -128,7 +128,7 @@ class Screening:
                 high = middle
         return low * STEP_S
 
-    def evading(self, begins_s: float) -> list[Screened]:
+    def evading(self, begins_s: float) -> list[ScreenedManoeuvre]:
         """Return the steps to the side that keep the margin and the road, the smallest and gentlest first."""
         sidesteps = []
         stops_s = self.contact_s + PASSES_S
@@ -140,7 +140,7 @@ class Screening:
                     plan = Plan(begins_s, strength, side, stops_s)
                     least = self.least_m(plan)
                     if least >= MARGIN_ASIDE_M and self._on_road(plan):
-                        sidesteps.append(Screened(plan, least))
+                        sidesteps.append(ScreenedManoeuvre(plan, least))
                 if sidesteps:
                     return sidesteps
         return sidesteps

@@ -8,7 +8,7 @@ import numpy as np
 
 from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings
 from foresee_dsl.avoidance.candidates.recorded import Recorded
-from foresee_dsl.avoidance.candidates.scoring import Scored, search
+from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
 from foresee_dsl.forecast.foresee import CloseEncounter, ForeseeRanker, close_encounters
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import ForeseeSettings
@@ -19,6 +19,10 @@ BEST = 4
 APART_S = 2.0
 """Time between two moments below which only the better one counts, s. Ours: clips of 10 s that begin closer together
 show the same."""
+
+
+_Moment = tuple[float, CloseEncounter, ScoredCandidate]
+"""The score of a moment, its encounter, and its best candidate."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class CarefulRanker:
     ) -> tuple[RiskyPoint, ...]:
         """Rank the moments of a run; see `Ranker.rank`."""
         run = Recorded.of(trace)
-        ranked: list[tuple[float, CloseEncounter, Scored]] = []
+        ranked: list[_Moment] = []
         for number, encounter in enumerate(close_encounters(trace, self.encounters, before_s=before_s)):
             first = max(0, encounter.frame - round(before_s / STEP_S))
             last = min(trace.frames - 1, encounter.frame + round(after_s / STEP_S))
@@ -53,15 +57,15 @@ class CarefulRanker:
         return tuple(replace(p, rank=k) for k, p in enumerate(points, start=1))
 
 
-def _apart(ranked: list[tuple[float, CloseEncounter, Scored]]) -> list[tuple[float, CloseEncounter, Scored]]:
-    moments: list[tuple[float, CloseEncounter, Scored]] = []
+def _apart(ranked: list[_Moment]) -> list[_Moment]:
+    moments: list[_Moment] = []
     for moment in ranked:
         if all(abs(moment[1].frame - k[1].frame) * STEP_S >= APART_S for k in moments):
             moments.append(moment)
     return moments
 
 
-def _point(trace: Trace, score: float, encounter: CloseEncounter, best: Scored, before_s: float) -> RiskyPoint:
+def _point(trace: Trace, score: float, encounter: CloseEncounter, best: ScoredCandidate, before_s: float) -> RiskyPoint:
     begins_s = max(0.0, float(trace.time_s[encounter.frame]) - before_s)
     return RiskyPoint(
         rank=0,

@@ -63,7 +63,7 @@ _CAREFULLY = np.array([BLIND, *CAREFUL], dtype=dtype_of(Style))
 
 
 @dataclass(frozen=True, slots=True)
-class Scored:
+class ScoredCandidate:
     """A candidate with the results of its roll-outs.
 
     Attributes:
@@ -128,7 +128,7 @@ def _avoidable(careful: Records) -> FloatArray:
     return shares
 
 
-def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
+def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[ScoredCandidate]:
     """Score candidates; a candidate that hits a standing ego has a score of 0."""
     rolled = endings(run, candidates)
     count = 1 + len(DRIVES)
@@ -174,17 +174,17 @@ def _ahead_in_line(run: Recorded, candidates: Sequence[Candidate], blind: Record
 
 def _scored(
     candidate: Candidate, score: float, hit: float, avoidable: float, drives: Records, brakes: bool, early: Records
-) -> Scored:
+) -> ScoredCandidate:
     nearest = drives[int(np.argmin(drives["gap"]))]
     braking_s = float(early["brakes"]) if brakes and math.isfinite(early["brakes"]) else None
-    return Scored(candidate, score, hit, avoidable, float(nearest["at"]), braking_s, float(nearest["gap"]),
+    return ScoredCandidate(candidate, score, hit, avoidable, float(nearest["at"]), braking_s, float(nearest["gap"]),
                   bool(np.isfinite(drives[1:]["contact"]).any()))  # fmt: skip
 
 
 def search(
     run: Recorded, actors: Sequence[int], first: int, last: int, frame: int, rng: Generator,
     settings: CarefulSettings | None = None,
-) -> list[Scored]:  # fmt: skip
+) -> list[ScoredCandidate]:  # fmt: skip
     """Return the scored candidates of some actors in a window of a run, best first, without those of score 0."""
     s = settings or CarefulSettings()
     behaviours = Behaviours(run, first, last, frame, s, rng)

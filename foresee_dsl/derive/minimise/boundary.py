@@ -101,7 +101,7 @@ def _boundaries(trials: Trials, whole: Candidate, reduced: Candidate) -> Iterato
         if grid is None:
             continue
         as_mutated = next(c for c in whole.changes if _same_place(c, change))
-        runs = {float(value): trial for value, trial in _tried(trials, reduced, index)}
+        runs = {float(value): trial for value, trial in _runs_of(trials, reduced, index)}
         was, now = float(grid.was), float(grid.now)
         values = sorted(runs, key=lambda value: abs(value - was))
         nearer = [value for value in values if abs(value - was) < abs(now - was)]
@@ -125,7 +125,7 @@ def _boundaries(trials: Trials, whole: Candidate, reduced: Candidate) -> Iterato
         )
 
 
-def _tried(trials: Trials, reduced: Candidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
+def _runs_of(trials: Trials, reduced: Candidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
     """Yield the values of one change that were run; those of the candidate's own clip come last and so replace
     others."""
     own, change = [], reduced.changes[index]

@@ -124,7 +124,7 @@ class Subject:
 
 
 @dataclass(frozen=True)
-class Built:
+class BuiltCandidate:
     """A candidate's clip and mutant, as models and as test cases."""
 
     clip: m.Clip
@@ -133,7 +133,7 @@ class Built:
     case: TestCase = field(repr=False)
 
 
-def build(subject: Subject, candidate: Candidate) -> Built:
+def build(subject: Subject, candidate: Candidate) -> BuiltCandidate:
     """Return the clip and the mutant of a candidate.
 
     Raises:
@@ -149,7 +149,7 @@ def build(subject: Subject, candidate: Candidate) -> Built:
         update={"body": (*changes, *others), "parent": f"{clip.name}.foresee", "pin": clip_pin(clip, clip.pin)}
     )
     case = expand_mutant(mutant, clip_case, source=subject.folder / f"{mutant.name}.foresee")
-    return Built(clip, mutant, clip_case, case)
+    return BuiltCandidate(clip, mutant, clip_case, case)
 
 
 def _left(body: Iterable[m.ClipItem], candidate: Candidate) -> Iterable[m.ClipItem]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation
-from foresee_dsl.derive.minimise.candidate import Built, Candidate, Subject, build
+from foresee_dsl.derive.minimise.candidate import BuiltCandidate, Candidate, Subject, build
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.model import Actor
 from foresee_dsl.language.project.document import TestCase
@@ -40,7 +40,7 @@ class Trial:
     same: bool
     verdict: Verdict | None
     reason: str
-    built: Built | None = None
+    built: BuiltCandidate | None = None
     result: RunResult | None = field(default=None, repr=False)
 
     @property
@@ -99,16 +99,16 @@ class Trials:
 
     def fails(self, candidate: Candidate) -> bool:
         """Return whether a candidate shows the same failure with the same actor; False if no run is left."""
-        return self._tried(lambda: self.trial(candidate).same)
+        return self._within_budget(lambda: self.trial(candidate).same)
 
     def fails_somehow(self, candidate: Candidate) -> bool:
         """Return whether a candidate shows any failure; False if no run is left."""
-        return self._tried(lambda: self.trial(candidate).failed)
+        return self._within_budget(lambda: self.trial(candidate).failed)
 
     def stands(self, candidate: Candidate) -> bool:
         """Return whether a candidate shows the same failure, and its unmutated clip passes within `limit_m` of its
         parent's run."""
-        return self.fails(candidate) and self._tried(lambda: self._clip_stands(candidate))
+        return self.fails(candidate) and self._within_budget(lambda: self._clip_stands(candidate))
 
     def answer(self, candidate: Candidate) -> str:
         """Return, in words, whether a careful driver would have avoided a failure; "" if no run is left.
@@ -117,7 +117,7 @@ class Trials:
         """
         trial = self._trials[candidate]
         if candidate not in self._answers and trial.built is not None and trial.result is not None:
-            if self._tried(lambda: self._spend(2)) is False:
+            if self._within_budget(lambda: self._spend(2)) is False:
                 return ""
             self._answers[candidate] = self._judge.avoided(trial.built.case, trial.result)
         return self._answers.get(candidate, "")
@@ -131,7 +131,7 @@ class Trials:
         built = self._trials[candidate].built
         return self._clips.get(built.clip_case.meaning) if built is not None else None
 
-    def _tried(self, find_out: Callable[[], T]) -> T | Literal[False]:
+    def _within_budget(self, find_out: Callable[[], T]) -> T | Literal[False]:
         try:
             return find_out()
         except BudgetSpentError:
@@ -167,7 +167,7 @@ class Trials:
         strays = self._clips[key]
         return strays is not None and strays.largest_m <= self._limit_m
 
-    def _strays(self, built: Built, candidate: Candidate) -> Deviation | None:
+    def _strays(self, built: BuiltCandidate, candidate: Candidate) -> Deviation | None:
         """Return the deviation of the unmutated clip; None if it does not pass."""
         there = self._reference()
         trace = self._passed(built)
@@ -188,7 +188,7 @@ class Trials:
             self._own = (self._passed(built) if built is not None else None,)
         return self._own[0]
 
-    def _passed(self, built: Built) -> Trace | None:
+    def _passed(self, built: BuiltCandidate) -> Trace | None:
         try:
             result = self._judge.drive(built.clip_case)
         except ForeseeError:

@@ -12,7 +12,7 @@ import numpy as np
 from foresee_dsl.avoidance.candidates.behaviours import what_if
 from foresee_dsl.avoidance.candidates.recorded import Recorded
 from foresee_dsl.avoidance.candidates.scoring import avoidable_shares
-from foresee_dsl.derive.reach.rolling import Rolled
+from foresee_dsl.derive.reach.rolling import RollOut
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
@@ -49,7 +49,7 @@ class Promise:
         contact_frame: mean frame of the run at which values reach the ego; if none does, the frame of the smallest gap.
     """
 
-    rolled: Rolled
+    rolled: RollOut
     reaching: IntArray
     tales: dict[Tale, float]
     contact_frame: int
@@ -60,7 +60,7 @@ class Promise:
         return self.rolled.change.onset
 
 
-def promise(trace: Trace, rolled: Rolled, gaps: FloatArray, settings: ReachSettings) -> Promise:
+def promise(trace: Trace, rolled: RollOut, gaps: FloatArray, settings: ReachSettings) -> Promise:
     """Return the contacts of a change. `gaps`: [A, T] recorded gaps of the actors to the ego, m; infinite for
     obstacles."""
     least = rolled.gaps.min(axis=1)
@@ -91,7 +91,7 @@ def avoided_share(run: Recorded, promised: Promise, settings: ReachSettings) -> 
     return float(avoidable_shares(run, what, _rows(run, rolled, promised.reaching[places])).mean())
 
 
-def _rows(run: Recorded, rolled: Rolled, chosen: IntArray) -> FloatArray:
+def _rows(run: Recorded, rolled: RollOut, chosen: IntArray) -> FloatArray:
     """Return the actor's track with each of the chosen values: [C, T, 4], laid out as in `Recorded.tracks`."""
     change = rolled.change
     rows = np.repeat(run.tracks[None, change.actor], len(chosen), axis=0)
@@ -106,7 +106,7 @@ def _rows(run: Recorded, rolled: Rolled, chosen: IntArray) -> FloatArray:
     return rows
 
 
-def _tale(trace: Trace, rolled: Rolled, value: int, step: int) -> Tale:
+def _tale(trace: Trace, rolled: RollOut, value: int, step: int) -> Tale:
     frame = int(rolled.frames[step])
     x, y, heading = rolled.poses[value, step]
     ego, info = trace.states[frame, 0], trace.actors[0]

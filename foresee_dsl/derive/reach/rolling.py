@@ -45,7 +45,7 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False)
-class Rolled:
+class RollOut:
     """A change with some of its allowed values, rolled out.
 
     Attributes:
@@ -157,7 +157,7 @@ class Rolling:
             self.models_of[change] = models
             yield change, np.arange(len(models), dtype=np.float64)
 
-    def rolled(self, changes: Sequence[tuple[Change, FloatArray]]) -> list[Rolled]:
+    def rolled(self, changes: Sequence[tuple[Change, FloatArray]]) -> list[RollOut]:
         """Roll changes out, each with up to `settings.shares` of its allowed values, evenly spaced."""
         chosen = [(change, _evenly(values, self.settings.shares)) for change, values in changes]
         steers = [(change, values) for change, values in chosen if isinstance(change.operator, Steer)]
@@ -170,7 +170,7 @@ class Rolling:
         steps = np.arange(round(looks_s / self.settings.step_s) + 1)
         return np.minimum(onset + every * steps, self.trace.frames - 1)
 
-    def _steered(self, chosen: Sequence[tuple[Change, FloatArray]]) -> list[Rolled]:
+    def _steered(self, chosen: Sequence[tuple[Change, FloatArray]]) -> list[RollOut]:
         if not chosen:
             return []
         most = max(len(values) for _, values in chosen)
@@ -181,11 +181,11 @@ class Rolling:
                         self.settings.step_s)  # fmt: skip
         gaps = self._gaps(poses, actors, frames)
         return [
-            Rolled(change, values, frames[k], poses[k, : len(values)], gaps[k, : len(values)])
+            RollOut(change, values, frames[k], poses[k, : len(values)], gaps[k, : len(values)])
             for k, (change, values) in enumerate(chosen)
         ]
 
-    def _shifted(self, change: Change, values: FloatArray) -> Rolled:
+    def _shifted(self, change: Change, values: FloatArray) -> RollOut:
         frames = self._frames(change.onset, self.settings.paced_s)
         part = self.trace.part(change.onset, int(frames[-1]) + 1)
         boxes = footprints(part, change.actor)
@@ -200,7 +200,7 @@ class Rolling:
                 raise TypeError(f"{change.operator.name} has no track")
         tracks = tracks[:, frames - change.onset]
         gaps = self._gaps(tracks[None, :, :, :3], np.array([change.actor]), frames[None], tracks[None, :, 0, 3:])[0]
-        return Rolled(change, values, frames, tracks[:, :, :3], gaps)
+        return RollOut(change, values, frames, tracks[:, :, :3], gaps)
 
     def _gaps(
         self, poses: FloatArray, actors: FloatArray, frames: FloatArray, sizes: FloatArray | None = None
