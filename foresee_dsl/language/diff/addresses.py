@@ -1,4 +1,4 @@
-"""Two files, or test cases, compared: reads them, and compares the networks and models that they use too."""
+"""Compares two files or test cases by address, with the networks and models that they use."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from foresee_dsl.language.project.loading import Project
 
 _Network = m.Network | Path | None
 _RUNS = (m.Scenario, m.Extension, m.Clip, m.Mutant)
-"""Kinds that stand for a test case, so that any two of them can be compared in full."""
+"""Kinds that give a test case, so that any two of them can be compared in full."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two addresses and what differs between them: `changes` in meaning, `texts` without."""
+    """Two addresses with their differences: `changes` with a change of meaning, `texts` without."""
 
     old: str
     new: str
@@ -38,19 +38,19 @@ class Comparison:
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """What the changes touch, in the order in which it is shown."""
+        """The groups of the changes, in the order of the report."""
         return tuple(group for group in GROUPS if any(change.group == group for change in self.changes))
 
 
 def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comparison:
     """Compare two files, or test cases (`file.foresee::case`).
 
-    Two files of one kind are compared as they are written, with the networks and models that they use; a file with a
-    case, or a child and its parent, as the full scenarios that they stand for (a stale child too); a scenario that
-    extends another and one that does not, joined with what it extends.
+    Two files of one kind are compared as written, with the networks and models that they use. A file with a case, or a
+    child (even a stale one) and its parent, are compared as the full scenarios that they expand to. If one of two
+    scenarios extends another, it is joined with that first.
 
     Raises:
-        InputError: a mistake in a file, or two files that cannot be compared.
+        InputError: an error in a file, or two files that cannot be compared.
     """
     project = Project(check_pin=False, allow_outside=allow_outside)
     (old_file, old_case), (new_file, new_case) = parse_address(old), parse_address(new)
@@ -76,7 +76,7 @@ def parent_address(child: str) -> str:
 
 
 def _cases(project: Project, old: tuple[str, m.Definition], new: tuple[str, m.Definition]) -> tuple[TestCase, TestCase]:
-    """Return both test cases; a scenario that is compared with its child is taken at the case that the child is of."""
+    """Return both test cases; if one is a child, the other, a scenario, is taken at the child's case."""
     addresses = []
     for (address, model), (other, child) in ((old, new), (new, old)):
         case = _case_of_parent(project, other, child) if isinstance(model, m.Scenario | m.Extension) else None
@@ -92,7 +92,7 @@ def _case_of_parent(project: Project, address: str, child: m.Definition) -> str 
 
 
 def diff_cases(old: TestCase, new: TestCase) -> tuple[Difference, ...]:
-    """Return what differs in meaning between two test cases in full: scenario, network, the models that they name.
+    """Return all differences in meaning between two test cases: scenario, network, and the models that they name.
 
     The edits are those of `expanded_model`; edits of the network and the models begin with `network` and `models`.
     """
@@ -105,7 +105,7 @@ def diff_cases(old: TestCase, new: TestCase) -> tuple[Difference, ...]:
 def diff_files(
     project: Project, old: tuple[Path, m.Definition], new: tuple[Path, m.Definition]
 ) -> tuple[Difference, ...]:
-    """Return what differs between two files as written; networks and models in files that they use are compared too."""
+    """Return the differences between two files as written, and between the networks and models that they use."""
     (old_file, a), (new_file, b) = old, new
     if isinstance(a, m.Clip | m.Mutant) and isinstance(b, m.Clip | m.Mutant):
         if absolute(old_file.parent / a.parent) == absolute(new_file.parent / b.parent):
@@ -116,7 +116,7 @@ def diff_files(
     try:
         networks = _used_network(project, old_file, a), _used_network(project, new_file, b)
         catalogues = _used_models(project, old_file, a), _used_models(project, new_file, b)
-    except InputError:  # a file that is used is missing or has mistakes: what the two say is compared
+    except InputError:  # a file that they use is missing or has errors: only their own text is compared
         return diff_models(a, b)
     changes = diff_models(_without_files(a), _without_files(b))
     return (*changes, *_diff_networks(*networks), *_under("models", diff_models(*catalogues)))
@@ -142,7 +142,7 @@ def _diff_networks(a: _Network, b: _Network) -> tuple[Difference, ...]:
 
 
 def _under(root: str, changes: Iterable[Difference]) -> tuple[Difference, ...]:
-    """Put the place of what is no part of the scenario in front of its edits."""
+    """Prefix the place of edits outside the scenario with their root, `network` or `models`."""
     return tuple(replace(change, edit=replace(change.edit, at=(root, *change.edit.at))) for change in changes)
 
 

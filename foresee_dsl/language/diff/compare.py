@@ -1,4 +1,4 @@
-"""The comparison itself: two definitions of one kind, statement by statement."""
+"""Compares two definitions of one kind, statement by statement."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _UNORDERED_BODIES = (m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the comparison is: in words, and in the first model."""
+    """The present place of the comparison: in words, and as a path in the first model."""
 
     words: str
     at: At
@@ -31,9 +31,9 @@ class _Place:
 
 
 def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
-    """Return what differs in meaning, in the order of the first file; what was added comes last in its block.
+    """Return the differences in meaning, in the order of the first file; additions come last in their block.
 
-    Names of the definitions, `doc`, tags, comments, layout, units, the order of statements where it means nothing,
+    Names of the definitions, `doc`, tags, comments, layout, units, the order of statements where it has no meaning,
     and the origin of a child do not count. To compare a child with its parent, expand both
     (`expand.expanded_model`), or see `compare_addresses`.
 
@@ -61,7 +61,7 @@ def _group_of_file(model: m.Item) -> Group:
 
 
 def _group(place: _Place, owner: m.Item, item: m.Item) -> Group:
-    """Return what a statement touches: inside another one, what that one does."""
+    """Return the group of a statement; inside another statement, the group of that one."""
     return place.group if place.words or isinstance(owner, m.Network | m.Catalogue) else w.group_of(item)
 
 
@@ -73,7 +73,7 @@ def _apart(a: m.Item, b: m.Item) -> list[str]:
 
 
 def _no_field(item: m.Item) -> tuple[str, ...]:
-    """Return the fields that are no setting: what the label says, and what means nothing."""
+    """Return the fields that are not settings: those in the label, and those without meaning."""
     if isinstance(item, m.Definition):
         return ("kind", "name")
     if isinstance(item, m.VehicleModel):
@@ -132,15 +132,15 @@ def _settings(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
 
 
 def _absent(value: object, other: object) -> bool:
-    """Say whether a value is as good as not written, where the other file has `other`: a junction's bare `crossings`
-    is an empty list, and none at all is None."""
+    """Return whether a value counts as not written, if the other file has `other`: a junction's bare `crossings` is an
+    empty list, and None means no `crossings`."""
     return value is None or value is False or (value == () and other is not None)
 
 
 def _changed(place: _Place, a: object, b: object, was: str | None, now: str | None) -> Difference:
     kind = kind_of(was, now)
     note = w.note(a, b) if kind == "changed" else ""
-    if kind == "changed" and was == now:  # what prints alike and is not the same
+    if kind == "changed" and was == now:  # equal texts of different values
         note = "a parameter in one of the two"
     return Difference(place.group, place.words, kind, was, now, note, Edit("set", place.at, b))
 
@@ -215,7 +215,7 @@ def _inserted(place: _Place, owner: m.Item, b: Sequence[m.Item], pairs: dict[int
 
 
 def _family(owner: m.Item, item: m.Item) -> object:
-    """Return what a statement keeps its order with; None where the order means nothing."""
+    """Return a key that statements share whose order among each other matters; None if the order has no meaning."""
     if isinstance(owner, _UNORDERED_BODIES):
         return None
     if isinstance(owner, m.Scenario | m.Clip):
@@ -224,7 +224,7 @@ def _family(owner: m.Item, item: m.Item) -> object:
 
 
 def _orders(place: _Place, owner: m.Item, a: Sequence[m.Item], pairs: dict[int, int]) -> Iterator[Difference]:
-    """Tell where statements stand in another order that counts."""
+    """Yield the changes of order that have a meaning."""
     families: dict[object, list[int]] = {}
     for i in pairs:
         families.setdefault(_family(owner, a[i]), []).append(i)

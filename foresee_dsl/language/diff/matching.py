@@ -1,4 +1,4 @@
-"""Which statement of one block is which of another: by name, by equality, by likeness; and what was renamed."""
+"""Pairs the statements of two blocks by equality, name or similarity, and finds renamed statements."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from foresee_dsl.language.traversal import is_condition
 _T = TypeVar("_T", bound=m.Item)
 
 LIKE_ENOUGH = 0.5
-"""Share of common words from which two statements are one that changed (ours: below it more is new than old)."""
+"""Share of common words from which two statements count as one changed statement (ours: below it more words are new
+than old)."""
 
 
 def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
-    """Return which element of `a` is which of `b`, by their numbers; what has no partner is absent.
+    """Return the index in `b` of the partner of each element of `a`; elements without a partner are absent.
 
-    Equal ones first, then named statements by name, then those of a kind that are most alike. Statements without
-    meaning have no partner.
+    Equal elements are paired first, then named statements by name, then the most similar ones of a kind. Statements
+    without meaning have no partner.
     """
     pairs: dict[int, int] = {}
     for key_of in (lambda item: None if isinstance(item, NO_MEANING) else content_key(item), _name_key):
@@ -37,14 +38,14 @@ def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
 
 
 def means_nothing(item: m.Item) -> tuple[str, ...]:
-    """Return the fields of an item that do not change what it means, as in `language.meaning`."""
-    if isinstance(item, m.When) and item.repeat in (None, "once"):  # `once` is what a trigger does anyway
+    """Return the fields of an item without meaning, as in `language.meaning`."""
+    if isinstance(item, m.When) and item.repeat in (None, "once"):  # `once` is the default of a trigger
         return ("name", "repeat")
     return ("name",) if isinstance(item, m.When | m.Expect) else ()
 
 
 def renames(a: _T, b: m.Item) -> tuple[_T, tuple[tuple[str, str], ...]]:
-    """Return `a` with the new names of those statements of which only the name changed, and the pairs of names."""
+    """Return `a` with the new names of the statements whose only change is the name, and the pairs of names."""
     pairs: list[tuple[str, str]] = []
     while pair := _one_rename(a, b):
         a = renamed(a, *pair)
@@ -92,7 +93,8 @@ def _places(keys: Iterable[Hashable], taken: Iterable[int]) -> dict[Hashable, li
 
 
 def _alike(a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]) -> dict[int, int]:
-    """Pair what is left: of each kind the most alike first; a statement that stands once is its like in any case."""
+    """Return pairs of the remaining elements: the most similar ones of each kind first; if both blocks have only one
+    statement of a kind, those two are a pair in any case."""
     before = _places(map(_slot, a), pairs)
     after = _places(map(_slot, b), pairs.values())
     partners: dict[int, int] = {}
@@ -106,7 +108,8 @@ def _alike(a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]) -> d
 
 
 def _slot(item: m.Item) -> Hashable:
-    """Return what two statements without a name must share to be one; named ones were matched by their name."""
+    """Return the key that two statements without a name must share to be paired; None for named ones, which are paired
+    by name."""
     if isinstance(item, NO_MEANING):
         return None
     if _is_open(item):
@@ -115,7 +118,7 @@ def _slot(item: m.Item) -> Hashable:
 
 
 def _is_open(item: m.Item) -> bool:
-    """Return whether a block may hold many of these that have little in common: triggers, expectations, conditions."""
+    """Return whether items of this kind are paired only by similarity: triggers, expectations, conditions."""
     fields = type(item).model_fields
     return is_condition(item) or any(is_condition(getattr(item, field)) for field in fields)
 

@@ -1,4 +1,4 @@
-"""What a comparison finds: differences in words, each with the edit that makes it; and edits applied to a model."""
+"""The records of a comparison: differences in words, each with its edit; and the application of edits to a model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GROUPS: Mapping[Group, str] = {
     "network": "Network",
     "expectation": "Expectation and end",
 }
-"""What a difference touches, in the order in which they are shown, with the heading."""
+"""The groups of differences in the order of the report, with their headings."""
 
 Kind = Literal["changed", "added", "removed", "renamed", "moved"]
 Op = Literal["set", "insert", "remove", "order", "rename"]
@@ -29,13 +29,13 @@ class Edit:
     """One step of an edit script. All places are those of the first model, whatever else the script does.
 
     Attributes:
-        op: `set` a field or an element; `insert` an element; `remove` one; give elements an `order`; `rename` a name
-            wherever the model says it (before everything else).
-        at: the way to it: `("body", 3, "speed")`. Of `insert` the last part is the element that it follows (-1: none);
-            of `order` it is the tuple; of `rename` there is none.
-        value: the new value; of `order` the elements' old numbers in their new order; of `rename` the old and the new
-            name.
-        rank: the order of what is inserted behind the same element.
+        op: `set` a field or an element; `insert` or `remove` an element; give elements an `order`; `rename` a name
+            everywhere in the model (before all other edits).
+        at: the path: `("body", 3, "speed")`. For `insert` its last part is the index of the element before (-1: none);
+            for `order` it is the path of the tuple; for `rename` it is empty.
+        value: the new value; for `order` the elements' old indices in their new order; for `rename` the old and the
+            new name.
+        rank: order of the elements that are inserted behind the same element.
     """
 
     op: Op
@@ -49,13 +49,13 @@ class Difference:
     """One difference in meaning.
 
     Attributes:
-        group: what it touches.
-        path: where, in words: `runner.speed`, `case r02.gap`, `when ego.eta(j4) < 4 s`.
-        kind: what happened to it.
-        was: as the first file has it, as the language prints it; None where it was added.
-        now: as the second file has it; None where it was removed.
-        note: the difference of two numbers (`+10 km/h`), or what came into a list and what went; or "".
-        edit: what makes the first model have it; see `apply`.
+        group: its group in the report.
+        path: its place in words: `runner.speed`, `case r02.gap`, `when ego.eta(j4) < 4 s`.
+        kind: the kind of change.
+        was: the text in the first file, as the language prints it; None for an addition.
+        now: the text in the second file; None for a removal.
+        note: the difference of two numbers (`+10 km/h`), or the elements added to and removed from a list; or "".
+        edit: the edit that makes this change in the first model; see `apply`.
     """
 
     group: Group
@@ -78,7 +78,7 @@ class Difference:
 
 
 def kind_of(was: str | None, now: str | None) -> Kind:
-    """Return what happened to something that was, or is now, or both."""
+    """Return the kind of change, by the old and the new text."""
     if was is None:
         return "added"
     return "changed" if now is not None else "removed"
@@ -91,7 +91,7 @@ def first_line(text: str | None) -> str:
 
 
 def once(path: str, statement: str | None) -> str:
-    """Return path and statement; the statement alone where it says the path."""
+    """Return path and statement; the statement alone if it contains the path."""
     if not statement or statement == path:
         return path
     return statement if path in statement else f"{path}: {statement}"
@@ -101,13 +101,13 @@ _T = TypeVar("_T", bound=m.Item)
 
 
 def apply(model: _T, changes: Iterable[Difference | Edit]) -> _T:
-    """Return a model with differences made: `apply(a, diff_models(a, b))` means what `b` means.
+    """Return a model with differences applied: `apply(a, diff_models(a, b))` has the meaning of `b`.
 
     The model may also be another one with statements in the same places. `changes`: all or some, in any order; or their
     edits.
 
     Raises:
-        ValueError: an edit's place is not in the model, or what comes out is no model (pydantic's `ValidationError`).
+        ValueError: an edit's place is not in the model, or the result is not valid (pydantic's `ValidationError`).
     """
     edits = [change.edit if isinstance(change, Difference) else change for change in changes]
     for edit in edits:
@@ -121,7 +121,7 @@ def apply(model: _T, changes: Iterable[Difference | Edit]) -> _T:
 
 
 def _item(item: m.Item, edits: Sequence[Edit], at: At) -> m.Item:
-    """Rebuild an item, validated, with the edits at or below its place."""
+    """Return a validated copy of an item with the edits at or below its place."""
     changed: dict[str, Any] = {}
     for name, mine in _by_step(edits, at).items():
         if not isinstance(name, str) or name not in type(item).model_fields:
@@ -143,7 +143,7 @@ def _value(value: object, edits: Sequence[Edit], at: At) -> object:
 
 
 def _elements(parts: tuple[object, ...], edits: Sequence[Edit], at: At) -> tuple[object, ...]:
-    """Rebuild a tuple: elements edited or left out, in their new order, and what comes in behind each."""
+    """Return a tuple with its elements edited, removed and reordered, and new ones inserted behind them."""
     order = list(range(len(parts)))
     behind: dict[int, list[Edit]] = {}
     own: list[Edit] = []
@@ -169,7 +169,7 @@ def _elements(parts: tuple[object, ...], edits: Sequence[Edit], at: At) -> tuple
 
 
 def _by_step(edits: Sequence[Edit], at: At) -> Mapping[str | int, list[Edit]]:
-    """Group the edits below a place by the next step of their way."""
+    """Return the edits below a place by the next step of their path."""
     groups: dict[str | int, list[Edit]] = {}
     for edit in edits:
         groups.setdefault(edit.at[len(at)], []).append(edit)
@@ -177,7 +177,7 @@ def _by_step(edits: Sequence[Edit], at: At) -> Mapping[str | int, list[Edit]]:
 
 
 def renamed(item: _T, old: str, new: str) -> _T:
-    """Return an item with another name in place of one, everywhere that a name may stand."""
+    """Return an item with one name replaced in all fields that hold names."""
     changed: dict[str, object] = {}
     for name, field in type(item).model_fields.items():
         before = getattr(item, name)
@@ -197,5 +197,5 @@ def _renamed_value(value: object, old: str, new: str) -> object:
 
 
 def _takes_words(annotation: object) -> bool:
-    """Return whether a field takes words of the language (`left`, `stop`), which are no names."""
+    """Return whether a field takes words of the language (`left`, `stop`), which are not names."""
     return get_origin(annotation) is Literal or any(map(_takes_words, get_args(annotation)))

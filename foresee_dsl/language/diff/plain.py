@@ -1,4 +1,4 @@
-"""A file in the one form in which equal meaning is equal text: what `git diff` compares through `foresee textconv`."""
+"""Prints a file in a normal form, in which equal meaning is equal text, for `git diff` with `foresee textconv`."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
 _UNITS: Mapping[Dimension, str] = {**SI_WORD, "speed": "km/h"}
-"""One unit a dimension; speeds in what road users read (ours)."""
+"""The unit of each dimension; speeds in km/h, which road users read (ours)."""
 
 _SORTED = (m.Scenario, m.Clip, m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
-"""Blocks whose statements stand in any order, but for `ORDERED` ones among their like."""
+"""Blocks in which only the order of `ORDERED` statements of one kind has a meaning."""
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Calculated)
 
@@ -28,16 +28,16 @@ _T = TypeVar("_T", bound=m.Item)
 
 
 def plain_text(model: m.Definition, *, people: bool = False) -> str:
-    """Return a definition as text: one unit a dimension, no comments, statements in a fixed order.
+    """Return a definition as text: one unit for each dimension, no comments, statements in a fixed order.
 
-    Names and labels stay, because other files address by them, and expected results, because builds are gated on them;
-    with `people` also what only people read: `doc`, tags, risk, fidelity, origin.
+    Names and labels stay, because other files refer to them, and expected results, because builds depend on them. With
+    `people`, the statements for people stay too: `doc`, tags, risk, fidelity, origin.
     """
     return print_model(_plain(model, people))
 
 
 class TextChange(NamedTuple):
-    """A difference that means nothing: of a `doc`, of tags, of an origin, of how a value is worked out. `path`: its
+    """A difference without a change of meaning: in a `doc`, tags, an origin, or the form of a calculation. `path`: its
     label."""
 
     path: str
@@ -46,7 +46,7 @@ class TextChange(NamedTuple):
 
 
 def texts(a: m.Item, b: m.Item) -> tuple[TextChange, ...]:
-    """Return what differs between two definitions without a change of meaning."""
+    """Return the differences between two definitions without a change of meaning."""
     before, after = (
         {label(item): item for item in getattr(model, "body", ()) if isinstance(item, NO_MEANING)} for model in (a, b)
     )
@@ -61,7 +61,7 @@ def texts(a: m.Item, b: m.Item) -> tuple[TextChange, ...]:
 
 
 def _respelled(path: str, a: m.Item, b: m.Item) -> Iterator[TextChange]:
-    """Return the values that are worked out in another way and always come to the same: `gap + gap`, `2 * gap`."""
+    """Yield the calculations with another form and always the same result: `gap + gap`, `2 * gap`."""
     for name in type(a).model_fields if type(a) is type(b) else ():
         was, now = getattr(a, name), getattr(b, name)
         if isinstance(was, tuple) and isinstance(now, tuple):
@@ -98,7 +98,7 @@ def _plain(item: _T, people: bool) -> _T:
         elif isinstance(value, tuple):
             fields[name] = _parts(item, name, value, people)
     if isinstance(item, m.When) and item.repeat == "once":
-        fields["repeat"] = None  # it is what a trigger does anyway
+        fields["repeat"] = None  # the default of a trigger
     return item.model_copy(update=fields)
 
 
@@ -106,7 +106,7 @@ def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) ->
     meant = [p for p in parts if people or isinstance(p, m.Expected) or not isinstance(p, NO_MEANING)]
     printed = [_plain(part, people) if isinstance(part, m.Item) else part for part in meant]
     if not isinstance(owner, _SORTED) or not all(is_statement(part) for part in printed):
-        # The order of the others matters here; where expected results stand among them does not.
+        # The order of the other statements matters here; the places of expected results among them do not.
         return tuple(sorted(printed, key=lambda part: isinstance(part, m.Expected)))
     rank = {kind: number for number, kind in enumerate(_classes(type(owner).model_fields[name].annotation))}
 

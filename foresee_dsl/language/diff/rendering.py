@@ -1,4 +1,4 @@
-"""Differences as text for a terminal (80 columns) and as markdown for a pull request."""
+"""Renders differences as text for a terminal (80 columns) and as markdown for a pull request."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _COLOURS = {"changed": "33", "added": "32", "removed": "31", "renamed": "36", "m
 """ANSI: yellow, green, red, cyan."""
 _BOLD = "1"
 _FOR_PEOPLE = ("doc", "tags", "expected", "risk", "fidelity", "origin")
-"""Statements whose text is not shown: that it changed says enough."""
+"""Statements whose texts are not shown: for these it is enough to name them."""
 _LONG_LIST = 12
-"""From so many differences on, a group of a pull request's comment is folded (ours: more than a screen shows)."""
+"""Number of differences from which a group in a pull request's comment is folded (ours: more than a screen shows)."""
 
 
 def render_groups(changes: Sequence[Difference], texts: Sequence[TextChange] = (), *, colour: bool = False) -> str:
-    """Return the differences grouped by what they touch, in 80 columns; `texts` are those of `plain.texts`."""
+    """Return the differences by group, in 80 columns; `texts`: from `plain.texts`."""
     blocks = []
     for group, members in _grouped(changes):
         lines = [_paint(GROUPS[group], _BOLD, colour)]
@@ -38,7 +38,7 @@ def render_groups(changes: Sequence[Difference], texts: Sequence[TextChange] = (
 def render_markdown(
     changes: Sequence[Difference], texts: Sequence[TextChange] = (), *, old: str = "", new: str = ""
 ) -> str:
-    """Return the differences for a pull request's comment: a heading a group, a table, long parts folded."""
+    """Return the differences for a pull request's comment: a heading and a table for each group, long parts folded."""
     parts = [f"**`{old}`** → **`{new}`**"] if old else []
     for group, members in _grouped(changes):
         table = _table(members)
@@ -54,7 +54,7 @@ def render_markdown(
 
 
 def _unmeant(change: TextChange) -> str:
-    """A label; of a value also its two spellings."""
+    """Return the label of a change without meaning; for a value with its two forms."""
     if change.was is None or change.now is None or change.path.split()[0] in _FOR_PEOPLE:
         return change.path
     return f"{change.path} ({change.was} is {change.now})"
@@ -102,7 +102,8 @@ def _wrapped(line: str, indent: str) -> list[str]:
 
 
 def _statements(change: Difference) -> list[str]:
-    """Return whole blocks: one that came or went stands for itself where its first line says its path."""
+    """Return the lines of a change with whole blocks; an added or removed block needs no heading if its first line has
+    the path."""
     statements = [text for text in (change.was, change.now) if text is not None]
     first, *rest = statements[0].split("\n")
     if len(statements) == 1 and change.path in first:

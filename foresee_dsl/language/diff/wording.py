@@ -1,4 +1,4 @@
-"""How differences are worded: labels of statements, values as the language prints them, groups."""
+"""The words of differences: labels of statements, values as the language prints them, groups."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from foresee_dsl.language.traversal import is_condition
 from foresee_dsl.language.units import UNITS
 
 NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Expected, m.Origin)
-"""Statements for people; the same that `language.meaning` leaves out of a hash."""
+"""Statements for people, which `language.meaning` also leaves out of a hash."""
 
 _WORD = re.compile(r"[a-z_]+")
 _ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
@@ -22,13 +22,13 @@ _ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
 
 _FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width"}
 _WRITTEN = (m.Quantity, m.Ref, *m.EXPRESSIONS, m.Range, m.Measure, *get_args(get_args(m.Place)[0]))
-"""Values and places that are shown as they are written; other parts of statements field by field."""
+"""Values and places that are shown as written; other parts of statements are shown field by field."""
 _FIELDWISE = (m.Weather, m.SignalState, m.Change)
 """Statements of one line, without a name, that are compared setting by setting."""
 
 
 def shape(item: m.Item) -> Layout | None:
-    """Return how an item is written as a statement; None for a part of a statement (a place, a condition)."""
+    """Return the layout of an item as a statement; None for a part of a statement (a place, a condition)."""
     return None if isinstance(item, m.Phrase) else layout(item)
 
 
@@ -38,7 +38,7 @@ def is_statement(value: object) -> bool:
 
 
 def name_of(item: m.Item) -> str | None:
-    """Return the name that a statement has, or its label; None for one without."""
+    """Return the name or label of a statement; None if it has none."""
     name = getattr(item, "name", None)
     return name if isinstance(name, str) else None
 
@@ -71,7 +71,7 @@ def label(item: m.Item) -> str:
 
 
 def keyword(item: m.Item) -> str:
-    """Return the words that a statement begins with, before its values; with the actor for an action."""
+    """Return the first words of a statement, before its values; for an action including the actor."""
     if isinstance(item, _ONE_WORD):
         return item.pattern.split()[0]
     head = _head(item)
@@ -86,7 +86,7 @@ def keyword(item: m.Item) -> str:
 
 
 def tail(item: m.Item) -> str:
-    """Return a statement as the language prints it, without what its label says; a block in full."""
+    """Return a statement as the language prints it, without its label; a block in full."""
     printed = print_item(item)
     words = label(item)
     if "\n" in printed or not printed.startswith(f"{words} "):
@@ -117,7 +117,7 @@ def text(value: object) -> str:
 
 
 def setting(item: m.Item, field: str) -> str:
-    """Return one field of a statement as it is printed: `lanes 2`, or just its value."""
+    """Return one field of a statement as printed: `lanes 2`, or only its value."""
     layout = shape(item)
     for key, inner in (layout.inside or ()) if layout is not None else ():
         if key == (field,) and isinstance(inner, str):
@@ -126,13 +126,13 @@ def setting(item: m.Item, field: str) -> str:
 
 
 def field_path(owner: str, item: m.Item, field: str) -> str:
-    """Return the path of a statement's field; that of its only value is the statement's own."""
+    """Return the path of a statement's field; for the only value of a statement, the path of the statement."""
     alone = not set(type(item).model_fields) - {"kind", "name", field}
     return owner if alone else join(owner, _FIELD_WORDS.get(field, field))
 
 
 def join(owner: str, words: str) -> str:
-    """Return the path of something inside: `runner.speed`, `when time > 1 s: lead stops`."""
+    """Return the path of a part inside an owner: `runner.speed`, `when time > 1 s: lead stops`."""
     if not owner or not words:
         return owner or words
     apart = owner.startswith(("when ", "then ", "expect ")) or (" " in owner and " " in words)
@@ -140,7 +140,7 @@ def join(owner: str, words: str) -> str:
 
 
 def note(was: object, now: object) -> str:
-    """Return what a reviewer would compute: the difference of the one number, or of the list, that changed."""
+    """Return the difference that a reviewer would compute: of the only number, or of the list, that changed."""
     before, after = list(_leaves(was)), list(_leaves(now))
     apart = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
     if len(before) == len(after) and len(apart) == 1:
@@ -154,7 +154,8 @@ def note(was: object, now: object) -> str:
 
 
 _READ_AT_A_GLANCE = 6
-"""Elements of two lists together whose difference is seen without help; of longer ones `+c, -a` is shown (ours)."""
+"""Largest number of elements of two lists together whose difference needs no note; longer lists get `+c, -a`
+(ours)."""
 
 
 def _delta(was: object, now: object) -> str:
@@ -181,7 +182,7 @@ def _leaves(value: object) -> Iterator[object]:
 
 
 def group_of(item: m.Item) -> Group:
-    """Return what a statement of a definition's body touches; whatever is new in the language is stimulus."""
+    """Return the group of a statement of a definition's body; statements that are not listed are stimulus."""
     if isinstance(item, m.Network | m.UseNetwork | m.Junction | m.Road | m.Building):
         return "network"
     if isinstance(item, m.Ego | m.Goal):

@@ -18,7 +18,7 @@ from foresee_dsl.language.model.streets import *
 from foresee_dsl.language.model.values import *
 
 Definition = Scenario | Extension | Clip | Mutant | Network | Catalogue | Campaign
-"""What a file holds: one of these."""
+"""The definition in a file: one of these."""
 
 ITEMS: tuple[type[Item], ...] = tuple(
     kind

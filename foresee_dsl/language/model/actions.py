@@ -1,4 +1,4 @@
-"""Actions of triggers that change the road for everybody, and those that bring an actor to a place."""
+"""Actions of triggers that change the road for all actors, and actions that bring an actor to a place."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class TurnsTo(Item):
 class Limit(Item):
     """`limit on mill_west is 30 km/h`: another speed limit on a road, or with `lane 2` on one of its lanes.
 
-    Vehicles that SUMO drives keep to it there: who drives as fast as the old limit allows, or faster, drives the new
-    one; who is slower stays so where that is less. They brake before they come there. Lanes count from 1, the rightmost
-    for cars.
+    Vehicles that SUMO drives keep to it: a vehicle at the old limit or above takes the new one, and a slower vehicle
+    keeps its speed if that is below the new limit. They brake before they reach the place. Lanes count from 1, the
+    rightmost for cars.
     """
 
     pattern = "limit on {road} [lane {lane}] is {speed}"
@@ -57,7 +57,7 @@ class StopsAt(Item):
 
 
 HARDEST_MPS2 = 12.0
-"""The hardest braking that can be written. Ours: no tyre on a road holds more."""
+"""Largest braking that can be written, m/s^2. Ours: no tyre on a road holds more."""
 
 
 class BrakesFor(Item):
@@ -76,7 +76,7 @@ class BrakesFor(Item):
 
 
 WIDEST_LINE_M = 5.0
-"""The farthest that a `line` lies beside. Ours: more than a lane's width beside its way is another way."""
+"""Largest lateral offset of a `line`, m. Ours: more than a lane's width beside the lane is another lane."""
 
 
 class ChangesLine(Item):
@@ -110,7 +110,8 @@ class KeepsBeside(Item):
 
 class FollowsPath(Item):
     """`cutter follows [(10 m, 4 m), (30 m, 4 m)] then joins [mill_mid]`: leaves its lane (or its path) and follows a
-    polyline from where it is, reacting to nobody; at its end it drives on in traffic along these edges, or stays there.
+    polyline from where it is, without reacting to others; at its end it drives on in traffic along these edges, or
+    stays there.
 
     Between edges that do not touch it takes the shortest way. Only vehicles and bicycles join.
     """
@@ -141,7 +142,7 @@ class KeepsGap(Item):
     that it stays so far behind the other (or ahead of it), from bumper to bumper along its own way; a time counts at
     the speed of the one behind.
 
-    Within its model's limits. What it would do for the gap itself it does, also where that is too near to be safe.
+    Within its model's limits. It keeps the gap as written, even if that is too small to be safe.
     """
 
     pattern = "{actor} {way} {other} gap {gap} [for {duration}]"
@@ -189,7 +190,7 @@ class Reverses(Item):
     words = "reverses (action): drives backwards along its lane | van reverses 6 m at 5 km/h"
 
     actor: v.ActorName
-    length: Annotated[v.Length, Bounds(0.1, 100.0)]  # ours: further, nobody backs
+    length: Annotated[v.Length, Bounds(0.1, 100.0)]  # ours: drivers do not reverse farther
     speed: Annotated[v.Speed, Bounds(0.1, 10.0)]  # ours: reverse gears end at about 35 km/h
 
 
@@ -241,5 +242,5 @@ class Door(Item):
 
 
 def door_name(actor: str, side: str) -> str:
-    """Return what an actor's door is called in a run: `van_door`, on the right `van_right_door`."""
+    """Return the name of an actor's door in a run: `van_door`, on the right `van_right_door`."""
     return f"{actor}_door" if side == "left" else f"{actor}_{side}_door"

@@ -1,4 +1,4 @@
-"""Traffic participants: the ego, actors of every kind, background traffic; and what they do."""
+"""Traffic participants: the ego, actors of every kind, background traffic; and their actions."""
 
 from typing import Annotated, Literal
 
@@ -190,9 +190,9 @@ class Timing(Item):
     """`timing 0.80`: its speed along its own path, as a ratio of what it would have driven; it still stops where it
     must.
 
-    It scales the speed at the beginning, the cruise speed and what the actor is told to change its speed to. With a
-    factor other than 1 an actor does not adapt to whom it `meets` any more, which would make up for the factor: what
-    the meeting asks for at its first moment, times the factor, becomes its cruise speed for good.
+    It scales the speed at the beginning, the cruise speed and the target speeds of triggers. With a factor other than
+    1 an actor no longer adapts to the other actor that it `meets`, because that would cancel the factor: its speed for
+    the meeting at the first moment, times the factor, becomes its cruise speed for good.
     """
 
     pattern = "timing {factor}"

@@ -1,4 +1,4 @@
-"""A campaign's file: which test cases, driven by whom, clipped and mutated how, and for how long."""
+"""The campaign file: its test cases, drivers, clipping and mutation settings, and time budget."""
 
 from typing import Annotated, Literal
 
@@ -43,7 +43,8 @@ class Rankers(Item):
 
 
 class Against(Item):
-    """`against [idm, "pdm+ideal"]`: the reference drivers, which drive every failure too; `against [none]`: nobody."""
+    """`against [idm, "pdm+ideal"]`: the reference drivers, which drive every failure too; `against [none]`: no
+    driver."""
 
     pattern = "against {names}"
     words = "against (statement): other drivers, which drive every failure of a campaign too | against [idm]"

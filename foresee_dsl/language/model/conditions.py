@@ -1,4 +1,4 @@
-"""Conditions: what triggers wait for and what expectations are about."""
+"""Conditions of triggers, expectations and requirements."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -11,7 +11,7 @@ from foresee_dsl.language.model.item import ONE_OF, Bounds, Names, Phrase
 from foresee_dsl.language.units import Dimension
 
 SIGNAL_COLOURS = ("green", "amber", "red")
-"""What a signal shows to one movement."""
+"""Colours that a signal shows to one movement."""
 
 
 MEASURED: Mapping[str, Dimension] = MappingProxyType(
@@ -30,13 +30,13 @@ MEASURED: Mapping[str, Dimension] = MappingProxyType(
         "relative_speed": "speed",
     }
 )
-"""The dimension of what a condition measures."""
+"""The dimension of each measure in a condition."""
 BETWEEN_ACTORS = ("ttc", "ttc_along", "headway", "lateral", "overlap", "relative_speed")
-"""What is measured between two actors, and never to a junction."""
+"""Measures between two actors, which never take a junction."""
 
 
 class Measure(Phrase):
-    """A number that can be read off the running world.
+    """A number that is measured during the run.
 
     `time` (s since the start), `ego.speed` (m/s), `ego.acceleration` (m/s^2, along its heading), `ego.eta(j4)` (s until
     the actor, at its speed and not under 1 m/s, enters the junction along its route; infinite when it has passed),

@@ -1,6 +1,6 @@
-"""Files that build on another (extensions, clips, mutants) and state only what is different; what a `change` may name.
+"""Files that build on another and state only the differences (extensions, clips, mutants); the targets of `change`.
 
-The parser, the checks, the editor and `language.changes`, which makes the change, all read `PROPERTIES` and `OWNERS`.
+The parser, the checks, the editor and `language.changes`, which applies a change, all read `PROPERTIES` and `OWNERS`.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,7 +35,7 @@ from foresee_dsl.language.units import Dimension
 
 
 NOTHING = "nothing"
-"""What an actor `ignores` that obeys."""
+"""The value of `ignores` for an actor that obeys all rules."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +43,14 @@ class Property:
     """A property of an actor that can change.
 
     Attributes:
-        statement: the class of the statement in the actor's block that gives it, and its field; None where the actor
+        statement: the class of the statement in the actor's block with this property, and its field; None if the actor
             itself has a field of the property's name.
-        neutral: what an actor without the statement has; None where such an actor has nothing to change.
-        accepts: whether a value in SI is one that the property takes.
-        needs: which values it takes, for the message.
-        for_ego: the ego's can change too, although the driver under test drives it.
-        timed: a change may say from when, and for how long.
-        words: the words that it takes, the first of them for an actor without the statement; empty for other values.
+        neutral: the value for an actor without the statement; None if such an actor has nothing to change.
+        accepts: returns whether the property takes a value, SI.
+        needs: the allowed values, for the message.
+        for_ego: True if the ego's property can change too, although the driver under test drives it.
+        timed: True if a change may state a start and a duration.
+        words: the allowed words, first the one for an actor without the statement; empty for other values.
     """
 
     statement: tuple[type[Item], str] | None = None
@@ -68,19 +68,19 @@ class Property:
 
     @property
     def default(self) -> Quantity | None:
-        """What an actor without the statement has, as a quantity."""
+        """The value for an actor without the statement, as a quantity."""
         dimension = self.dimension
         return Quantity.of(self.neutral, dimension, 0) if dimension is not None and self.neutral is not None else None
 
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """What a `change` may name that is no actor.
+    """A target of `change` other than an actor.
 
     Attributes:
-        properties: the words behind the dot; empty for the name of a parameter or an expectation.
-        dimension: of their values; None where that depends on which one is named.
-        not_in_clips: why a mutant cannot change it; "" where it can.
+        properties: the words behind the dot; empty if it is the name of a parameter or an expectation.
+        dimension: of their values; None if that depends on the name.
+        not_in_clips: why a mutant cannot change it, behind `a clip`; "" if it can.
     """
 
     properties: tuple[str, ...] = ()
@@ -117,7 +117,7 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
         ),
     }
 )
-"""The properties of actors. A clip's actor has its speed in its state; elsewhere it is the cruise speed."""
+"""The properties of actors. In a clip, `speed` is the speed of the actor's state; elsewhere it is the cruise speed."""
 
 OWNERS: Mapping[str, Owner] = MappingProxyType(
     {
@@ -127,11 +127,11 @@ OWNERS: Mapping[str, Owner] = MappingProxyType(
         "end": Owner(("after",), "time", not_in_clips="ends with its window"),
     }
 )
-"""What is no actor; no actor can have one of these names."""
+"""Targets other than actors; no actor can have one of these names."""
 
 
 def changeable_of(owner: str) -> tuple[str, ...]:
-    """Return the properties that a `change` line may name of an actor or owner; none where any name may stand."""
+    """Return the properties that a `change` line may name of an actor or owner; empty if any name is allowed."""
     return OWNERS[owner].properties if owner in OWNERS else tuple(PROPERTIES)
 
 

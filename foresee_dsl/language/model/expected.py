@@ -1,4 +1,4 @@
-"""What a run with a driver is expected to end in: recorded beside a test case, and not part of what it means."""
+"""The expected result of a run with a driver: recorded with a test case, but not part of its meaning."""
 
 from typing import Annotated, Literal
 
@@ -6,7 +6,7 @@ from foresee_dsl.language.model.item import Item, Names
 from foresee_dsl.language.model.values import ActorName, Id, Name
 
 FailureName = Literal["F1", "F2", "F3", "F4", "F5", "stuck", "timeout"]
-"""How a run can fail: the names of `simulate.results.verdict`. A crash is nothing to expect."""
+"""How a run can fail: the names of `simulate.results.verdict`. A crash cannot be expected."""
 
 
 class Expected(Item):

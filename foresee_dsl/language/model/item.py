@@ -1,4 +1,4 @@
-"""What every class of the model is: immutable, compared by value, and with the pattern that it is written by."""
+"""The base of every class of the model: immutable, compared by value, with the pattern of its text."""
 
 import inspect
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from pydantic import BaseModel, ConfigDict, Field, SerializationInfo, TypeAdapte
 from pydantic_core import CoreSchema, core_schema
 
 Group = Literal["definition", "statement", "setting", "action", "condition", "link", "type", "constant"]
-"""What a word of the language is.
+"""The kind of a word of the language.
 
-definition: what a file holds. statement: the first word of a statement. setting: a line of a block, or a part of one,
-that gives one value. action: what an actor does in a trigger. condition: what is measured, asked or combined. link: a
-word inside a statement. type: of a parameter. constant: one of a fixed set of values (a turn, a control, a property);
-it is no word of the grammar and may be a name elsewhere.
+definition: the first word of a file's definition. statement: the first word of a statement. setting: a line of a
+block, or a part of one, that gives one value. action: a word of an action in a trigger. condition: a word that measures
+something, or joins conditions. link: a word inside a statement. type: of a parameter. constant: one of a fixed set of
+values (a turn, a control, a property), which is not a word of the grammar and may be a name elsewhere.
 """
 
 SymbolKind = Literal[
@@ -32,13 +32,13 @@ SymbolKind = Literal[
     "thing",
     "word",
 ]
-"""What a name is of. `thing`: an actor or a junction. `word`: what a parameter's type says. `label`: the name of a
-trigger or an expectation. `file`: the path of another file."""
+"""The kind of object that a name stands for. `thing`: an actor or a junction. `word`: whatever the parameter's type
+tells. `label`: the name of a trigger or an expectation. `file`: the path of another file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Marks the type of a field that holds a name: what it is of, and whether it is the definition or a use."""
+    """Marks the type of a field with a name: the kind of its object, and whether the field defines or uses it."""
 
     kind: SymbolKind
     defines: bool = False
@@ -46,33 +46,33 @@ class Names:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Marks the type of a value: the smallest and the largest that make sense, in SI."""
+    """Marks the type of a value: the smallest and the largest allowed value, SI."""
 
     low: float
     high: float = 1e9
 
 
 MOST_INLINE = 4
-"""A road or a case with at most so many settings is one line (ours; by number, not width, so that an edit of a value
-never rewraps)."""
+"""Maximum number of settings of a road or a case on one line (ours; a number, not a width, so that an edit of a value
+never changes the line breaks)."""
 
 
 class Item(BaseModel):
-    """Base of everything that a file can state: immutable, compared by value, no unknown fields.
+    """Base of every statement and part of a file: immutable, compared by value, no unknown fields.
 
     A class is made by the grammar's rule of the same name in small letters (`StartAt` by `start_at`).
 
     Attributes:
-        kind: its tag in data and hashes: by default the name of its rule. `class Both(Phrase, kind="and")` says another
+        kind: its tag in data and hashes: by default the name of its rule. `class Both(Phrase, kind="and")` sets another
             one; `kind=""`: it has none.
-        pattern: how it is written (`model.pattern` explains the notation): nodes, printed text, and the dimensions
+        pattern: the form of its text (`model.pattern` explains the notation): nodes, printed text, and the dimensions
             that messages name derive from it.
-        words: the words of the language that this class brings in, as `word (group): meaning | example of a line`
+        words: the words of the language that this class introduces, as `word (group): meaning | example of a line`
             (no full stop); each word of a pattern is explained by one class, or in `language.keywords`, where several
             share it.
         in_brackets: the kinds of condition that need brackets as a part of this one.
-        in_brackets_of: the same of calculations, by the field that they stand in.
-        never_bare: names that are written in quotes here, because the statement would seem to continue with them.
+        in_brackets_of: the kinds of calculation that need brackets, by field.
+        never_bare: names that are quoted here, because the parser would take them for the rest of the statement.
     """
 
     # A class's validator is built at its first use: a file uses a third of the classes.
@@ -86,8 +86,8 @@ class Item(BaseModel):
         in_brackets_of: ClassVar[tuple[tuple[str, tuple[str, ...]], ...]]
         never_bare: ClassVar[tuple[str, ...]]
 
-    # No annotations while it runs (and texts and tuples without one are no fields, see above): pydantic 2.14 evaluates
-    # those of a base again for each of its hundred subclasses.
+    # No annotations at run time (texts and tuples without one are not fields, see above): pydantic 2.14 evaluates the
+    # annotations of a base again for each of its hundred subclasses.
     pattern = words = ""
     in_brackets = in_brackets_of = never_bare = ()
 
@@ -100,11 +100,11 @@ class Item(BaseModel):
             cls.kind = tag
 
     def own_pattern(self) -> str:
-        """Return the pattern of this one item, in classes that are written in several ways."""
+        """Return the pattern of this item; classes with several forms override it."""
         return self.pattern
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether a block with so many lines is written on the line of its head."""
+        """Return whether a block with this number of lines is written on the line of its head."""
         del lines
         return False
 
@@ -119,10 +119,10 @@ def rule_of(kind: type[Item]) -> str:
 
 
 class _OneOf:
-    """Marks a union of items, told apart by their `kind`, whose parts are built only when they are used.
+    """Marks a union of items with different `kind`, whose validators are built only at their first use.
 
-    Items are built bottom up, so that a part is nearly always an instance already, which was validated when it was
-    made. With pydantic's own union, every class that holds a statement would build the validators of all statements.
+    Items are built bottom up, so a part is nearly always a validated instance already. With pydantic's own union,
+    every class with a field for statements would build the validators of all statements.
     """
 
     def __get_pydantic_core_schema__(self, union: Any, handler: object) -> CoreSchema:  # noqa: ANN401 - a type form

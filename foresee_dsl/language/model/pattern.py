@@ -1,4 +1,4 @@
-"""The notation of `Item.pattern`, and what it tells of a class: which fields in which order, and what is around them.
+"""Reads the notation of `Item.pattern`: the fields of a class in their order, and the text around them.
 
     delay {time}                       a word and a field
     steers {value} [from {start}]      what stands in [ ] is written when all its fields are given
@@ -32,7 +32,7 @@ _TOKEN = re.compile(
 
 
 class Form(Enum):
-    """How a text in a field is written."""
+    """The written form of a text in a field."""
 
     NAME = auto()  # as it is
     MODEL = auto()  # as it is; where a parameter may stand, a name without a dot is one
@@ -43,7 +43,7 @@ class Form(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A field in a pattern; `between` is what stands between its parts, None for a list in brackets."""
+    """A field in a pattern; `between`: the text between its parts, None for a list in brackets."""
 
     field: str
     between: str | None = None
@@ -66,13 +66,13 @@ Parts = Sequence[str | Slot | Optional]
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """A pattern, taken apart.
+    """The parts of a pattern.
 
     Attributes:
-        head: what stands before the braces.
+        head: the part before the braces.
         settings: the lines in the braces that are fields of the item.
-        body: the field that holds the statements in the braces; "" for none.
-        braces: the braces are written: always, never, or when something is in them.
+        body: the field with the statements in the braces; "" for none.
+        braces: when the braces are written: always, never, or if they are not empty.
     """
 
     head: Parts
@@ -88,7 +88,7 @@ class Pattern:
 
 @cache
 def read_pattern(text: str) -> Pattern:
-    """Take a pattern apart."""
+    """Return the parts of a pattern."""
     block = _BLOCK.fullmatch(text)
     if block is None:
         return Pattern(_parts(text))
@@ -114,7 +114,7 @@ def _parts(text: str) -> tuple[str | Slot | Optional, ...]:
 
 
 def slots_of(parts: Parts) -> Iterator[Slot]:
-    """Return the fields in a part of a pattern, in their order."""
+    """Yield the fields in a part of a pattern, in their order."""
     for part in parts:
         if isinstance(part, Slot):
             yield part
@@ -123,7 +123,7 @@ def slots_of(parts: Parts) -> Iterator[Slot]:
 
 
 def words_before(pattern: Pattern) -> Iterator[tuple[str, str]]:
-    """Return each field that stands right behind a word of the language, with that word."""
+    """Yield each word of the language with the field right behind it."""
     for parts in (pattern.head, *pattern.settings):
         flat = [p for part in parts for p in (part.parts if isinstance(part, Optional) else (part,))]
         for before, part in pairwise(flat):
@@ -134,7 +134,7 @@ def words_before(pattern: Pattern) -> Iterator[tuple[str, str]]:
 
 @cache
 def word_before(kind: type[Item], field: str) -> str:
-    """Return the word that a field stands behind, which people call it by: `timing` for its `factor`."""
+    """Return the word before a field, which names the field for people: `timing` for its `factor`."""
     return next((word for word, name in words_before(read_pattern(kind.pattern)) if name == field), field)
 
 
@@ -143,15 +143,16 @@ def word_before(kind: type[Item], field: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class FieldForm:
-    """What a field takes, read off its annotation.
+    """The values that a field takes, read from its annotation.
 
     Attributes:
-        form: how a text in it is written.
-        parameter: the name of a parameter may stand for its text.
-        dimension: of its quantity; None for none, or where several are possible.
+        form: the written form of a text in it.
+        parameter: True if the name of a parameter may replace its text.
+        dimension: of its quantity; None if it takes none, or several are possible.
         words: the fixed words that it takes.
-        names: what a name in it is of; None where it holds none, or where that depends on other fields.
-        bounds: of its quantity, in SI; None where any will do.
+        names: the kind of object that a name in it stands for; None if it takes no name, or that depends on other
+            fields.
+        bounds: of its quantity, SI; None if any value is allowed.
     """
 
     form: Form
@@ -164,7 +165,7 @@ class FieldForm:
 
 @cache
 def form_of(kind: type[Item], field: str) -> FieldForm:
-    """Return what a field of a class takes; a field that the class does not have takes nothing."""
+    """Return the values that a field of a class takes; empty for a field that the class does not have."""
     info = kind.model_fields.get(field)
     leaves = [*_leaves(info.annotation), *info.metadata] if info is not None else []
     form = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME)  # the last: `Word` is an `Id`
@@ -177,7 +178,7 @@ def form_of(kind: type[Item], field: str) -> FieldForm:
 
 
 def _leaves(annotation: Any) -> Iterator[Any]:  # noqa: ANN401 - a type form
-    """The types, fixed words and metadata in an annotation."""
+    """Yield the types, fixed words and metadata in an annotation."""
     yield from getattr(annotation, "__metadata__", ())
     parts = get_args(annotation)
     if get_origin(annotation) is Literal or not parts:

@@ -155,7 +155,7 @@ class Require(Item):
 
 
 class Cases(Item):
-    """`cases 20 from seed 7`: so many cases with drawn values, called `seed7_01`, `seed7_02`, ..."""
+    """`cases 20 from seed 7`: 20 cases with drawn values, called `seed7_01`, `seed7_02`, ..."""
 
     pattern = "cases {count} from seed {seed}"
     words = "cases (statement): cases with drawn values | cases 20 from seed 7"
@@ -241,7 +241,7 @@ class End(Item):
 
 
 class Assignment(Item, kind=""):
-    """`gap = 1.2 s` inside a case; `gap = 2 * other` is worked out of the case's other values."""
+    """`gap = 1.2 s` inside a case; `gap = 2 * other` is calculated from the case's other values."""
 
     pattern = "{name} = {value}"
 
@@ -302,7 +302,7 @@ _Statement = (
     | Cases
 )
 Statement = Annotated[_Statement, ONE_OF]
-"""What a scenario holds besides `doc`, `tags` and `expected`: what one that extends another can add and replace."""
+"""Statements of a scenario other than `doc`, `tags` and `expected`: an extension can add and replace them."""
 
 ScenarioItem = Annotated[Doc | Tags | Expected | _Statement, ONE_OF]
 

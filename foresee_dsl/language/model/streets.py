@@ -1,4 +1,4 @@
-"""What stands on or beside the roads of a network: roundabouts, ramps, zebra crossings, bumps, and rules for lanes."""
+"""Objects on the roads of a network: roundabouts, ramps, zebra crossings and bumps; and rules for lanes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LaneWidth = Annotated[v.Length, Bounds(1.0, 10.0)]  # ours: as a road's
 
 
 class BannedTurn(Item):
-    """`forbid left over middle from [west, east]`: a turn that nobody may take there."""
+    """`forbid left over middle from [west, east]`: a turn that no vehicle may take there."""
 
     pattern = "forbid {turn} over {junction} from {roads}"
     words = "forbid (statement): a turn that nobody may take at a junction | forbid left over middle from [west, east]"
@@ -38,8 +38,8 @@ class LaneTurns(Item):
 class Roundabout(Item):
     """`roundabout circle at (0 m, 0 m) { radius 18 m; lanes 2 }`: a ring that the roads ending at it lead into.
 
-    The radius is that of the middle of its carriageway. Whoever is on the ring goes first. A junction for each arm is
-    called after the roundabout and the road: `circle_west`.
+    The radius is that of the middle of its carriageway. Vehicles on the ring go first. The junction of each arm has the
+    names of the roundabout and the road: `circle_west`.
     """
 
     pattern = "roundabout {name} at {at} { radius; lanes; lane_width; speed; sidewalk; crossings [{crossings}] }"
@@ -121,7 +121,7 @@ class Zebra(Item):
     road: Annotated[v.Name, Names("road")]
     at: Annotated[v.Length, Bounds(0.0)]
     width: Annotated[v.Length, Bounds(2.0, 20.0)] | None = None
-    island: Annotated[v.Length, Bounds(1.0, 20.0)] | None = None  # ours: narrower is no refuge for anybody
+    island: Annotated[v.Length, Bounds(1.0, 20.0)] | None = None  # ours: people need this width to stand
 
     def fits_one_line(self, lines: int) -> bool:
         """Return whether it has few settings."""
@@ -129,7 +129,7 @@ class Zebra(Item):
 
 
 class Bump(Item):
-    """`bump hump on west at 60 m { speed 20 km/h; length 4 m }`: a speed bump, over which everybody drives that slowly.
+    """`bump hump on west at 60 m { speed 20 km/h; length 4 m }`: a speed bump with that speed limit.
 
     It is the limit of a short piece of the road; nothing goes up and down. It begins at a junction of this name.
     """

@@ -16,11 +16,11 @@ from foresee_dsl.language.model.pattern import Form
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
 NAME_PATTERN = r"[a-z][a-z0-9_]*"
-"""snake_case: what every name in a file looks like. Ids of imported networks are written as strings instead."""
+"""The form of every name in a file: snake_case. Ids of imported networks are written as strings instead."""
 
 Name = Annotated[str, Field(pattern=rf"^{NAME_PATTERN}$", max_length=80)]
 Id = Annotated[str, Field(min_length=1, max_length=200, pattern=r'^[^"\n\r\\]+$'), Form.ID]
-"""A name, or the id of something in an imported network (printed as a string when it is no name)."""
+"""A name, or the id of an object in an imported network (printed as a string if it is not a valid name)."""
 Word = Annotated[Id, Form.WORD, Names("word")]
 """An id, or the name of a model."""
 ModelName = Annotated[
@@ -132,13 +132,13 @@ class Extreme(Phrase):
 
 
 Expression = Sum | Product | Negative | Extreme
-"""What stands for a value that is worked out of others; gone, as a `Ref`, once the scenario is concrete."""
+"""A value that is calculated from others; like a `Ref`, it is gone in a concrete scenario."""
 EXPRESSIONS = (Sum, Product, Negative, Extreme)
 AnyValue = Quantity | Ref | Expression
 
 
 class Calculated(Quantity, kind=""):
-    """What an expression in the statement of a parameter comes to, with the others' defaults; and how it is written."""
+    """The result of an expression in the statement of a parameter, with the others' defaults; and the expression."""
 
     pattern = "{expression}"
 
@@ -160,10 +160,10 @@ def _adapter(also: tuple[type[Item], ...]) -> TypeAdapter[Any]:
 class OfDimension:
     """Marks a type of values: they have this dimension (None: any), and a count is a whole number.
 
-    Of parameters and expressions `checks.values` finds out, which knows the types of the parameters.
+    `checks.values` checks parameters and expressions, because it knows the types of the parameters.
 
     Attributes:
-        also: classes that may stand there too.
+        also: other classes that are allowed.
     """
 
     dimension: Dimension | None

@@ -1,4 +1,4 @@
-"""What a file meant before: its versions in git, with the files that it used then."""
+"""Finds earlier versions of a file in git, with the files that it used then."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 
 COMMITS = 200
-"""How many commits that touch the parent's files are looked through, newest first (ours: 60 ms each, measured)."""
+"""Maximum number of commits of the parent's files that are searched, newest first (ours: 60 ms each, measured)."""
 
 _TIMEOUT_S = 30.0
-"""For one call of git (ours: a log of a large repository takes some seconds)."""
+"""Time limit of one call of git, s (ours: a log of a large repository takes some seconds)."""
 _SETTINGS = (
     "log.showSignature=false", "gpg.program=false", "gpg.ssh.program=false", "gpg.x509.program=false",
     "core.fsmonitor=false", f"core.hooksPath={os.devnull}", "core.pager=cat", "core.editor=false", "core.askPass=false",
@@ -30,7 +30,7 @@ _SETTINGS = (
     f"core.attributesFile={os.devnull}", "diff.external=", "gc.auto=0", "maintenance.auto=false",
     "submodule.recurse=false", "protocol.allow=never",
 )  # fmt: skip
-"""What git(1) says of the settings that name programs, as `-c` options: these stand above the repository's own."""
+"""Safe values for the settings that name programs by git(1), as `-c` options, which override the repository's own."""
 _ENVIRONMENT = {
     "GIT_ALLOW_PROTOCOL": "none",  # nothing is fetched: a partial clone's remote may be a command
     "GIT_NO_LAZY_FETCH": "1",  # the same, from git 2.45 on
@@ -38,7 +38,7 @@ _ENVIRONMENT = {
     "GIT_OPTIONAL_LOCKS": "0",
 }
 _PLAIN = ("--no-show-signature", "--no-ext-diff", "--no-textconv", "--no-notes")
-"""Of `git log`: no signatures, and no programs that show differences."""
+"""Options of `git log` against signatures and programs that show differences."""
 _USED = re.compile(r'"([^"\n]+\.(?:foresee|net\.xml|xodr))"')
 """Files that a `.foresee` file may use: every string that looks like one."""
 
@@ -52,10 +52,10 @@ class OldParent:
 
 
 class History:
-    """The old versions of files, taken out of git into a temporary folder as they are asked for.
+    """Old versions of files, extracted from git into a temporary folder on demand.
 
-    A context manager: the folder goes with it. What was found stays, so that the many children of one parent cost one
-    search.
+    It is a context manager, which deletes the folder at the end. Results are cached, so that many children of one
+    parent need one search.
     """
 
     def __init__(self) -> None:
@@ -70,8 +70,8 @@ class History:
         self._folder.cleanup()
 
     def parent(self, file: Path, case: str | None, pin: str) -> OldParent | None:
-        """Return the newest version of a parent's file, or of a case in it, whose meaning is `pin`; None where git has
-        none."""
+        """Return the newest version of a parent's file, or of a case in it, whose meaning is `pin`; None if git has no
+        such version."""
         key = (absolute(file), case, pin)
         if key not in self._parents:
             loaded = ((version.case(case), version.commit[:10]) for version in self._all(key[0]))
@@ -91,14 +91,14 @@ class History:
 
 
 class _Version:
-    """A file, and all that it used, in one commit."""
+    """A file and the files that it used, in one commit."""
 
     def __init__(self, root: Path, commit: str, name: str, folder: Path) -> None:
         self._root, self.commit, self._name, self._folder = root, commit, name, folder
         self._project: Project | None = None
 
     def case(self, case: str | None) -> TestCase | None:
-        """Load the test case; None where it was not there, or had mistakes and cannot have been pinned."""
+        """Load the test case; None if it did not exist, or had errors, so that no child can have pinned it."""
         if self._project is None:
             for file, content in _files_then(self._root, self.commit, self._name).items():
                 (self._folder / file).parent.mkdir(parents=True, exist_ok=True)
@@ -112,9 +112,9 @@ class _Version:
 
 
 def _commits(root: Path, name: str, used: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """Return the commits that touch a file or what it uses, newest first, each with the file's name in it.
+    """Return the commits that touch a file or the files that it uses, newest first, each with the file's name in it.
 
-    Files that were moved are followed, each for itself: `git log` follows one file at a time.
+    Moved files are followed one by one, because `git log` follows one file at a time.
     """
     own = _followed(root, name)
     touching = {commit: time for each in used for time, commit, _ in (own if each == name else _followed(root, each))}
@@ -128,7 +128,7 @@ def _commits(root: Path, name: str, used: tuple[str, ...]) -> tuple[tuple[str, s
 
 
 def _followed(root: Path, name: str) -> list[tuple[int, str, str]]:
-    """Return the commits that touch a file, newest first: when, which, and its name in it."""
+    """Return the commits that touch a file, newest first: time in s, hash, and the file's name in the commit."""
     log = ("log", *_PLAIN, "--follow", f"--max-count={COMMITS}", "--name-only", "--format=%x01%ct %H", "-z", "--", name)
     entries = (_git(root, *log) or b"").decode(errors="replace").split("\x01")[1:]
     commits = []
@@ -149,7 +149,7 @@ def _within(root: Path, file: Path) -> str | None:
 
 
 def _files_used(root: Path, parent: Path) -> tuple[str, ...]:
-    """Return a file and all that it uses now, as git names them."""
+    """Return a file and the files that it uses now, by their names in git."""
     files: dict[Path, None] = {}
     todo = [parent]
     while todo:
@@ -162,7 +162,7 @@ def _files_used(root: Path, parent: Path) -> tuple[str, ...]:
 
 
 def _files_then(root: Path, commit: str, name: str) -> dict[str, bytes]:
-    """Return a file and all that it used in a commit; empty where it was not there."""
+    """Return the contents of a file and the files that it used in a commit; empty if the file did not exist."""
     contents: dict[str, bytes] = {}
     todo = [name]
     while todo:
@@ -180,9 +180,9 @@ def _files_then(root: Path, commit: str, name: str) -> dict[str, bytes]:
 
 
 def _git(folder: Path, *arguments: str) -> bytes | None:
-    """Return what git prints; None where it refuses, or is not installed.
+    """Return the output of git; None if it fails or is not installed.
 
-    The repository may come from elsewhere, so that nothing which its configuration names is started.
+    The repository may come from a stranger, so no program that its configuration names may be started.
     """
     program = shutil.which("git")
     if program is None:

@@ -1,4 +1,5 @@
-"""Stale children: what a parent's edit does to each, in words too, and the new pin where nothing speaks against it."""
+"""Re-pins stale children: finds the effect of a parent's edit on each child, and the new pin if the child is still
+valid."""
 
 from __future__ import annotations
 
@@ -26,37 +27,38 @@ from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.history import History
 
 Validate = Callable[[TestCase], Sequence[Diagnostic]]
-"""Looks for mistakes that show only with the network built; the command line hands in the compiler's."""
+"""Returns the errors of a test case on its built network; the command line passes the compiler's check."""
 
 
 class State(StrEnum):
-    """What can be done about a child."""
+    """State of a child, which decides what can be done."""
 
     FRESH = "fresh"
-    """Its pin is right."""
+    """Its pin is up to date."""
     STALE = "stale"
-    """Its parent changed; nothing speaks against the new pin."""
+    """Its parent changed, and the child is valid with the new pin."""
     CONFLICT = "conflict"
-    """Its parent changed so that the child makes no sense any more: not re-pinned."""
+    """Its parent changed so that the child is no longer valid: not re-pinned."""
     BLOCKED = "blocked"
-    """Its parent is stale itself, and is not, or cannot be, re-pinned."""
+    """Its parent is stale too, and is not or cannot be re-pinned."""
 
 
 @dataclass(frozen=True)
 class Child:
-    """A child and what its parent's edit does to it.
+    """A child, and the effect of its parent's edit on it.
 
     Attributes:
-        file: as the user named it, or beside a file that was named.
-        state: what can be done.
+        file: the path as the user named it, or beside a named file.
+        state: decides what can be done.
         parent: the parent's address.
-        pin: as the file has it. new_pin: what the parent means now; "" where the parent cannot be read.
-        follows: the pin changes only because the parent is itself re-pinned.
-        commit: where in git the pinned version is; "" where it is unknown.
+        pin: the pin in the file.
+        new_pin: the hash of the parent's present meaning; "" if the parent cannot be read.
+        follows: True if the pin changes only because the parent is itself re-pinned.
+        commit: the commit with the pinned version; "" if unknown.
         reaching: differences between the child under the old parent and under the new one.
-        overridden: what changed in the parent and does not reach the child, which has its own.
-        mistakes: why it is a conflict or blocked.
-        old, new: the child in full under the old parent (where known) and the new one.
+        overridden: changes of the parent that do not reach the child, because it has its own statement.
+        mistakes: reasons for a conflict or a block.
+        old, new: the full scenario of the child under the old parent (if known) and the new one.
     """
 
     file: Path
@@ -77,18 +79,18 @@ class Child:
 
     @property
     def known(self) -> bool:
-        """Whether the version of the parent that is pinned was found."""
+        """True if git has the pinned version of the parent."""
         return self.follows or bool(self.commit)
 
 
 def plan(paths: Iterable[str | Path], validate: Validate | None = None) -> tuple[Child, ...]:
-    """Look at children (files, or folders of them) whose parent may have changed, parents before their own children.
+    """Return the states of children (files, or folders of them) after changes of their parents, parents first.
 
-    Children of what would be re-pinned, in the same folder, are looked at too: they would be stale otherwise.
-    `validate` looks at every child under the new parent.
+    Children of files that would be re-pinned, in the same folder, are included, because they would become stale.
+    `validate` checks every child under the new parent.
 
     Raises:
-        InputError: a path that does not exist, a named file that is no child, or a child with mistakes of its own.
+        InputError: a path does not exist, a named file is not a child, or a child has errors of its own.
     """
     with History() as history:
         return _Planner(_children(paths), validate or (lambda _: ()), history).all()
@@ -105,8 +107,8 @@ def write(children: Iterable[Child]) -> tuple[Path, ...]:
 
 
 def with_pin(text: str, document: Document, pin: str) -> str:
-    """Return a child's text (`document`: the same, parsed) with another pin; all else stays, byte for byte (line ends
-    too)."""
+    """Return a child's text (`document`: the parsed text) with another pin; the rest stays byte for byte, with its
+    line ends."""
     model = document.model
     span = document.span(model, "pin")
     if not isinstance(model, m.Clip | m.Mutant) or span is None:
@@ -134,7 +136,7 @@ def _children(paths: Iterable[str | Path]) -> dict[Path, Path]:
 
 
 class _Planner:
-    """Works through children, each after its parent."""
+    """Determines the states of children, each after its parent."""
 
     def __init__(self, files: dict[Path, Path], validate: Validate, history: History) -> None:
         self._files = files
@@ -257,8 +259,8 @@ def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnost
 
 
 def describe(child: Child, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:
-    """Return the report about one child, empty for one that is up to date; `verdict`: of its runs under the old parent
-    ("" where that is unknown) and the new one."""
+    """Return the report about one child; empty if it is up to date. `verdict`: of its runs under the old parent ("" if
+    unknown) and under the new one."""
     if child.state is State.FRESH:
         return ""
     lines = [_first_line(child, written)]
@@ -274,7 +276,7 @@ def describe(child: Child, verdict: tuple[str, str] | None = None, *, written: b
 
 
 def summary(children: Sequence[Child], *, written: bool = False) -> str:
-    """Return the last line: how many of each."""
+    """Return the last line of the report: the number of children in each state."""
     count = {state: sum(child.state is state for child in children) for state in State}
     done = "re-pinned" if written else "to re-pin (`--write` does it)"
     words = {State.FRESH: "up to date", State.STALE: done, State.CONFLICT: "in conflict", State.BLOCKED: "blocked"}

@@ -1,4 +1,5 @@
-"""Drawn cases: `cases 20 from seed 7` becomes twenty cases, the same ones on every machine; what they must satisfy."""
+"""Draws cases: `cases 20 from seed 7` becomes twenty cases, the same on every machine, which satisfy every
+`require`."""
 
 from __future__ import annotations
 
@@ -27,20 +28,21 @@ from foresee_dsl.language.traversal import parts
 from foresee_dsl.language.units import UNITS
 
 MAX_CASES = 10_000
-"""How many cases one statement may draw (ours: at 25 ms a run on two cores, two minutes; more is rather a mistake)."""
+"""Maximum number of cases of one statement (ours: at 25 ms a run on two cores, two minutes; more is likely an
+error)."""
 MAX_TRIES = 10_000
-"""How often values for one case are drawn until they satisfy every `require` (ours: a tenth of a second)."""
+"""Maximum number of draws for one case until it satisfies every `require` (ours: a tenth of a second)."""
 _TRIES_OF_A_COMBINATION = 100
-"""How often the rest is drawn for one combination of the grids before the next one is taken (ours)."""
+"""Number of draws of the other parameters for one combination of the grids before the next combination (ours)."""
 _FREE_DIGITS = 3
 """Without a step, values have this many digits after the leading one of the range's width: `0 s..4 s` in
 milliseconds, `10 m..60 m` in centimetres (ours: a thousand values at least, and none that is tedious to read)."""
 _BITS = 64
 """Width of a random number."""
 _SLACK = Decimal("1e-6")
-"""How far below a whole number of steps a range may be and still reach it (of mixed units; as `check_parameters`)."""
+"""Shortfall of a range below a whole number of steps, in steps, that counts as rounding (as `check_parameters`)."""
 _EXACT = 12
-"""Significant digits where a range mixes units (ours: below a float's own, far beyond any step)."""
+"""Significant digits for a range with mixed units (ours: fewer than a float has, far finer than any step)."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,9 @@ class Axis:
     """The values that a parameter can be drawn from: its options, or else steps of its range.
 
     Attributes:
-        low, step: in `unit`, for a range. size: how many values there are.
-        stepped: whether the author gave the step (or options).
+        low, step: of a range, in `unit`.
+        size: number of values.
+        stepped: True if the author wrote the step (or options).
     """
 
     name: str
@@ -67,7 +70,7 @@ class Axis:
         return m.Quantity(value=self.low + k * self.step, unit=self.unit)
 
     def position(self, value: m.ParamValue) -> int | None:
-        """Return the number of the nearest of the values, or None for one that is none of the options."""
+        """Return the index of the nearest value; None for a word or value that is not one of the options."""
         if self.options is not None:
             return self.options.index(value) if value in self.options else None
         if isinstance(value, str):
@@ -76,7 +79,7 @@ class Axis:
 
 
 def axis_of(param: m.Param) -> Axis | None:
-    """Return what a parameter is drawn from, or None for one that keeps its default (no range, no options)."""
+    """Return the values that a parameter is drawn from; None if it keeps its default (no range, no options)."""
     if param.options is not None:
         return Axis(param.name, len(param.options), options=tuple(plain(option) for option in param.options))
     if param.range is None:
@@ -94,7 +97,7 @@ def axis_of(param: m.Param) -> Axis | None:
 
 
 def case_names(cases: m.Cases) -> tuple[str, ...]:
-    """Return what drawn cases are called: `seed7_01`, `seed7_02`, ..., with as many digits as the last one needs."""
+    """Return the names of drawn cases: `seed7_01`, `seed7_02`, ..., with as many digits as the last one needs."""
     count, seed = int(cases.count.value), int(cases.seed.value)
     digits = max(2, len(str(count)))
     return tuple(f"seed{seed}_{k:0{digits}d}" for k in range(1, count + 1))
@@ -113,12 +116,12 @@ def draw(scenario: m.Scenario, cases: m.Cases) -> tuple[m.Case, ...]:
 
 
 class TooFewError(Exception):
-    """Not enough draws satisfy every `require`; the message says how many did, and which requirement failed most."""
+    """Too few draws satisfy every `require`; the message has their number and the requirement that failed most."""
 
 
 def with_drawn_cases(document: Document) -> Document:
-    """Return the scenario with its drawn cases, placed at their `cases` statement; the same document where nothing is
-    drawn."""
+    """Return the scenario with its drawn cases, whose place is their `cases` statement; the same document if it draws
+    none."""
     scenario = document.model
     if not isinstance(scenario, m.Scenario) or not scenario.all(m.Cases):
         return document
@@ -155,7 +158,7 @@ class _Drawer:
         self._requires = scenario.all(m.Require)
         self._scenario = scenario
         self._dependent = False
-        """Some parameter's default is worked out of others: what it is, is known once those are drawn."""
+        """True if a parameter's default is calculated from others, so that it is known only after their draw."""
         self._fixed: dict[str, m.ParamValue] = {}
         self._free: list[tuple[m.Param, Axis]] = []
         self._grid: list[Axis] = []
@@ -176,7 +179,8 @@ class _Drawer:
         self._failed: Counter[int] = Counter()
 
     def values_of(self, case: int) -> dict[str, m.ParamValue] | None:
-        """Return the values of every parameter in the next case, in the order of the file; None when none are found."""
+        """Return the values of every parameter in the next case, in the order of the file; None after too many
+        draws."""
         attempt = 0
         while attempt < MAX_TRIES:
             certain = self._fixed | self._gridded()
@@ -197,11 +201,11 @@ class _Drawer:
         return None
 
     def _violated(self, values: Mapping[str, m.ParamValue]) -> list[int]:
-        """Return the numbers of the requirements that some values violate, whatever the others will be."""
+        """Return the indices of the requirements that some values violate, whatever the others will be."""
         return [k for k, require in enumerate(self._requires) if holds(require.condition, values) is False]
 
     def complaint(self, valid: int, wanted: int) -> str:
-        """Return in words how many draws were good, and which requirement was violated most."""
+        """Return the message about too few draws: the number of valid ones, and the requirement that failed most."""
         worst, times = self._failed.most_common(1)[0]
         only = "none" if not valid else f"only {valid}"
         return (
@@ -240,7 +244,8 @@ def _chosen(bits: int, weights: Sequence[Decimal]) -> int:
 def _normal(bits: int, axis: Axis, normal: m.Normal) -> int:
     """Return the step nearest to a draw from the normal distribution, cut off at the ends of the range.
 
-    By the inverse of its distribution function: one random number gives one value, however much is cut off.
+    It uses the inverse of the distribution function, so that one random number gives one value, however much is cut
+    off.
     """
     from statistics import NormalDist  # here: few files draw from it, and all would pay for its import
 
@@ -255,7 +260,7 @@ def _normal(bits: int, axis: Axis, normal: m.Normal) -> int:
 
 
 def _in_unit(value: m.Quantity, unit: str) -> Decimal:
-    """Return a quantity's number in another unit of its dimension; the author's own digits where it is the same."""
+    """Return a quantity's number in another unit of its dimension; the author's own digits if the unit is the same."""
     if value.unit == unit:
         return value.value
     ratio = Fraction(UNITS[value.unit].to_si if value.unit else 1) / Fraction(UNITS[unit].to_si if unit else 1)
@@ -269,9 +274,9 @@ _COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyT
 
 
 def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | None:
-    """Return whether a condition of a `require` holds; None where the values that are given do not decide it.
+    """Return whether a condition of a `require` holds; None if these values do not decide it.
 
-    Quantities are compared by their SI value, to as many digits as the hash of a meaning has: `7.2 km/h` is `2 m/s`.
+    Quantities are compared by their SI value, to as many digits as the hash of a meaning uses: `7.2 km/h` is `2 m/s`.
     """
     match condition:
         case m.Comparison(left=left, op=op, right=right) if not isinstance(left, m.Measure):
@@ -286,23 +291,23 @@ def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | 
         case m.Both(conditions=several) | m.Either(conditions=several):
             decides, results = isinstance(condition, m.Either), {holds(part, values) for part in several}
             return decides if decides in results else None if None in results else not decides
-    return None  # about the world: the checks report it
+    return None  # about the run: the checks report it
 
 
 def requirement_text(require: m.Require) -> str:
-    """Return a requirement as it is written."""
+    """Return a requirement as text."""
     return f"require {written(require.condition)}"
 
 
 def violation(require: m.Require, values: Mapping[str, m.ParamValue]) -> str:
-    """Return in words why values do not satisfy a requirement: `gap is 3 s, but `require gap < 2 s``."""
+    """Return the message about values that violate a requirement: `gap is 3 s, but `require gap < 2 s``."""
     names = dict.fromkeys(name for name in parameters_of(require.condition) if name in values)
     described = " and ".join(f"{name} is {value_text(values[name])}" for name in names)
     return f"{described or 'this'}, but `{requirement_text(require)}`"
 
 
 def parameters_of(condition: m.Condition) -> Iterator[str]:
-    """Yield the parameters that a condition of a `require` is about, in the order in which they are written."""
+    """Yield the parameters in a condition of a `require`, in the order of the text."""
     for part in parts(condition):
         if isinstance(part, m.Comparison | m.Equals):
             for side in (part.left, part.right):
@@ -310,9 +315,9 @@ def parameters_of(condition: m.Condition) -> Iterator[str]:
 
 
 def _si(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> float | None:
-    """Return a value to as many digits as count; None where a parameter has none yet.
+    """Return a value to the significant digits of meanings; None if a parameter has no value yet.
 
-    What cannot be worked out (a division by zero) is not a number: every comparison with it fails.
+    A calculation without a result (a division by zero) is NaN, so that every comparison with it fails.
     """
     current = values.get(value.name) if isinstance(value, m.Ref) else value
     if isinstance(current, m.Quantity):
@@ -328,19 +333,19 @@ def _si(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> float | None:
 
 
 BINS = 10
-"""A range without steps is looked at in so many equal parts, and in pairs every range (ours: a tenth of a range is
-what people mean by low, middle and high, and a hundred pairs can be covered by a few hundred cases)."""
+"""Number of equal parts into which coverage divides a range without steps, and for pairs every range (ours: tenths are
+fine enough to tell low, middle and high, and a few hundred cases can cover a hundred pairs)."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """What the cases reach of one parameter.
+    """Coverage of one parameter by the cases.
 
     Attributes:
-        name: of the parameter.
-        smallest, largest: the values that occur; for options, the first and the last of them that occur.
-        reached, bins: how many of the steps, options or tenths occur, and how many there are.
-        of: what the bins are: `steps`, `options` or `tenths`.
+        name: name of the parameter.
+        smallest, largest: smallest and largest value that occurs; for options, the first and the last that occur.
+        reached, bins: number of the steps, options or tenths that occur, and their total number.
+        of: kind of the bins: `steps`, `options` or `tenths`.
     """
 
     name: str
@@ -353,13 +358,14 @@ class Reach:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What some cases reach of all ranges.
+    """Coverage of all ranges by some cases.
 
     Attributes:
-        cases: how many there are. distinct: how many of them differ in their values.
-        reaches: one for each parameter with a range or options.
-        pairs_reached, pairs: of the pairs of bins of two parameters (ranges in ten parts at most), how many occur
-            together in some case, and how many there are. Also counted are pairs that a `require` rules out.
+        cases: number of cases.
+        distinct: number of cases with different values.
+        reaches: coverage of each parameter with a range or options.
+        pairs_reached, pairs: number of pairs of bins of two parameters (at most ten bins for a range) that occur
+            together in a case, and their total number, including pairs that a `require` excludes.
     """
 
     cases: int
@@ -370,7 +376,7 @@ class Coverage:
 
 
 def coverage(scenario: m.Scenario, cases: Sequence[m.Case]) -> Coverage:
-    """Return how much of the ranges some cases reach; a case has the defaults where it gives no value."""
+    """Return the coverage of the ranges by some cases; a case has the default of a parameter that it does not set."""
     values = [values_of(scenario, case) for case in cases]
     axes = [axis for param in scenario.all(m.Param) if (axis := axis_of(param)) is not None]
     taken = {axis.name: [axis.position(each[axis.name]) for each in values] for axis in axes}
@@ -401,5 +407,5 @@ def _parts(axis: Axis) -> int:
 
 
 def _part(axis: Axis, k: int) -> int:
-    """Return in which of the equal parts of a range its value number `k` is."""
+    """Return the index of the part of a range that has the value with index `k`."""
     return k * _parts(axis) // axis.size

@@ -1,1 +1,1 @@
-"""Where things on a written network's roads are: which pieces edges are cut into, and what each roundabout joins."""
+"""The layout of objects on a written network's roads: the pieces of cut edges, and the roads of each roundabout."""

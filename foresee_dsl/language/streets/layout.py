@@ -1,6 +1,7 @@
-"""How the edges of a written network are cut where something on them begins or ends, and which roads meet on a ring.
+"""Cuts the edges of a written network where objects on them begin or end, and finds the roads that meet at a
+roundabout.
 
-Nothing of it needs SUMO: the checks, the lints and the compiler read it.
+It does not need SUMO: the checks, the lints and the compiler use it.
 """
 
 from __future__ import annotations
@@ -16,14 +17,15 @@ from foresee_dsl.language.streets.lines import XY, marks, number, xy
 BACK = "_back"
 """Suffix of a road's name for its edge in the other direction."""
 RAMP_LANE_M = 200.0
-"""Length of a ramp's further lane. Ours: between the 150 m and 250 m that German and Dutch motorways have."""
+"""Default length of a ramp's extra lane, m. Ours: between the 150 m and 250 m of German and Dutch motorways."""
 BUMP_MPS = 20 / 3.6
-"""Over a bump without a `speed`: 20 km/h, what sinusoidal humps in a 30 km/h zone are made for (ours)."""
+"""Speed limit of a bump without a `speed`, m/s: 20 km/h, for which sinusoidal humps in 30 km/h zones are made
+(ours)."""
 BUMP_M = 4.0
-"""Length of a bump without a `length`: that of the usual flat or round-topped hump, 3.7 m, and its ramps (ours)."""
+"""Length of a bump without a `length`, m: the usual flat or round-topped hump, 3.7 m, and its ramps (ours)."""
 
 STOP_LENGTH_M = 15.0
-"""Length of a bus stop that states none. Ours: a city bus of 12 m and a door's width on either side."""
+"""Length of a bus stop without a `length`, m. Ours: a city bus of 12 m and a door's width on either side."""
 BAY_ENTRY, BAY_EXIT = 5.0, 4.0
 """Length of a bay's tapers, as a multiple of its width: entry 1 in 5 and exit 1 in 4 (Roads Service and Translink, Bus
 Stop Design Guide, 2005, paragraph 8.17)."""
@@ -37,9 +39,9 @@ OnRoads = m.Zebra | m.Bump | m.LaneEnd | m.OnRamp | m.OffRamp | m.BusStop
 
 @dataclass(frozen=True)
 class Cut:
-    """Where an edge is cut: at a length along it, m, by a node (a junction of SUMO's), because of a statement.
+    """A cut of an edge: its length along the edge, m, its node (a junction of SUMO), and the statement that causes it.
 
-    `last`: the statement's second cut, where what it began ends.
+    `last`: True for the statement's second cut, at the end of its object.
     """
 
     at_m: float
@@ -50,7 +52,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class Directed:
-    """One direction of a road: its id, its road, the junctions that it joins, its line, and where it is cut."""
+    """One direction of a road: its id, its road, the junctions that it joins, its line, and its cuts."""
 
     id: str
     road: m.Road
@@ -66,12 +68,12 @@ class Directed:
 
     @property
     def length_m(self) -> float:
-        """Its length along the road's line, from junction to junction."""
+        """Its length along the road's line from junction to junction, m."""
         return marks(self.line)[-1]
 
     @property
     def pieces(self) -> tuple[str, ...]:
-        """The ids of its pieces, in driving order: its own where it is not cut."""
+        """The ids of its pieces in driving order; its own id if it has no cuts."""
         return tuple(f"{self.id}#{k}" for k in range(1, len(self.cuts) + 2)) if self.cuts else (self.id,)
 
     @property
@@ -86,7 +88,8 @@ class Ring:
 
     Attributes:
         arms: (angle from the centre, rad; the road).
-        radius_m: of the middle of the carriageway. outer_m: of its outer border.
+        radius_m: radius of the middle of the carriageway, m.
+        outer_m: radius of its outer border, m.
     """
 
     item: m.Roundabout
@@ -112,13 +115,13 @@ class Ring:
 
 
 def lanes_of(road: m.Road) -> tuple[int, int]:
-    """Return how many lanes a road has in either direction."""
+    """Return the number of lanes of a road in its own and in the other direction."""
     lanes = round(number(road.lanes, 1))
     return lanes, round(number(road.back, lanes))
 
 
 def rings_of(network: m.Network) -> Mapping[str, Ring]:
-    """Return the roundabouts of a network, by name; a road with both ends at one is no arm of it."""
+    """Return the roundabouts of a network, by name; a road with both ends at one roundabout is not an arm of it."""
     rings = {}
     ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction | m.Roundabout)}
     for item in network.body:
@@ -139,14 +142,14 @@ def rings_of(network: m.Network) -> Mapping[str, Ring]:
 
 
 RING_LANE_M = 4.5
-"""Width of a roundabout's lane without a `lane_width`: one lane of 4.5 m lets buses pass (the bundled town's)."""
+"""Width of a roundabout's lane without a `lane_width`, m: one lane of 4.5 m lets buses pass (the bundled town's)."""
 RING_MPS = 30 / 3.6
-"""The limit on a roundabout without a `speed` (the bundled town's)."""
+"""Speed limit of a roundabout without a `speed`, m/s (the bundled town's)."""
 
 
 def directed(network: m.Network, rings: Mapping[str, Ring] | None = None) -> tuple[Directed, ...]:
-    """Return the edges of a network's roads in their order, each with its cuts; roads between unknown junctions are
-    left out."""
+    """Return the edges of a network's roads in their order, each with its cuts, without roads between unknown
+    junctions."""
     rings = rings_of(network) if rings is None else rings
     ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction)}
     cuts: dict[str, list[Cut]] = {}
@@ -174,7 +177,7 @@ def directed(network: m.Network, rings: Mapping[str, Ring] | None = None) -> tup
 
 
 def _end(road: m.Road, name: str, ends: Mapping[str, XY], rings: Mapping[str, Ring]) -> tuple[str, XY] | None:
-    """Return the junction at which a road ends, and where that is."""
+    """Return the junction at one end of a road, and its position; None if it does not exist."""
     if name in ends:
         return name, ends[name]
     ring = rings.get(name)
@@ -229,7 +232,7 @@ def bay_of(stop: m.BusStop, edge_m: float) -> tuple[float, float]:
 
 
 def next_piece(edge: str) -> str:
-    """Return what the piece after one of a cut edge is called; "" for an edge that is none."""
+    """Return the id of the next piece of a cut edge; "" for an edge that is not a piece."""
     whole, _, number_ = edge.rpartition("#")
     return f"{whole}#{int(number_) + 1}" if whole and number_.isdigit() else ""
 

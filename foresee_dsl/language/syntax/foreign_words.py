@@ -1,4 +1,4 @@
-"""Words of other languages, and what is written here instead: the tables."""
+"""Tables of words of other languages, with the words or helps of this language."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CODE = "FS065"
 
 @dataclass(frozen=True, slots=True)
 class Foreign:
-    """What is said: the part of the statement at fault, the message and the help."""
+    """The message for a statement in another language: the wrong part of its text (offsets), the message, the help."""
 
     start: int
     end: int
@@ -24,7 +24,7 @@ class Foreign:
 TOP = ("scenario_item", "extension_item", "clip_item")
 FIRST: Mapping[str, tuple[str, HelpText]] = MappingProxyType(
     {
-        # first word: what takes its place ("" for nothing of one word), and a help where nothing does
+        # first word: the word that replaces it ("" if none does), and the help if none does
         "assert": ("expect always", ""),
         "ensure": ("expect always", ""),
         "guarantee": ("expect always", ""),
@@ -173,7 +173,7 @@ UNSUPPORTED = (
         + write("bus_lane 3.5 m"),
     ),
 )
-"""Words of networks that the language does not know on purpose, and why."""
+"""Words for networks that the language leaves out on purpose, with the reason."""
 
 
 OF_ROADS = {
@@ -187,4 +187,4 @@ OF_ROADS = {
     **dict.fromkeys(("node", "intersection", "crossroads"), "junction"),
     **dict.fromkeys(("circle", "rotary", "traffic_circle"), "roundabout"),
 }
-"""What parts of networks are called elsewhere."""
+"""Other names for parts of networks, with ours."""

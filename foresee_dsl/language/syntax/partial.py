@@ -1,7 +1,7 @@
-"""The errors of names and values in a file that also has errors of its grammar: those that are certain.
+"""Finds the certain errors of names and values in a file that also has grammar errors.
 
-Only statements that were read whole are looked at. What is absent may be in one that was not, so it is not reported;
-and a name is unknown only if no statement that was not read holds that word.
+Only statements without grammar errors are checked. A missing item may be in a statement that could not be read, so it
+is not reported, and a name counts as unknown only if no unread statement has that word.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from foresee_dsl.language.traversal import walk
 UNKNOWN_ROAD = "FS250"
 UNKNOWN_JUNCTION = "FS251"
 _WHOLE_FILE = ("FS007", "FS008", "FS009")
-"""After these it is not clear what belongs to what."""
+"""Codes after which the structure of the file is unclear."""
 _OF_NAMES = ("FS031", "FS037", "FS040", "FS041", UNKNOWN_ROAD, UNKNOWN_JUNCTION)
 _OF_WHAT_IS_THERE = (
     *("FS010", "FS012", "FS013", "FS030", "FS032", "FS033", "FS034", "FS060", "FS061", "FS062"),
     *("FS038", "FS039", "FS043", "FS046", "FS047", "FS049", "FS050"),
 )
-"""Errors that stay errors whatever the statements that were not read hold."""
+"""Codes of errors that remain errors whatever the unread statements say."""
 _TAKEN = "FS049"
 _USES = 2
 _OF_THE_NETWORK = tuple([word] for word in ("road", "junction", "roundabout", "on_ramp", "off_ramp", "zebra", "bump"))
-"""First words of what a network has, each of which is one statement with the lines of its block."""
+"""First words of a network's statements, each of which is read only together with its block."""
 _CALLED = re.compile(r"called (\S+)$")
 _QUOTED = re.compile(r"'([^']+)'")
 
@@ -51,8 +51,8 @@ def with_certain(
     path: str,
     load: Callable[[Path], Document],
 ) -> tuple[Diagnostic, ...]:
-    """Add the errors that are certain, of definitions without what could not be parsed, to those that the text alone
-    shows; in the order of their places; `load` reads the network that it uses."""
+    """Return grammar errors together with the certain errors of the statements that could be read, in the order of
+    the places. `load` reads the network that the file uses."""
     if len(nodes) != 1 or len(diagnostics) >= MOST or any(d.code in _WHOLE_FILE for d in diagnostics):
         return diagnostics
     lines = Lines(text)
@@ -71,7 +71,7 @@ def with_certain(
         for d in (*check_document(document), *unknown_names(document, load))
         if not any(_around(d, statements, lines) is raw for raw in broken) and (certain := _certain(d, unread))
     ]
-    # Errors at or right behind names that are words of the language go with the name.
+    # A name that is a word of the language causes further errors at or right behind it: those are dropped.
     taken = {name[1] for d in more if d.code == _TAKEN and (name := _QUOTED.search(d.message))}
     diagnostics = tuple(d for d in diagnostics if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
     first = Span(0, 0, 0, 0)
@@ -101,7 +101,7 @@ def _certain(diagnostic: Diagnostic, unread: frozenset[str]) -> Diagnostic | Non
 
 
 def _whole(node: Node) -> Node | None:
-    """Return a node without the statements in its blocks that cannot be built; None if it cannot be built itself."""
+    """Return a node without the statements in its blocks that have errors; None if the node itself has errors."""
     if Builder(partial=True).build(node) is not None:
         return node
     blocks = {key[0] for key, _, inner in node.lines if inner is not None and len(key) == 2}
@@ -115,7 +115,7 @@ def _whole(node: Node) -> Node | None:
 
 
 def _around(diagnostic: Diagnostic, statements: Sequence[Raw], lines: Lines) -> Raw | None:
-    """Return the innermost statement that an error is in; None when it is in none."""
+    """Return the innermost statement that contains an error; None if no statement does."""
     if diagnostic.span is None:
         return None
     at = lines.offset(diagnostic.span.line, diagnostic.span.column)
@@ -124,10 +124,11 @@ def _around(diagnostic: Diagnostic, statements: Sequence[Raw], lines: Lines) -> 
 
 
 def _definable(raw: Raw, text: str) -> Iterator[str]:
-    """The words that a statement that was not read could define: its first ones, and those of the longer ones in it.
+    """Yield the words that an unread statement could define: its first words, and those of the longer statements in
+    its block.
 
-    A name stands behind a keyword, or behind two (`add vehicle runner: ...`); in a block it takes three words to define
-    something (`param gap: time`), and two to use it (`speed gap`).
+    A defined name comes behind one keyword or two (`add vehicle runner: ...`). In a block a definition has at least
+    three words (`param gap: time`), and a use has two (`speed gap`).
     """
     yield from _first_words(raw, text)
     for inner in _flat(raw.block or ()):
@@ -137,7 +138,8 @@ def _definable(raw: Raw, text: str) -> Iterator[str]:
 
 
 def _around_it(broken: Raw, statements: Sequence[Raw], text: str) -> Iterator[str]:
-    """The names that the statements around one could define: a road with an error in its block is not read either."""
+    """Yield the names that the statements around an unread one could define: a road with an error in its block is
+    not read either."""
     for raw in statements:
         words = _first_words(raw, text)
         if raw.block is not None and raw.start < broken.start < raw.close and words[:1] in _OF_THE_NETWORK:
@@ -160,8 +162,8 @@ def _flat(statements: Iterable[Raw]) -> Iterator[Raw]:
 
 
 def unknown_names(document: Document, load: Callable[[Path], Document]) -> Iterator[Diagnostic]:
-    """Yield the names of roads and junctions that a network does not have, of files that cannot be placed for other
-    mistakes; none where the network is of another format, or cannot be read. `load` reads a file."""
+    """Yield errors about roads and junctions that the network does not have, for files whose other errors prevent
+    placement; none if the network has another format or cannot be read. `load` reads a file."""
     model = document.model
     network = _network(model, Path(document.path).parent, load) if isinstance(model, m.Scenario) else None
     if network is None or not isinstance(model, m.Scenario):
@@ -187,7 +189,7 @@ def unknown_names(document: Document, load: Callable[[Path], Document]) -> Itera
 
 
 def _named(statement: m.Item) -> Iterator[tuple[m.Item, str, str, str]]:
-    """Return the names of roads and junctions in a statement: item, field, which of both, name."""
+    """Yield the names of roads and junctions in a statement: item, field, `road` or `junction`, name."""
     for item in walk(statement):
         for field in type(item).model_fields:
             names, value = form_of(type(item), field).names, getattr(item, field)
@@ -205,6 +207,6 @@ def _network(scenario: m.Scenario, folder: Path, load: Callable[[Path], Document
         return inline
     try:
         model = load(folder / used.path).model
-    except InputError:  # also when it is not there
+    except InputError:  # also if the file does not exist
         return None
     return model if isinstance(model, m.Network) else None

@@ -1,6 +1,6 @@
-"""What newcomers write in words of their own, and how it is written here: a table of patterns.
+"""A table of phrases that newcomers write in their own words, with the form of this language.
 
-A phrase is looked for only in statements that the grammar refused.
+Phrases are searched only in statements that the grammar refused.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ _VALUE = r"(?P<v>-?[0-9][^{}]*?)"
 
 @dataclass(frozen=True, slots=True)
 class Phrase:
-    """A pattern of a statement; `place` is its part at fault, and all of it where it has no such group.
+    """A phrase; the group `place` of its pattern is the wrong part, or the whole match without such a group.
 
     Attributes:
-        rules: the grammar's rules in whose place it may stand; empty for all.
-        message, help: may name groups of the pattern, which `re.Match.expand` fills in.
+        rules: the grammar's rules in whose place it is searched; empty for all.
+        message, help: texts that may name groups of the pattern, which `re.Match.expand` fills in.
     """
 
     rules: tuple[str, ...]
@@ -30,7 +30,7 @@ class Phrase:
     help: HelpText
 
     def find(self, text: str, rule: str) -> Foreign | None:
-        """Return what is said of a statement, if it holds the phrase."""
+        """Return the message for a statement that has the phrase; otherwise None."""
         if self.rules and rule not in self.rules:
             return None
         match = self.pattern.search(text)
@@ -291,7 +291,7 @@ PHRASES = (
         meant_code(r"\g<whole>.\g<part>"),
     ),
 )
-"""In the order in which they are tried."""
+"""All phrases, in the order in which they are tried."""
 
 
 _EXPECTS = re.compile(
@@ -302,7 +302,8 @@ _HOLDS_ALWAYS = re.compile(r"[>]|\.speed\s*<|\.acceleration\s*<")
 
 
 def phrase(text: str, rule: str, reads: Callable[[str], bool]) -> Foreign | None:
-    """Return what is said of a statement in a newcomer's words; `reads`: whether a text is a statement of this rule."""
+    """Return the message for a statement in a newcomer's words, or None; `reads`: tells whether a text is a valid
+    statement of this rule."""
     expected = _expectation(text, reads) if rule in TOP else None
     if expected is not None:
         return expected
@@ -310,7 +311,8 @@ def phrase(text: str, rule: str, reads: Callable[[str], bool]) -> Foreign | None
 
 
 def _expectation(text: str, reads: Callable[[str], bool]) -> Foreign | None:
-    """An expectation without its mode: the one under which what is written holds, never the opposite."""
+    """Return the message for an expectation without its mode, or None. The help offers the mode that keeps the
+    author's meaning, never the opposite."""
     match = _EXPECTS.match(text)
     if match is None:
         return None

@@ -1,6 +1,6 @@
-"""Finds the further errors of a file that the grammar refused: every statement is parsed on its own.
+"""Finds all errors of a file that the grammar refused: it parses every statement on its own.
 
-Only files with an error come here; a good file is parsed once, as a whole.
+Only files with an error come here; a file without errors is parsed once, as a whole.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or " + r
 _DEFINITIONS = {kind.pattern.split()[0]: m.rule_of(kind) for kind in get_args(m.Definition) if kind is not m.Extension}
 """The rule of each definition, by its first word."""
 _ENDS = tuple((f"{around}{end}line", f"{around}{end}column") for around in ("", "container_") for end in ("", "end_"))
-"""What Lark calls the ends of a tree, without and with the brackets around it."""
+"""Lark's attributes for the ends of a tree, without and with the brackets around it."""
 _HOLDERS = ("add", "change")
 """Words in front of a whole statement, in a scenario that extends another."""
 
 
 @cache
 def _blocks() -> Mapping[str, str]:
-    """The rule of the statements inside the braces of a statement, by its first word; read off the grammar."""
+    """Return the rule of the statements in a statement's braces, by its first word; read from the grammar."""
     rules = dict.fromkeys(form_of(m.Actor, "kind").words, "actor_item")
     for line in grammar_text().split("\n"):
         inner = re.search(r"block\{(\w+)\}", line)
@@ -52,7 +52,7 @@ def _blocks() -> Mapping[str, str]:
 
 
 def recover(text: str) -> tuple[_Tree, list[TextError]]:
-    """Return a tree of the statements that are well-formed, and what is wrong with the others."""
+    """Return a tree of the well-formed statements, and the errors of the others."""
     readable, comments = without_comments(text)
     tree, errors = _Recovery(readable).run()
     lines = Lines(text)
@@ -89,7 +89,7 @@ class _Recovery:
             self._error("FS014", "this file defines nothing", _one_of_the_definitions(), end, end + 1)
         for k, raw in enumerate(definitions):
             if k > 0 and broken_braces:
-                break  # what follows a brace too many belongs to the first definition
+                break  # statements behind a brace too many belong to the first definition
             trees.append(self._definition(raw, is_first=k == 0))
         return Tree("file", [tree for tree in trees if tree is not None]), self._errors
 
@@ -204,7 +204,7 @@ class _Recovery:
         self._errors.append(TextError(code, message, help, self._lines.span(start, end)))
 
     def _error_of(self, raw: Raw, code: str, message: str, help: HelpText) -> None:
-        """An error of a whole statement."""
+        """Add an error about a whole statement."""
         self._error(code, message, help, raw.start, max(raw.end, raw.start + 1))
 
 
@@ -213,7 +213,7 @@ def _one_of_the_definitions() -> Help:
 
 
 def _shift(tree: _Tree, lines: int, columns: int) -> None:
-    """Move a tree from the beginning of a text to where its statement stands."""
+    """Shift the positions in a tree by the place of its statement, given in lines and columns."""
     for subtree in tree.iter_subtrees():
         metas: Sequence[object] = (subtree.meta, *(c for c in subtree.children if isinstance(c, Token)))
         for at in metas:

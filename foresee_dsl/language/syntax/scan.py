@@ -1,4 +1,4 @@
-"""Cuts a broken file into statements by its braces and lines, so that each can be looked at on its own."""
+"""Cuts a broken file into statements by its braces and lines, so that each can be parsed on its own."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
 _HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then)\b")
-"""How statements begin whose block can be told by its indentation: what happens in it can stand nowhere else."""
+"""First words of statements whose block the indentation shows: the actions in it are not allowed elsewhere."""
 _NEXT_LINE = re.compile(r"(?:\n[ \t]*(?:#[^\n]*)?)*\n(?P<indent> +)(?=[^\s#}])")
 _LIST_REACH = 2000
-"""How many characters ahead the end of a list is looked for, which may be lines further down (ours: a path of some
-thirty points)."""
+"""Number of characters in which the end of a list is searched, also on later lines (ours: a path of some thirty
+points)."""
 MOST = 100
-"""The search stops after this many errors (ours: nobody reads more, and a broken file must not take minutes)."""
+"""The search stops after this many errors (ours: more are not read, and a broken file must not take minutes)."""
 _SHOWN = 3
 """At most this many unclosed blocks are reported one by one (ours: one missing brace can leave all blocks open)."""
 _PLAUSIBLE = 3
@@ -27,7 +27,7 @@ _PLAUSIBLE = 3
 
 @dataclass(slots=True)
 class Raw:
-    """A statement as text: offsets of its head, and what its braces hold (None: no braces)."""
+    """A statement as text: offsets of its head, and the statements in its braces (None: no braces)."""
 
     start: int
     end: int
@@ -60,19 +60,19 @@ class Lines:
 
 @dataclass(slots=True)
 class _Frame:
-    """An open block: its statement, how far that is indented, and the statements found so far."""
+    """An open block: its statement, the indentation of that in columns, and the statements so far."""
 
     raw: Raw
     indent: int
     statements: list[Raw] = field(default_factory=list)
     without_brace: bool = False
-    """Its brace was forgotten: the indentation tells where it ends."""
+    """True if its brace is missing, so that the indentation tells where it ends."""
 
 
 def scan(text: str, lines: Lines) -> tuple[list[Raw], list[TextError]]:
-    """Return the statements of a file, and what is wrong with its braces.
+    """Return the statements of a file, and the errors of its braces.
 
-    Where braces do not balance, the indentation tells which block was meant to end where.
+    If the braces do not balance, the indentation tells where each block should end.
     """
     scanner = _Scanner(text, lines, trust_indentation=False)
     statements = scanner.run()
@@ -101,7 +101,7 @@ class _Scanner:
 
     @property
     def wrong(self) -> int:
-        """The number of errors, including those that are not reported."""
+        """Return the number of errors, including those that are not reported."""
         return len(self.errors) + max(len(self._open_blocks) - _SHOWN - 1, 0)
 
     def run(self) -> list[Raw]:
@@ -165,8 +165,8 @@ class _Scanner:
         self._end()
 
     def _open_without_brace(self, raw: Raw, at: int) -> None:
-        """Open the block of a trigger whose brace was forgotten (or is Python's `:`), where the next line is indented
-        further than it."""
+        """Open the block of a trigger whose brace is missing (or is Python's `:`), if the next line is indented
+        further."""
         if raw.block is not None or _HAS_BLOCK.match(self._text, raw.start, raw.end) is None:
             return
         ahead = _NEXT_LINE.match(self._text, at)
@@ -228,5 +228,5 @@ class _Scanner:
             self.errors.append(TextError("FS007", f"{what} not closed", help, unclosed[_SHOWN].span))
 
     def _indent(self, at: int) -> int | None:
-        """The indentation of what stands at an offset, or None when something is before it on its line."""
+        """Return the indentation at an offset, in columns; None if other text is before it on its line."""
         return at - self._line_start if at == self._first_on_line else None
