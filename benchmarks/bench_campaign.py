@@ -24,7 +24,7 @@ from foresee_dsl.campaign.steps.forecast import ForecastStep
 from foresee_dsl.campaign.steps.inputs import load_case
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.seed import SeedStep
-from foresee_dsl.campaign.steps.step import Made, Work
+from foresee_dsl.campaign.steps.step import StepResult, Work
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -93,11 +93,11 @@ def _campaign(folder: Path, cases: int, repeat: int) -> tuple[float, int]:
     return took_s, runs
 
 
-def made_up(work: Work) -> Iterator[Made]:
+def made_up(work: Work) -> Iterator[StepResult]:
     """Yield results as a worker would, without any work."""
     for step in work.steps:
         record, trace = _result(step, work)
-        yield Made(step.key, step.kind, step.name, record, TRACE + step.key.encode() if trace else None)
+        yield StepResult(step.key, step.kind, step.name, record, TRACE + step.key.encode() if trace else None)
 
 
 def _result(step: AnyStep, work: Work) -> tuple[records.Record, bool]:

@@ -121,11 +121,11 @@ class _Allocated(TypedDict, total=False):
 def _allocated(node: Node) -> _Allocated:
     """Return the round of a mutant and the mutant that it was drawn near, if there are rounds."""
     step, above = node.step, node.over("mutants").step
-    if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep) or not above.asked.round:
+    if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep) or not above.request.round:
         return {}
     number = step.mutant.number
-    near = next((want.near_number for want in above.asked.children if want.number == number), 0)
-    return {"round": above.asked.round, "drawn_near": f"{step.name.rpartition('_m')[0]}_m{near}" if near else ""}
+    near = next((want.near_number for want in above.request.children if want.number == number), 0)
+    return {"round": above.request.round, "drawn_near": f"{step.name.rpartition('_m')[0]}_m{near}" if near else ""}
 
 
 def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimised:

@@ -11,7 +11,7 @@ from itertools import groupby
 
 import numpy as np
 
-from foresee_dsl.campaign.driving import driven, longest_s, made
+from foresee_dsl.campaign.driving import driven, longest_s, new_driver
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.compile import placement_mistakes
@@ -187,7 +187,7 @@ def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEAD
     case, drivers = load_test_case(address), list[_Timed]()
 
     def make() -> Driver:
-        drivers.append(_Timed(made(driver, deadlines)))
+        drivers.append(_Timed(new_driver(driver, deadlines)))
         return drivers[-1]
 
     result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines)

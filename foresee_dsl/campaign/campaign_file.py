@@ -34,7 +34,7 @@ class CampaignFile:
     Attributes:
         paths: its test cases: files and addresses, as on a command line.
         drivers, rankers: empty if the file names none.
-        given: the settings in the file, by the names of `CampaignSettings`.
+        settings: the settings in the file, by the names of `CampaignSettings`.
         against: the reference drivers; None if the file does not state them.
         budget_s: time after which no new run begins, s; None: no limit.
     """
@@ -43,7 +43,7 @@ class CampaignFile:
     paths: tuple[str, ...]
     drivers: tuple[str, ...]
     rankers: tuple[str, ...]
-    given: Mapping[str, float | int | str]
+    settings: Mapping[str, float | int | str]
     against: tuple[str, ...] | None
     budget_s: float | None
 
@@ -72,7 +72,7 @@ def read_campaign(path: Path, *, allow_outside: bool = False) -> CampaignFile:
         paths=tuple(dict.fromkeys(file for item in seeds for file in _paths(item, path.parent))),
         drivers=next((item.names for item in model.body if isinstance(item, m.Drivers)), ()),
         rankers=next((item.names for item in model.body if isinstance(item, m.Rankers)), ()),
-        given=dict(_settings(model)),
+        settings=dict(_settings(model)),
         against=next((item.names for item in model.body if isinstance(item, m.Against)), None),
         budget_s=budget,
     )

@@ -35,7 +35,7 @@ REMEMBERS = "keeps something from run to run that changes what it does"
 def run_test_case(case: TestCase, driver: str, seed: int, *, deadlines: Deadlines | None = DEADLINES) -> RunResult:
     """Compile a test case and simulate it with a fresh driver."""
     meta = {"test_case": case.id, "meaning": case.meaning, "tool": __version__, "seed": seed, "driver": driver}
-    return driven(case, lambda: made(driver, deadlines), driver, seed, meta=meta, deadlines=deadlines)
+    return driven(case, lambda: new_driver(driver, deadlines), driver, seed, meta=meta, deadlines=deadlines)
 
 
 def driven(
@@ -94,7 +94,7 @@ def sensors_of(driver: str) -> SensorSettings:
 
 
 @Part.START.measured
-def made(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
+def new_driver(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
     """Return a driver for a run; if its code raises while it is created, its `reset` raises the same error.
 
     Raises:

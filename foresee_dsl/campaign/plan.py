@@ -151,7 +151,7 @@ def _name(node: Node) -> str:
     step = node.step
     if not isinstance(step, MutantsStep):
         return f"{step.kind} {step.name}"
-    later = f" round {step.asked.round}" if step.asked.round > 1 else ""
+    later = f" round {step.request.round}" if step.request.round > 1 else ""
     return f"{step.kind} {step.name} seed {step.seed}{later}"
 
 
@@ -161,8 +161,8 @@ def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSetting
     `known`: the step has been run, so only steps that follow from chosen ones are still open.
     """
     step = node.step
-    if isinstance(step, MutantsStep) and step.asked.children:
-        name, count = f"{ChildStep.kind} of {_name(node)}", len(step.asked.children)
+    if isinstance(step, MutantsStep) and step.request.children:
+        name, count = f"{ChildStep.kind} of {_name(node)}", len(step.request.children)
         _add_children(graph, name, count, settings)
         graph.add_edge(_name(node), name)
         return

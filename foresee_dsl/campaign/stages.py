@@ -22,7 +22,7 @@ from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.inputs import CaseRef, Ref
-from foresee_dsl.campaign.steps.mutants import Asked, MutantsStep
+from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest
 from foresee_dsl.campaign.steps.seed import SeedStep
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Step, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
@@ -166,7 +166,7 @@ class Stages:
         result = decode(row.record, node.step.record) if after_all else None
         return tuple(step for step in after_all if step.wanted(result, self.settings))
 
-    def further(self, clip: Node, step: MutantsStep, request: Asked) -> Node:
+    def further(self, clip: Node, step: MutantsStep, request: RoundRequest) -> Node:
         """Return the step that mutates an already mutated clip once more."""
         if not isinstance(clip.step, ClipStep):
             raise TypeError(f"{clip.step.name} is not a clip")

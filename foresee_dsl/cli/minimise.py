@@ -49,10 +49,10 @@ def minimise(
     foresee minimise out/children/scenario7/red_light_runner_r02_p1_m3.foresee --out smaller
     foresee minimise red_light_runner_r02_p1_m3 --full --out as_found[/dim]
     """
-    from foresee_dsl.campaign.findings.asked import asked
     from foresee_dsl.campaign.findings.minimise_file import Texts, minimise_file
+    from foresee_dsl.campaign.findings.named_failure import find_failure
 
-    wanted = asked(finding, campaign)
+    wanted = find_failure(finding, campaign)
     folder = out or Path("minimised") / wanted.name
     if full:
         files = Texts.unreduced(wanted, allow_outside=allow_outside).write(folder)
@@ -97,10 +97,10 @@ def review(finding: Finding, campaign: CampaignOption = Path("out"), json: JsonO
     [dim]foresee review red_light_runner_r02_p1_m3
     foresee review red_light_runner_r02_p1_m3 --campaign nightly --json[/dim]
     """
-    from foresee_dsl.campaign.findings.asked import asked
+    from foresee_dsl.campaign.findings.named_failure import find_failure
     from foresee_dsl.campaign.findings.review import review_of
 
-    finding_review = review_of(asked(finding, campaign, tests=True))
+    finding_review = review_of(find_failure(finding, campaign, tests=True))
     if json:
         print_json(finding_review)
         return

@@ -86,12 +86,12 @@ def view(
     foresee view red_light_runner_r02_p1_m3 --campaign out
     foresee view runs/red_light_runner_r01.npz --output page.html[/dim]
     """
-    from foresee_dsl.campaign.findings.asked import asked
+    from foresee_dsl.campaign.findings.named_failure import find_failure
     from foresee_dsl.language.project.addresses import is_file
     from foresee_dsl.report.page.single import write_view
 
     if not is_file(Path(address.partition("::")[0])) and is_file(campaign / "campaign.json"):
-        address = str(asked(address, campaign, tests=True).file)
+        address = str(find_failure(address, campaign, tests=True).file)
 
     def say(note: str) -> None:
         typer.echo(note, err=True)

@@ -47,7 +47,7 @@ def foresee(*arguments: object, expect: int = 0) -> str:
 def test_what_it_says_is_what_is_done(project: Path) -> None:
     found = read_campaign(written(project, NIGHTLY))
     assert (found.name, found.drivers, found.rankers, found.budget_s) == ("nightly", ("idm",), (), 600.0)
-    assert found.given == {"before": 3.0, "after": 2.5, "risky_points": 2, "children": 1, "seed": 7}
+    assert found.settings == {"before": 3.0, "after": 2.5, "risky_points": 2, "children": 1, "seed": 7}
     (path,) = found.paths
     assert Path(path).is_file() and not is_campaign(path), "patterns give scenarios, not the campaign itself"
     assert is_campaign(str(project / "nightly.foresee"))

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from foresee_dsl.campaign.findings.asked import asked
+from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.campaign.findings.review import review_of
 from foresee_dsl.campaign.regression.compared_sides import side_of_campaign
 from foresee_dsl.documents import plain
@@ -47,7 +47,7 @@ def test_no_change_of_one_value_is_a_fault_of_ours(out: Path) -> None:
     name = json.loads(whole)["findings"][0]["name"]
 
     def review() -> None:
-        found = review_of(asked(name, out))
+        found = review_of(find_failure(name, out))
         assert review_text(found) and json.dumps(plain(found))
 
     readers: tuple[Callable[[], object], ...] = (

@@ -32,7 +32,7 @@ from foresee_dsl.campaign.allocation.choice import (
 from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.mutants import Asked, MutantsStep, Wanted
+from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest, Wanted
 from foresee_dsl.derive.mutate import SEARCHED, Draw
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Steps(Protocol):
         """Yield every step that follows from the roots, with its result if there is one."""
         ...
 
-    def further(self, clip: Node, step: MutantsStep, request: Asked) -> Node:
+    def further(self, clip: Node, step: MutantsStep, request: RoundRequest) -> Node:
         """Return the step that mutates an already mutated clip once more."""
         ...
 
@@ -184,7 +184,7 @@ class Rounds:
         if self.finished:
             return 0
         units = self._units()
-        requested = sum(len(node.step.asked.children) for node in self.nodes
+        requested = sum(len(node.step.request.children) for node in self.nodes
                     if isinstance(node.step, MutantsStep) and self._stages.row(node) is None)  # fmt: skip
         return self._stages.settings.children * len(units) - sum(len(unit.drawn) for unit in units) - requested
 
@@ -233,7 +233,7 @@ class Rounds:
             name = step.draft.pin, step.name, step.seed
             unit = units.setdefault(name, _Unit(node.above, step, record.plans))
             unit.searched = max(unit.searched, record.searched)
-            requested = step.asked.children or _first(self._stages.settings.first_children, record)
+            requested = step.request.children or _first(self._stages.settings.first_children, record)
             children = {child.step.mutant.number: child for child in self._stages.after(node, row)
                         if isinstance(child.step, ChildStep)}  # fmt: skip
             for want in requested:
@@ -245,7 +245,7 @@ class Rounds:
                     unit.turns[plan] = max(unit.turns[plan], want.draw.turn + 1)
                 child = children.get(want.number)
                 if child is not None and isinstance(child.step, ChildStep):
-                    unit.drawn.append(_DrawnChild(child, child.step, step.asked.round, plan, want.near_number))
+                    unit.drawn.append(_DrawnChild(child, child.step, step.request.round, plan, want.near_number))
                 elif not want.near:
                     unit.dry.add(plan)
                 else:
@@ -295,7 +295,7 @@ def awaited_by(node: Node) -> int:
     above: Node | None = node
     while above is not None and not isinstance(above.step, MutantsStep):
         above = above.above
-    in_round = above.step.asked.round if above is not None and isinstance(above.step, MutantsStep) else 1
+    in_round = above.step.request.round if above is not None and isinstance(above.step, MutantsStep) else 1
     if node.step.kind == "reference":
         return in_round + 2
     return in_round + 1 if node.step.kind in ("seed", "forecast", "clip", "mutants", "child") else _NEVER
@@ -366,5 +366,5 @@ def _first(count: int, record: Mutants) -> tuple[Wanted, ...]:
     return tuple(Wanted(k, draw) for k, draw in drawn if draw is not None)
 
 
-def _asked(unit: _Unit, number: int) -> Asked:
-    return Asked(number, tuple(unit.wanted), unit.plans, tuple(drawn.step.mutant.text for drawn in unit.drawn))
+def _asked(unit: _Unit, number: int) -> RoundRequest:
+    return RoundRequest(number, tuple(unit.wanted), unit.plans, tuple(drawn.step.mutant.text for drawn in unit.drawn))

@@ -29,7 +29,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import CaseFiles, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.step import Made
+from foresee_dsl.campaign.steps.step import StepResult
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
@@ -336,7 +336,7 @@ class _Run:
             listener.done(row, new=new)
 
 
-def _row(result: Made, *, broken: bool = False) -> Row:
+def _row(result: StepResult, *, broken: bool = False) -> Row:
     record = result.record.child if isinstance(result.record, Minimised) else result.record
     run = record if isinstance(record, SeedOutcome | ClipOutcome | ChildOutcome) else None
     hangs = run is not None and run.notes is not None and run.notes.hang is not None
@@ -369,4 +369,4 @@ def _broken_row(node: Node, broken: Broken) -> Row | None:
     if broken.output and isinstance(record, SeedOutcome | ChildOutcome):
         record = replace(record, notes=DriverNotes(output=broken.output))
     wall_s = (broken.task.deadline_s or 0.0) if verdict is Verdict.TIMEOUT else 0.0
-    return _row(Made(node.step.key, node.step.kind, node.step.name, record, wall_s=wall_s), broken=True)
+    return _row(StepResult(node.step.key, node.step.kind, node.step.name, record, wall_s=wall_s), broken=True)

@@ -9,7 +9,7 @@ from typing import Self
 from foresee_dsl.campaign.assembly import with_header
 from foresee_dsl.campaign.driving import recorded_run, relative_path, run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
-from foresee_dsl.campaign.findings.asked import Asked
+from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -31,8 +31,8 @@ from foresee_dsl.language.project.loading import load_test_case
 
 
 def minimise_file(
-    wanted: Asked, store_folder: Path | None = None, *, driver: str = "", budget: int, run_programs: bool = False,
-    allow_outside: bool = True,
+    wanted: NamedFailure, store_folder: Path | None = None, *, driver: str = "", budget: int,
+    run_programs: bool = False, allow_outside: bool = True,
 ) -> tuple[Minimised, TestCase, int]:  # fmt: skip
     """Minimise a mutant's file, with the driver and seed that it records.
 
@@ -137,7 +137,7 @@ class Texts:
         return cls(result.child.name, result.child.text, result.clip, result.clip_text, parent)
 
     @classmethod
-    def unreduced(cls, wanted: Asked, *, allow_outside: bool = True) -> Self:
+    def unreduced(cls, wanted: NamedFailure, *, allow_outside: bool = True) -> Self:
         """Return the texts of the mutant in its original form.
 
         Raises:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.findings.asked import Asked
+from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.errors import ForeseeError
 
 
@@ -89,7 +89,7 @@ class Review:
         return tuple(command for _, command in self.commands)
 
 
-def review_of(wanted: Asked) -> Review:
+def review_of(wanted: NamedFailure) -> Review:
     """Return the review of a finding.
 
     Raises:

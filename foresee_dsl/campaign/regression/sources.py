@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import case_name
-from foresee_dsl.campaign.findings.asked import Asked, asked
+from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
 from foresee_dsl.campaign.regression.edits import as_text
 from foresee_dsl.campaign.regression.expectations import ending_of, name_to_record, recorded_in
 from foresee_dsl.files import read_outside
@@ -51,14 +51,14 @@ def source_of(wanted: str, campaign: Path, *, full: bool = False) -> Source:
     path, case = a.parse_address(wanted)
     kind = a.kind_of(path) if a.is_file(path) and case is None else None
     if kind == "clip":
-        return _child(Asked(path.stem, path), full=full)
+        return _child(NamedFailure(path.stem, path), full=full)
     if a.is_file(path) and kind != "mutant":
         return _test_case(wanted)
-    failure = asked(wanted, campaign, tests=True)
+    failure = find_failure(wanted, campaign, tests=True)
     return _child(failure, full=full) if failure.child else _test_case(str(failure.file), failure)
 
 
-def _child(failure: Asked, *, full: bool) -> Source:
+def _child(failure: NamedFailure, *, full: bool) -> Source:
     small = None if full else failure.minimised
     file = small or failure.file
     case = load_test_case(file)
@@ -68,7 +68,7 @@ def _child(failure: Asked, *, full: bool) -> Source:
     return Source(file.stem, a.absolute(file), text, case, small is not None, sentence, recorded_in(origin))
 
 
-def _test_case(address: str, failure: Asked | None = None) -> Source:
+def _test_case(address: str, failure: NamedFailure | None = None) -> Source:
     """Return a test case that fails without mutation, as one concrete scenario without parameters and other cases."""
     case = load_test_case(address)
     model = expanded_model(case)

@@ -46,24 +46,24 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Asked:
+class RoundRequest:
     """The request of a round for one clip.
 
 
     Attributes:
         round: number of the round; the first has no explicit request: each clip gets its first mutants. 0: no rounds.
-        children: the requested mutants. plans: of the clip's mutants. made: texts of the existing mutants.
+        children: the requested mutants. plans: of the clip's mutants. existing: texts of the existing mutants.
     """
 
     round: int = 0
     children: tuple[Wanted, ...] = ()
     plans: tuple[PlanNames, ...] = ()
-    made: tuple[str, ...] = ()
+    existing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
-    """Mutate a clip with one seed; `asked`: the request of a round, if mutants are allocated in rounds."""
+    """Mutate a clip with one seed; `request`: the request of a round, if mutants are allocated in rounds."""
 
     kind = "mutants"
     title = "mutations"
@@ -75,7 +75,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     turn = 1
     usual_s = 0.05
 
-    asked: Asked = Asked()
+    request: RoundRequest = RoundRequest()
 
     @classmethod
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
@@ -84,13 +84,13 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
             key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.first_children, seed=seed,
                                operators=campaign.operators)  # fmt: skip
-            yield cls(key, above.name, seed, draft, Asked(int(s.allocation == "adaptive")))
+            yield cls(key, above.name, seed, draft, RoundRequest(int(s.allocation == "adaptive")))
 
-    def again(self, asked: Asked, clip: ClipStep, campaign: Campaign) -> Self:
+    def again(self, request: RoundRequest, clip: ClipStep, campaign: Campaign) -> Self:
         """Return the step that mutates the same clip with the same seed in a later round."""
         key = campaign.key(type(self), clip=clip.key, risk=self.draft.risk, preset=campaign.settings.preset,
-                           seed=self.seed, operators=campaign.operators, asked=json.dumps(asdict(asked)))  # fmt: skip
-        return replace(self, key=key, asked=asked)
+                           seed=self.seed, operators=campaign.operators, asked=json.dumps(asdict(request)))  # fmt: skip
+        return replace(self, key=key, request=request)
 
     @staticmethod
     def wanted(result: ClipOutcome, settings: CampaignSettings) -> bool:
@@ -109,23 +109,23 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
             raise ValueError(f"clip {self.draft.name} is mutated without its own run's trace")
         settings, text = work.settings, self.draft.text
         parent = clip_case(text, work.case, work.folder / f"{self.draft.name}.foresee")
-        mutator = Mutator(parent, clip_of(text), trace, preset=settings.preset, plans=self.asked.plans)
+        mutator = Mutator(parent, clip_of(text), trace, preset=settings.preset, plans=self.request.plans)
         driver = driver_of(trace, settings.driver)
         drafts = []
         for number, mutant in self._drawn(mutator, settings, driver):
             meaning = expand_mutant(mutant, parent, source=work.folder / f"{mutant.name}.foresee").meaning
             drafts.append(MutantDraft(number, print_model(mutant), meaning))
-        searched = mutator.searched(self.seed, SEARCHED_FOR * settings.children) if self.asked.round else 0
+        searched = mutator.searched(self.seed, SEARCHED_FOR * settings.children) if self.request.round else 0
         return Mutants(tuple(drafts), mutator.plans, searched), None
 
     def _drawn(self, mutator: Mutator, settings: CampaignSettings, driver: str) -> Iterator[tuple[int, Mutant]]:
         """Yield the mutants with their numbers."""
-        if not self.asked.children:
+        if not self.request.children:
             for mutant in mutator.children(settings.first_children, seed=self.seed, driver=driver):
                 yield int(mutant.name.rpartition("_m")[2]), mutant
             return
-        seen = {mutant_of(text).changes for text in self.asked.made}
-        for child in self.asked.children:
+        seen = {mutant_of(text).changes for text in self.request.existing}
+        for child in self.request.children:
             near = mutant_of(child.near) if child.near else None
             drawn = mutator.child(child.draw, seed=self.seed, driver=driver, seen=seen, near=near)
             if drawn is not None:

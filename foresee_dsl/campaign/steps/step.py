@@ -65,7 +65,7 @@ class Work:
 
 
 @dataclass(frozen=True)
-class Made:
+class StepResult:
     """The output of a worker: one record, and its trace (a packed `.npz`), if any."""
 
     key: str
@@ -181,23 +181,25 @@ class ClipPart(Step[Above, Result]):
         return self.draft.rank
 
 
-def run_steps(work: Work) -> Iterator[Made]:
+def run_steps(work: Work) -> Iterator[StepResult]:
     """Run steps in a worker; yield each result at once, so that it is stored even if the next step breaks."""
     case, settings = load_case(work.case), work.settings
     first, *then = work.steps
     trace_read = load_trace(work.trace) if work.trace is not None else None
-    result, trace = _made(first, work, case, trace_read)
+    result, trace = _run_step(first, work, case, trace_read)
     yield result
     for step in then:
         if not step.wanted(result.record, settings):
             return
-        yield _made(step, work, case, trace)[0]
+        yield _run_step(step, work, case, trace)[0]
 
 
-def _made(step: Step[Any, Any], work: Work, case: TestCase, trace_read: Trace | None) -> tuple[Made, Trace | None]:
+def _run_step(
+    step: Step[Any, Any], work: Work, case: TestCase, trace_read: Trace | None
+) -> tuple[StepResult, Trace | None]:
     started = time.perf_counter()
     record, trace = step.run(work, case, trace_read)
     wall_s = time.perf_counter() - started
     driver = work.settings.driver if step.drives else ""
     packed = trace.packed() if trace is not None else None
-    return Made(step.key, step.kind, step.name, record, packed, driver, wall_s), trace
+    return StepResult(step.key, step.kind, step.name, record, packed, driver, wall_s), trace

@@ -167,7 +167,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
                     unless=flags.run_programs,
                 )
         rankers = file.rankers if file.rankers and "ranker" not in on_command_line else rankers
-        values |= {name: value for name, value in file.given.items() if name not in on_command_line}
+        values |= {name: value for name, value in file.settings.items() if name not in on_command_line}
         if file.against is not None and "against" not in on_command_line:
             values["against"] = file.against
         if "budget" not in on_command_line and file.budget_s is not None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case, sensors_of
-from foresee_dsl.campaign.findings.asked import asked
+from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.consent import may_start, without_parent
@@ -194,7 +194,7 @@ def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
 
 def _file_of_finding(name: str, wish: Wish) -> str:
     """Return the address of a finding or another failure of a campaign; of the minimised mutant if there is one."""
-    finding = asked(name, wish.campaign, tests=True)
+    finding = find_failure(name, wish.campaign, tests=True)
     return ((not wish.full and finding.minimised) or finding.file).as_posix()
 
 

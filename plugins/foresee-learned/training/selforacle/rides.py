@@ -17,7 +17,7 @@ from foresee_study.selforacle.pictures import EVERY_S, PALETTE, classes_seen, lo
 from foresee_study.selforacle.segments import waypoints_passed
 from numpy.typing import NDArray
 
-from foresee_dsl.campaign.driving import made
+from foresee_dsl.campaign.driving import new_driver
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.background_traffic import onward
 from foresee_dsl.compile.roads.network import RoadNetwork
@@ -120,7 +120,7 @@ def drive(driver: str, seeds: range) -> Iterator[Ride]:
             file.write_text(ride_text(network, seed, town), encoding="utf-8")
             try:
                 bundle = compile_test_case(load_test_case(file))
-                result = run(bundle, made(driver), seed=seed, meta={"driver": driver})
+                result = run(bundle, new_driver(driver), seed=seed, meta={"driver": driver})
             except ForeseeError as err:
                 print(f"ride {seed}: {err}", flush=True)  # noqa: T201
                 continue

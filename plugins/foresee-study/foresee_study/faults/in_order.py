@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, Update
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
-from foresee_dsl.campaign.steps.step import Made, Work, run_steps
+from foresee_dsl.campaign.steps.step import StepResult, Work, run_steps
 
 REFERENCES = frozenset({"reference", "case_reference"})
 """Steps that judge failures; their simulated time does not count."""
@@ -54,7 +54,7 @@ class InOrder(Executor):
         self._queue.clear()
         self._tasks.clear()
 
-    def _count(self, step: Made, task: str) -> None:
+    def _count(self, step: StepResult, task: str) -> None:
         record = step.record
         if not isinstance(record, SeedOutcome | ClipOutcome | ChildOutcome):
             return

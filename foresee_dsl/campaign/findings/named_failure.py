@@ -15,7 +15,7 @@ from foresee_dsl.language.project.addresses import absolute, is_file, kind_of
 
 
 @dataclass(frozen=True)
-class Asked:
+class NamedFailure:
     """A failure in its original form.
 
 
@@ -75,7 +75,7 @@ class Asked:
         return next(own, next(tests, {}))
 
 
-def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
+def find_failure(wanted: str, campaign: Path, *, tests: bool = False) -> NamedFailure:
     """Return the failure of this name or file.
 
     Args:
@@ -90,13 +90,13 @@ def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
     data = read_written(campaign)
     children = {str(child["mutant"]): child for child in _children(data) if child.get("file")}
     if wanted in children:
-        return Asked(wanted, campaign / str(children[wanted]["file"]), campaign, data)
+        return NamedFailure(wanted, campaign / str(children[wanted]["file"]), campaign, data)
     others = {
         name: file for finding in data.get("findings", ()) for name, file in _files_of(finding) if name not in children
     }
     if wanted in others:
         if tests:
-            return Asked(wanted, Path(others[wanted]), campaign, data, child=False)
+            return NamedFailure(wanted, Path(others[wanted]), campaign, data, child=False)
         raise ForeseeError(f"{wanted} is a test case that fails as it is written: there is no mutation to minimise")
     if not data:
         raise ForeseeError(f"there is no file {wanted!r}, and no campaign in {campaign} that could have a finding of "
@@ -106,7 +106,7 @@ def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
     raise ForeseeError(f"there is no file {wanted!r}, and no finding of that name in {campaign}: {Help.of(hint).text}")
 
 
-def _by_file(path: Path) -> Asked:
+def _by_file(path: Path) -> NamedFailure:
     kind = kind_of(path)
     if kind != "mutant":
         what = f"a {kind}" if kind else "no definition"
@@ -115,11 +115,11 @@ def _by_file(path: Path) -> Asked:
     data = read_written(above) if above is not None else {}
     child = next((child for child in _children(data) if child["mutant"] == path.stem and child.get("file")), None)
     if above is None or child is None:
-        return Asked(path.stem, path)
+        return NamedFailure(path.stem, path)
     # A file in `findings` is already minimised: return the mutant that it was made from.
     own = above / str(child["file"])
     inside = absolute(path).parent in (absolute(own).parent, absolute(above / "findings" / path.stem))
-    return Asked(path.stem, own, above, data) if inside else Asked(path.stem, path)
+    return NamedFailure(path.stem, own, above, data) if inside else NamedFailure(path.stem, path)
 
 
 def _children(data: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
