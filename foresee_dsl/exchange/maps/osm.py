@@ -99,7 +99,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
     if b"<edge " not in net and box is not None:
         raise ExchangeError(f"{file} has no street for cars in the box {box}; it reaches {extent}")
     if b"<edge " not in net:
-        raise ExchangeError(f"{file} has no street that leads to another: use a larger extract")
+        raise ExchangeError(f"{file} has no street that leads anywhere: use a larger extract")
     return with_starter(
         net,
         f"{name}{NET}",
