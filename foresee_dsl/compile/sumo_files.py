@@ -43,7 +43,7 @@ a car of 1.8 m in a lane of 3.5 m with all of 0.1, 0.2, 0.4 and 0.8 m; with 0.1 
 SIDEWAYS_MPS2 = 20.0
 """Lateral acceleration and braking of SUMO's vehicles in such a scenario, m/s^2. Ours: they reach SUMO's lateral speed
 of 1 m/s within one step, so that the next step depends only on positions and speeds, which a clip holds. With SUMO's
-1 m/s^2 a clip cut while a bicycle moves aside was off by 0.9 to 1.5 m after 5 s; with this by less than 0.1 mm."""
+1 m/s^2 a clip cut while a bicycle moves aside was off by 0.9 to 1.5 m within 8 s; with this by less than 0.1 mm."""
 _SUBLANES: Mapping[str, float] = MappingProxyType(
     {
         "maxSpeedLat": 1.0,  # SUMO's default, and the lateral speed of our lane changes (`kernels.sumo_traffic`)
