@@ -255,7 +255,7 @@ def test_compile_gives_something_that_sumo_runs(scenarios: Path, tmp_path: Path)
 
 
 def test_a_trace_that_is_none_or_damaged(scenarios: Path, tmp_path: Path) -> None:
-    assert "no trace" in foresee("forecast", scenarios / "scenario3.foresee", expect=1).stderr
+    assert "is not a trace" in foresee("forecast", scenarios / "scenario3.foresee", expect=1).stderr
     (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 and then nothing")
     assert "damaged" in foresee("forecast", tmp_path / "cut.npz", expect=1).stderr
     assert "No such file" in foresee("clip", tmp_path / "none.npz", expect=1).stderr

@@ -62,7 +62,7 @@ def test_a_mistake_is_json_where_json_was_asked_for(tmp_path: Path) -> None:
         (found,) = data["diagnostics"]
         assert (data["document"], data["ok"], found["code"], found["span"]["line"]) == ("error", False, "FS005", 4)
     data = checked(foresee("forecast", tmp_path / "s.foresee", "--json", expect=1).stdout)
-    assert "no trace" in data["message"] and data["diagnostics"] == []
+    assert "is not a trace" in data["message"] and data["diagnostics"] == []
     data = checked(foresee("verify", tmp_path / "nothing", "--json", expect=1).stdout)
     assert data["document"] == "error"
 
