@@ -41,22 +41,22 @@ PHRASES = {
 """Phrases, as regular expressions, and what to write instead."""
 
 LEFT = {
-    "found": 936,
-    "one": 371,
-    "known": 178,
-    "told": 51,
-    "made": 103,
-    "given": 61,
-    "asked": 52,
-    "shown": 134,
-    "tried": 16,
-    "took": 24,
-    "said": 25,
-    "is no X": 152,
-    "Who stands ...": 48,
-    "so many": 115,
-    "somebody": 327,
-    "mend": 8,
+    "found": 1,
+    "one": 2,
+    "known": 3,
+    "told": 0,
+    "made": 0,
+    "given": 1,
+    "asked": 5,
+    "shown": 52,
+    "tried": 2,
+    "took": 0,
+    "said": 1,
+    "is no X": 0,
+    "Who stands ...": 1,
+    "so many": 1,
+    "somebody": 7,
+    "mend": 0,
 }
 """How many there still are: these numbers may only fall."""
 

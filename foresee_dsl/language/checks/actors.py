@@ -126,7 +126,8 @@ def _check_passes(
     for action in (part for item in body if isinstance(item, m.When) for part in walk(item)):
         if isinstance(action, _SET_LINE) and action.actor == actor.name:
             message = f"'{actor.name}' passes within its lane, where SUMO decides about its line"
-            findings.add(action, "", "FS042", message, "remove this action, or " + passes + " of the actor")
+            help = remove("remove this action") + ", or `passes in lane` from the actor"
+            findings.add(action, "", "FS042", message, help)
 
 
 def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:

@@ -498,7 +498,7 @@ Moves = (
 )
 """Actions that say how an actor moves."""
 OfNobody = TurnsTo | Limit | Wait | Then
-"""Actions that are no actor's."""
+"""Actions that belong to no actor."""
 Action = Annotated[Moves | Door | OfNobody, ONE_OF]
 
 Then.model_rebuild()
