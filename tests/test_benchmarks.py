@@ -117,8 +117,8 @@ def test_the_study_is_as_large_as_the_papers() -> None:
     """The library gives some 1,220 children a seed of mutation."""
     study, bundled = (read_campaign(data_folder("scenarios") / f"{name}.foresee") for name in ("study", "campaign"))
     assert study.paths == bundled.paths
-    repeat = int(study.given["repeat"])
-    assert {**study.given, "repeat": 1} == {**bundled.given, "repeat": 1}
+    repeat = int(study.settings["repeat"])
+    assert {**study.settings, "repeat": 1} == {**bundled.settings, "repeat": 1}
     assert 34_416 <= 1_220 * repeat < 36_000
 
 
