@@ -22,7 +22,6 @@ class Span:
 class Message:
     """A diagnostic's message; if it has numbers that differ between test cases, it is composed with `+`.
 
-
     Attributes:
         text: the text that people read.
         about: the text without these numbers; errors at one place with the same `about` count as one.
@@ -64,7 +63,6 @@ def measured(number: str) -> Message:
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One error (or warning) in a file: where, what, and what to write instead.
-
 
     Attributes:
         code: stable code such as `FS012`.

@@ -173,7 +173,6 @@ def read_outside_text(file: Path, limit: str = "file") -> str:
 def unpacked_within(limit: str, packed: bytes) -> bytes:
     """Return the uncompressed data of zlib-compressed bytes; 4 MB may expand to 4 GB.
 
-
     Args:
         limit: name of the limit of the uncompressed size, in MB.
 

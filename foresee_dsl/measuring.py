@@ -73,7 +73,6 @@ def count_run(simulated_s: float) -> None:
 class Part(Enum):
     """A part of the tool whose time is counted. A member is a context manager: inside it the part is active.
 
-
     Attributes:
         number: its index in this list. title: its task, for people. own: CPU time is read at its beginning and end.
         simulates: it is active between the first and the last frame of a run.

@@ -36,7 +36,6 @@ from foresee_dsl.simulate.trace import Trace
 class Assembly(NamedTuple):
     """The parts of a campaign's result.
 
-
     Attributes:
         seeds, clips: sorted by name. traces: blobs to copy into the campaign's folder, by file; each with its test
             case's id if another campaign stored it under another id, otherwise "".

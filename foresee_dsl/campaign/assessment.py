@@ -34,7 +34,6 @@ APART_S = 0.5
 class DriverRun:
     """One test case driven by one driver.
 
-
     Attributes:
         driver: its address. version: the driver's version. way_m: distance driven by the ego. hard_brakings: number.
         step_ms: mean wall time of the driver's decision. digest: the trace's, equal for equal runs; "" if the process

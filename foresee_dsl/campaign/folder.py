@@ -36,7 +36,6 @@ class CampaignFolder:
     def working(self) -> Iterator[Path]:
         """Create the working folder, and remove it at the end; also remove those of killed campaigns.
 
-
         Raises:
             ForeseeError: another process writes into the campaign's folder.
             OSError: the folder cannot be created or written to.

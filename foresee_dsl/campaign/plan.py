@@ -44,7 +44,6 @@ class StagePlan:
 class Allocated:
     """The allocation of mutants in rounds: the number of rounds, and the later ones known so far.
 
-
     rounds: number of rounds, including the first, which gives each clip `first` mutants.
     known: the later rounds that have begun, of each part of the campaign.
     """

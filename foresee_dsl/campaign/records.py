@@ -94,7 +94,6 @@ class SeedOutcome(Judged):
 class Draft:
     """A clip before its run.
 
-
     Attributes:
         rank: rank of its risky point. text: its file. name, parent, case: as in its first line.
         pin: the pin for its mutants. risk: hash of its `risk` line, which determines its mutations.
@@ -244,7 +243,6 @@ _NONE = Reduced()
 @dataclass(frozen=True)
 class Minimised:
     """The minimised representative of a finding.
-
 
     Attributes:
         child: its run. clip: the name of its clip. clip_text: the file of that clip.

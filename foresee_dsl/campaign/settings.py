@@ -22,7 +22,6 @@ class CampaignSettings:
     mutants per risky point; the preset `focused` is ours. Several drivers or rankers need several settings, which share
     their common runs in one store.
 
-
     Attributes:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
         risky_points: n_rp, maximum number of risky points per run; points with the same clip count once.
@@ -96,7 +95,6 @@ class Shard:
 @dataclass(frozen=True)
 class Limits:
     """Limits of a run; exceeding one is a result (`timeout`, `crash`) and does not affect other runs.
-
 
     Attributes:
         deadline_s: wall time of a run; None: `drivers.deadlines.STEADY_S` plus `SLOWEST` times the simulated time.

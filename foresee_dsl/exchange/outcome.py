@@ -64,7 +64,6 @@ class Imported:
 def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]:
     """Let files be written to a temporary folder, then move them into place.
 
-
     Args:
         out: the target folder; it is created if missing. Files of the same names are replaced.
         write: writes files (no folders) into the folder that it receives. If it raises, no file remains.

@@ -9,7 +9,6 @@ in its annotation adds more::
         out: OutFolder
         prefix: Annotated[str, Option("Put before each name.")] = ""
 
-
     def fleet(options: FleetOptions, tell: Tell) -> Imported: ...
 """
 

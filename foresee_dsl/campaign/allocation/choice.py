@@ -50,7 +50,6 @@ about as often as the best; in replays (docs/background/method.md) that cost one
 class ChildFacts:
     """The facts about a mutant that allocation uses.
 
-
     Attributes:
         story: signature that equal failures share; () if the run did not fail.
         avoidable: a judge states that its driver would have avoided the failure.

@@ -83,7 +83,6 @@ _NEVER = sys.maxsize
 class Round:
     """The allocation of one round, for people.
 
-
     Attributes:
         number, of: index of the round, and number of rounds. children: mutants of this round. before: mutants of the
             earlier rounds. total: mutants of all rounds. clips: mutants by clip. ways: mutants by way of drawing.

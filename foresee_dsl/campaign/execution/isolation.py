@@ -62,7 +62,6 @@ _REPORTED_S = 2.0
 class Task:
     """A function of an installed package and its argument.
 
-
     Attributes:
         name: for people. function: returns the outcome, or yields its parts.
         deadline_s: wall time for the outcome, or for each part; None: no limit.
@@ -251,7 +250,6 @@ _FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
 
 class LeftBehind(NamedTuple):
     """The traces of a process that broke.
-
 
     Attributes:
         output: its prints. hung: it was ended because it did not return. place: in a driver's code, or "".

@@ -318,7 +318,6 @@ def local(options: RunOptions) -> Executor:
 class RunOptions:
     """How a campaign is executed; no option changes a result.
 
-
     Attributes:
         jobs: number of worker processes. limits: of each run. shard: part of the campaign.
         retry: repeat runs that broke in an earlier campaign (died, hung, raised).

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 class CaseRun:
     """The run of one test case.
 
-
     Attributes:
         result: the result; None if the process died or was ended.
         reason: how the run ended, in words. notes: prints and errors of the driver.

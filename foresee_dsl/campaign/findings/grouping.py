@@ -38,7 +38,6 @@ class Outcomes(Protocol):
 class Finding:
     """Failures with the same story.
 
-
     Attributes:
         name: of the representative, the simplest of the failures. story: of the representative.
         siblings, sibling_files: names and files of the others, sorted.

@@ -18,7 +18,6 @@ from foresee_dsl.language.project.addresses import absolute, is_file, kind_of
 class NamedFailure:
     """A failure in its original form.
 
-
     Attributes:
         name: of the mutant or test case. file: its file, not minimised; for a test case its address.
         campaign: folder of its campaign, or None. data: contents of `campaign.json`.

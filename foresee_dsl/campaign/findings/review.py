@@ -29,7 +29,6 @@ class Mutation:
 class Review:
     """A finding with all that a reviewer needs.
 
-
     Attributes:
         finding: as in `campaign.json`. asked: the requested name, which may be that of a sibling.
         others: the other mutations of its clip. driver, seed: of the campaign. campaign: its folder.

@@ -26,7 +26,6 @@ class Spent:
 class Measurement:
     """Measured times by part (parts without time are left out), with the amount of work done.
 
-
     Attributes:
         decisions: number of drivers' decisions, without the first of each run.
     """

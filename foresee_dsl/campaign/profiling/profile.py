@@ -15,7 +15,6 @@ _NS = 1e-9
 class PartTime:
     """Time of one part of the tool, without the time of nested parts.
 
-
     Attributes:
         title: task of the part. cpu_s: of this program, its workers and drivers' programs. wall_s: sum over processes.
             ms_per_simulated_s: wall time per simulated second. share_of_runs: share of the wall time between the first
@@ -36,7 +35,6 @@ class PartTime:
 @dataclass(frozen=True)
 class Profile:
     """The distribution of a command's time.
-
 
     Attributes:
         drivers: those under test. parts: parts with any time, in the order of `Part`.

@@ -19,7 +19,6 @@ SIGNIFICANT = 0.05
 class Measure:
     """A measure of near misses: the value that counts as near, and the change that is reported.
 
-
     Attributes:
         title: in words. unit: of its values. near: limit from which a value is near. step: smallest reported change.
         sign: -1 if smaller values are nearer.
@@ -45,7 +44,6 @@ several times the effect of a decision that is 0.1 s later."""
 @dataclass(frozen=True)
 class Ran:
     """The run of one test case by one driver.
-
 
     Attributes:
         key: equal for the same test case on both sides. name: for people. near: near misses as in `campaign.json`.
@@ -130,7 +128,6 @@ class Nearer:
 @dataclass(frozen=True)
 class Row:
     """Figures of one family or one kind of failure: failures on each side, and the exact test.
-
 
     Attributes:
         label: `all`, a family, or a kind. kind: it is a kind of failure. pairs: test cases on both sides.

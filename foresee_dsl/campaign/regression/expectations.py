@@ -22,7 +22,6 @@ _ACTOR = re.compile(r" with (\w+)")
 class Status(StrEnum):
     """How a run compares with the expected result, in the order of the report.
 
-
     Attributes:
         label: in words. style: of a terminal. meaning: in one sentence.
     """

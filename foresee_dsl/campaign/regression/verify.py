@@ -46,7 +46,6 @@ is longer; each run also ends by its own length."""
 class Recheck:
     """The repeated run of one test case.
 
-
     Attributes:
         file: its address. case: of a scenario with cases.
         was: the expected result in words: `fails F2 with walker`. now: how it ended, or why it is stale.
@@ -85,7 +84,6 @@ def verify_files(
 
     A child whose parent was edited is still run if the edit does not reach it, which is determined from the parent's
     old version in git.
-
 
     Args:
         driver: replaces the one that each file records.
@@ -267,7 +265,6 @@ def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
     """Record the results as the expected ones where they differ; files are otherwise unchanged.
 
     The index of a suite is updated. Crashes, timeouts and stale children are not recorded.
-
 
     Returns:
         The files that were written.

@@ -33,7 +33,6 @@ SEARCHED_FOR = 3
 class Wanted:
     """A mutant that a round requests.
 
-
     Attributes:
         number: last part of its name. draw: index of the draw from its clip.
         near: text of the mutant near which it is drawn; "" for an independent draw. near_number: number of that mutant.
@@ -48,7 +47,6 @@ class Wanted:
 @dataclass(frozen=True)
 class RoundRequest:
     """The request of a round for one clip.
-
 
     Attributes:
         round: number of the round; the first has no explicit request: each clip gets its first mutants. 0: no rounds.

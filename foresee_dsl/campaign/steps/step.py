@@ -30,7 +30,6 @@ Result = TypeVar("Result")
 class Campaign:
     """Inputs of keys beside a step's own parts.
 
-
     Attributes:
         driver, ranker, operators: their identities in keys (see `campaign.keys`).
         references: each reference driver's address, and its identity in keys.
@@ -48,7 +47,6 @@ class Campaign:
 @dataclass(frozen=True)
 class Work:
     """The input of a worker.
-
 
     Attributes:
         steps: the first one is run; the others follow from its result and are run in the same process.
@@ -147,7 +145,6 @@ class Step(ABC, Generic[Above, Result]):
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Record | None:  # noqa: ARG002
         """Return the record of a broken run (its process died or hung); None if the step is not a run.
-
 
         Args:
             case: the test case that it descends from. file: the step's own. verdict, reason: how it ended.

@@ -26,7 +26,6 @@ _STALE_S = 3600.0
 class Statistics:
     """Contents of a store, in numbers.
 
-
     Attributes:
         kinds: number of results by kind of step and verdict ("" if the step is not a run). tools: by tool version.
         broken: runs that crashed, hung, or exceeded a limit. simulated_s, wall_s: sums over all runs.
@@ -99,7 +98,6 @@ def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
 @dataclass(frozen=True)
 class Merged:
     """Result of `merge`, in numbers of results.
-
 
     Attributes:
         new, known: results that the joined store did not have, and those that it had.

@@ -30,7 +30,6 @@ class Blobs:
     def put(self, data: bytes) -> str:
         """Write a blob durably, unless it exists, and return its name.
 
-
         Raises:
             OSError: it cannot be written; no part of it remains.
         """

@@ -115,7 +115,6 @@ _TITLES = {
 class ScenarioFile:
     """A scenario file before it is written.
 
-
     Attributes:
         name: its name without `.foresee`. network: the network file that it uses. cases: its cases.
         catalogue: CARLA's models, or None for the bundled ones. sources: the route files.

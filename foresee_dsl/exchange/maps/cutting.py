@@ -31,7 +31,6 @@ _SIDES = ("west", "south", "east", "north")
 class Boundary:
     """A box; a map keeps the edges that lie wholly or partly in it.
 
-
     Attributes:
         west, south, east, north: its sides, in m of the map's coordinates or in degrees.
         geo: the sides are in degrees.
@@ -71,7 +70,6 @@ class Boundary:
 @dataclass(frozen=True)
 class Around:
     """The part of a map up to `radius_m` to each side of a place.
-
 
     Attributes:
         place: the id of a junction or edge, or two numbers with a comma: x and y in m; for an OpenStreetMap extract
@@ -150,7 +148,6 @@ def part_of(around: str | None, in_boundary: str | None, in_geo_boundary: str | 
 @dataclass(frozen=True)
 class _Whole:
     """Properties of a SUMO network.
-
 
     Attributes:
         edges: number of its edges, without those inside junctions. extent: bounding box of its junctions, m.

@@ -48,7 +48,6 @@ _SLOW = 0.5
 class Way:
     """A drive of the ego.
 
-
     Attributes:
         edges: its route. start_m: its start on the first edge. goal_m: its goal on the last edge.
         length_m: length from start to goal, without the parts inside junctions.
@@ -69,7 +68,6 @@ class Way:
 @dataclass(frozen=True)
 class Ground:
     """A map in the form that the search for a route needs; it is read once for several searches.
-
 
     Attributes:
         file: the map's name, for messages. roads: its network. signals: the junctions whose signal has a program.

@@ -48,7 +48,6 @@ class NeverStarts(Exception):  # noqa: N818 - not an error: events that wait for
 class Step:
     """One step of waiting: for a condition (None: none), then for a time.
 
-
     Attributes:
         edge: the moment at which the condition begins to hold, for a condition with an edge; it replaces the condition
             if that may already hold when the wait begins.
@@ -79,7 +78,6 @@ class Way:
 @dataclass(frozen=True)
 class ConditionReader:
     """Translates triggers into conditions of the language.
-
 
     Attributes:
         entities, places: those that triggers may name. ways: remaining ways of actors, by their new names.

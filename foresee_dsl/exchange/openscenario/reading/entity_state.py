@@ -13,7 +13,6 @@ from foresee_dsl.exchange.openscenario.reading.ways.trajectories import SpeedPro
 class EntityState:
     """The state of an entity while its actions are read.
 
-
     Attributes:
         speed_mps: its speed, m/s; None if unknown.
         lane: its lane's id; None if its road is unknown. ahead: it faces in the road's direction.

@@ -99,7 +99,6 @@ class _Settings:
 class _Reading:
     """The result of reading a file with one set of parameter values: the scenario, its comments, its other files.
 
-
     Attributes:
         catalogue: the new models. requirements: of each of them, by its name.
     """

@@ -31,7 +31,6 @@ _CONTROLLING = ("AssignControllerAction", "ActivateControllerAction", "OverrideC
 class Inits:
     """The state and actions at the beginning of the run.
 
-
     Attributes:
         positions: places of the entities; earlier: their places before a later action of `<Init>` moved them.
         speeds: in m/s. routing: their routes, targets and trajectories.

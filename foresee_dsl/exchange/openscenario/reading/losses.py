@@ -12,7 +12,6 @@ from foresee_dsl.exchange.naming import sentence
 class Losses:
     """Counts of the parts that are not taken over, by description.
 
-
     Attributes:
         left_out: parts that do not change what the driver meets, or that the driver decides.
         lost: actions, triggers and participants whose absence changes the scenario.

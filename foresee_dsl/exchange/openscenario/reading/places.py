@@ -32,7 +32,6 @@ class ByMover:
 class Places:
     """Evaluates positions.
 
-
     Attributes:
         roads: the map; None if the network is not an OpenDRIVE map.
         inits: the `<Position>` elements of entities at the beginning, by their names.

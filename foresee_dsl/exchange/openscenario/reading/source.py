@@ -28,7 +28,6 @@ _MINOR = ("0", "1", "2", "3")
 class Source:
     """One file, with its parameters replaced by their values.
 
-
     Attributes:
         path: the file. root: its `<OpenSCENARIO>`.
         roots: folders in which the file may name other files.

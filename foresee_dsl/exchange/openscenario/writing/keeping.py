@@ -22,7 +22,6 @@ _LOOKS_S = (3.0, 8.0)
 class SpeedOrder:
     """An exported change of speed.
 
-
     Attributes:
         time_s: its start in the run. to_mps: the final speed.
         over_s, rate_mps2: its duration, or its rate; with neither the speed changes at once.
@@ -42,7 +41,6 @@ def notes_of(
     turned: Mapping[str, Sequence[float]],
 ) -> Iterator[str]:
     """Yield a note on each actor whose motion a player cannot reproduce.
-
 
     Args:
         actors: those of the scene. trace: of the run.

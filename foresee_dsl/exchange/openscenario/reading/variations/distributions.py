@@ -31,7 +31,6 @@ Values = Mapping[str, str]
 class Drawn:
     """The distribution of a parameter.
 
-
     Attributes:
         kind: `uniform`, `normal` and `choice` exist in the language; values of the others are drawn by the import.
         low, high: the range, for kinds without weights. mean, deviation: of `normal`; of `lognormal`, those of the
