@@ -76,7 +76,7 @@ def most(name: str) -> float:
     Raises:
         LimitError: FORESEE_LIMITS has an unknown name or a value that is not a number above 0.
     """
-    return _given().get(name, LIMITS[name].default)
+    return _raised_limits().get(name, LIMITS[name].default)
 
 
 def raised_by(name: str, needed: float | None = None) -> str:
@@ -97,10 +97,10 @@ def allow(settings: list[str]) -> None:
     """
     if settings:
         os.environ[VARIABLE] = " ".join([*os.environ.get(VARIABLE, "").split(), *settings])
-        _given()
+        _raised_limits()
 
 
-def _given() -> dict[str, float]:
+def _raised_limits() -> dict[str, float]:
     limits = {}
     for word in os.environ.get(VARIABLE, "").split():
         name, _, number = word.partition("=")

@@ -59,7 +59,7 @@ class PluginGroup:
         Raises:
             ForeseeError: (of the kind `error`) no package offers it, or several do. The message suggests similar names.
         """
-        return _found(self, name, tuple(sys.path))
+        return _entry_point(self, name, tuple(sys.path))
 
     def missing(self) -> tuple[str, ...]:
         """Return the names of this group that plug-ins of `BESIDE` offer and no installed package does, sorted."""
@@ -125,7 +125,7 @@ def _has_frenetix_wheel(python: tuple[int, int], machine: str, system: str) -> b
 
 
 @lru_cache(maxsize=64)
-def _found(group: PluginGroup, name: str, path: tuple[str, ...]) -> EntryPoint:  # noqa: ARG001 - `path` keys the cache
+def _entry_point(group: PluginGroup, name: str, path: tuple[str, ...]) -> EntryPoint:  # noqa: ARG001 - `path` keys the cache
     """Return a plug-in's entry point, cached: a search through all packages takes 5 ms, and each run loads a driver."""
     entries = sorted(entry_points(group=group.name, name=name), key=package_of)
     if len(entries) > 1 and len({entry.value for entry in entries}) > 1:

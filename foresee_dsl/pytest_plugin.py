@@ -75,7 +75,7 @@ class ForeseeFile(pytest.File):
 
         allowed = bool(self.config.getoption("--foresee-allow-outside"))
         try:
-            for name, test in tests_in(_shown(self), allow_outside=allowed):
+            for name, test in tests_in(_relative_name(self), allow_outside=allowed):
                 yield ForeseeItem.from_parent(self, name=name, test=test)
         except InputError as error:
             raise self.CollectError(_mistakes(error)) from None
@@ -149,7 +149,7 @@ def _traces(item: ForeseeItem) -> Path:
     return factory.getbasetemp() / "foresee"
 
 
-def _shown(collector: ForeseeFile) -> str:
+def _relative_name(collector: ForeseeFile) -> str:
     """Return the file's name for messages: relative to the folder in which pytest was called, if it lies below."""
     folder = collector.config.invocation_params.dir
     path = collector.path

@@ -66,11 +66,11 @@ def names(tree: ast.Module) -> Iterator[tuple[int, str]]:
     for node in ast.walk(tree):
         match node:
             case ast.Name(id=name, ctx=ast.Store()) | ast.arg(arg=name) | ast.FunctionDef(name=name):
-                yield node.lineno, name
+                yield node.lineno, name.strip("_")
             case ast.Attribute(attr=name, ctx=ast.Store()):
-                yield node.lineno, name
+                yield node.lineno, name.strip("_")
             case ast.ClassDef(name=name):
-                yield node.lineno, name.lower()
+                yield node.lineno, name.strip("_").lower()
 
 
 def texts(source: str, tree: ast.Module) -> Iterator[tuple[int, str]]:

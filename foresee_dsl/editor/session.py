@@ -195,7 +195,7 @@ class Session:
                 now = self._open.get(uri)
                 if now is None or now.version != document.version or self._stopped:
                     return  # the text has changed meanwhile; its own check is due
-            self._publish(uri, list(self._shown(document, diagnostics)), document.version)
+            self._publish(uri, list(self._published(document, diagnostics)), document.version)
         for method in self.refreshes:
             self._requests += 1
             self.connection.ask(self._requests, method)
@@ -206,7 +206,7 @@ class Session:
             params["version"] = version
         self.connection.notify("textDocument/publishDiagnostics", params)
 
-    def _shown(self, document: Open, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Json]:
+    def _published(self, document: Open, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Json]:
         here = self._places(document.text)
         elsewhere: dict[Path, list[Diagnostic]] = {}
         for diagnostic in diagnostics:

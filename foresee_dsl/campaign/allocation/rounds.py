@@ -203,7 +203,7 @@ class Rounds:
         most = MOST * self._stages.settings.children
         _give_out(units, before, Ways(before.past, rng), count, self.number, most=most)
         asking = [unit for unit in units if unit.wanted]
-        nodes = tuple(self._stages.further(unit.clip, unit.step, _asked(unit, self.number)) for unit in asking)
+        nodes = tuple(self._stages.further(unit.clip, unit.step, _request(unit, self.number)) for unit in asking)
         self.nodes += nodes
         ways = (unit.way(want.draw.plan, near=bool(want.near)) for unit in asking for want in unit.wanted)
         self.begun.append(
@@ -365,5 +365,5 @@ def _first(count: int, record: Mutants) -> tuple[Wanted, ...]:
     return tuple(Wanted(k, draw) for k, draw in drawn if draw is not None)
 
 
-def _asked(unit: _Unit, number: int) -> RoundRequest:
+def _request(unit: _Unit, number: int) -> RoundRequest:
     return RoundRequest(number, tuple(unit.wanted), unit.plans, tuple(drawn.step.mutant.text for drawn in unit.drawn))

@@ -107,7 +107,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _FailureStory:
     """A failure with its story and a measure of its simplicity (smaller is simpler)."""
 
     name: str
@@ -122,8 +122,8 @@ class _Told:
 
 def findings_of(result: Outcomes) -> tuple[Finding, ...]:
     """Return the findings of a campaign, sorted by family, then by descending number of failures, then by name."""
-    groups: dict[tuple[str, ...], list[_Told]] = defaultdict(list)
-    for failure in _told(result):
+    groups: dict[tuple[str, ...], list[_FailureStory]] = defaultdict(list)
+    for failure in _failure_stories(result):
         groups[failure.family, *failure.story.signature].append(failure)
     findings = (
         _finding(sorted(group, key=lambda failure: (failure.simplicity, failure.name))) for group in groups.values()
@@ -135,7 +135,7 @@ def _family_order(family: str) -> tuple[bool, int, str]:
     return (not family.isdigit(), int(family) if family.isdigit() else 0, family)
 
 
-def _finding(group: list[_Told]) -> Finding:
+def _finding(group: list[_FailureStory]) -> Finding:
     first, *others = group
     others.sort(key=lambda failure: failure.name)
     return Finding(
@@ -157,17 +157,21 @@ def _avoided(failures: list[Failure]) -> int | None:
     return sum(bool(failure.avoided) for failure in driven) if driven else None
 
 
-def _told(result: Outcomes) -> list[_Told]:
+def _failure_stories(result: Outcomes) -> list[_FailureStory]:
     failures = [
-        _Told(case_file_name(s.id, s.scenario), s, s.story, s.id, s.family, s.id, "", (0, 0.0))
+        _FailureStory(case_file_name(s.id, s.scenario), s, s.story, s.id, s.family, s.id, "", (0, 0.0))
         for s in result.seeds
         if s.story is not None
     ]
     for clip in result.clips:
         for child in clip.failing:
             if child.story is not None:
-                failures.append(_Told(child.name, child, child.story, clip.seed, clip.family, child.file, clip.file,
-                                  _simplicity(child)))  # fmt: skip
+                simplicity = _simplicity(child)
+                failures.append(
+                    _FailureStory(
+                        child.name, child, child.story, clip.seed, clip.family, child.file, clip.file, simplicity
+                    )
+                )
     return failures
 
 

@@ -66,7 +66,7 @@ def minimise_file(
                          budget=budget)  # fmt: skip
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
     folder = folder or cache_folder("minimised")
-    if (stored := _known(folder, its)) is not None:
+    if (stored := _stored_result(folder, its)) is not None:
         # It may be stored under another campaign's names.
         return _checked(replace(stored, clip=clip.name, child=replace(stored.child, name=mutant.name))), parent, 0
     work = _Work(parent, clip, mutant, absolute(wanted.file).parent, address, seed, run_seed, limit_m, budget)
@@ -168,7 +168,7 @@ def _checked(result: Minimised) -> Minimised:
     return result
 
 
-def _known(folder: Path, its: str) -> Minimised | None:
+def _stored_result(folder: Path, its: str) -> Minimised | None:
     """Return a store's result; reading needs no lock, so this works while a campaign runs."""
     if not (folder / "runs.sqlite").is_file():
         return None

@@ -77,7 +77,7 @@ class Clock:
         self.simulated_s = 0.0
         self._exactly = False
         """True if CPU time is read around the present decision."""
-        self._asked = 0
+        self._decisions = 0
         self._own_cpu = self._own_wall = 0  # of decisions around which it was read
         self._open = [0] * len(Part)  # wall time since CPU time was read
         self._wall = [0] * len(Part)
@@ -113,8 +113,8 @@ class Clock:
             self.begin(Part.DRIVER_BEGINS)
         else:
             self.decisions += 1
-            self._exactly = self._asked % EVERY == 0
-            self._asked += 1
+            self._exactly = self._decisions % EVERY == 0
+            self._decisions += 1
             self.begin(Part.DRIVER)
 
     def add_programs(self, cpu_ns: int) -> None:

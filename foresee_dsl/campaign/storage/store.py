@@ -133,13 +133,13 @@ class Store:
     @Part.STORE.measured
     def get(self, key: str) -> Row | None:
         """Return the row of a key, or None; also None if its trace is missing, or row or trace were changed."""
-        columns = self._found(key)
+        columns = self._stored_row(key)
         if columns is None:
             return None
         row = self._row(columns[:-1], columns[-1], checked=key in self._checked)
         return row if row is not None and self._has_trace(row) else None
 
-    def _found(self, key: str) -> tuple[Any, ...] | None:
+    def _stored_row(self, key: str) -> tuple[Any, ...] | None:
         """Return the columns of a key's row and its checksum, or None if there is none."""
         database = self._db
         query = f"{_SELECT}, {self._sum} FROM runs WHERE key = ?"

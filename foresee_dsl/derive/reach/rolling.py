@@ -20,6 +20,7 @@ from foresee_dsl.derive.reach.steering import steered
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.path_following import STANDS_MPS
 from foresee_dsl.language.model import Clip, Quantity
 from foresee_dsl.language.model.derived import PROPERTIES
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
@@ -29,10 +30,6 @@ _CLOSE_M = 2.0
 enough."""
 _AFTER_POINT_S = 1.0
 """Operators need the run until a second after the risky point (`Situation.driven_m`)."""
-
-
-_STANDS_MPS = 0.1
-"""Speed below which an actor stands, m/s: SUMO's threshold of halting."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +138,7 @@ class Rolling:
         Whether models fit is slow to compute, so it is computed only for an actor that would come near.
         """
         info, until = self.trace.actors[actor], onset + round(self.settings.paced_s / STEP_S)
-        moves = np.nanmax(self.trace.states[onset : until + 1, actor, SPEED]) > _STANDS_MPS
+        moves = np.nanmax(self.trace.states[onset : until + 1, actor, SPEED]) > STANDS_MPS
         if not moves or self.gaps[actor, onset : until + 1].min() > self.settings.swap_within_m:
             return
         change = Change(onset, actor, operator)

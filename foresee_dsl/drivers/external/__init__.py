@@ -173,7 +173,7 @@ def read_ready(line: bytes) -> Ready:
     """Return the content of the program's first line of a run."""
     answer = _object(line)
     if answer.get("type") != "ready":
-        raise DriverError(f'its first line must be {{"type": "ready", ...}}, not {_shown(line)}')
+        raise DriverError(f'its first line must be {{"type": "ready", ...}}, not {_readable(line)}')
     stays = answer.get("stays", False)
     if not isinstance(stays, bool):
         raise DriverError(f"its stays must be true or false, not {stays!r:.80}")
@@ -229,9 +229,9 @@ def _object(line: bytes) -> dict[str, Any]:
     try:
         answer = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
     except (ValueError, RecursionError) as err:  # ValueError: not UTF-8, not JSON, or a number with too many digits
-        raise DriverError(f"its line is not JSON: {_shown(line)}") from err
+        raise DriverError(f"its line is not JSON: {_readable(line)}") from err
     if not isinstance(answer, dict):
-        raise DriverError(f"its line is not a JSON object: {_shown(line)}")
+        raise DriverError(f"its line is not a JSON object: {_readable(line)}")
     return answer
 
 
@@ -241,16 +241,16 @@ def _no_constant(word: str) -> float:
 
 def _number(answer: dict[str, Any], key: str, line: bytes) -> float:
     if key not in answer:
-        raise DriverError(f"its answer has no {key}: {_shown(line)}")
+        raise DriverError(f"its answer has no {key}: {_readable(line)}")
     value = answer[key]
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise DriverError(f"its {key} is not a number: {_shown(line)}")
+        raise DriverError(f"its {key} is not a number: {_readable(line)}")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise DriverError(f"its {key} is not finite: {_shown(line)}")
+        raise DriverError(f"its {key} is not finite: {_readable(line)}")
     return number
 
 
@@ -261,6 +261,6 @@ def _name(answer: dict[str, Any], key: str) -> str:
     return value
 
 
-def _shown(line: bytes) -> str:
+def _readable(line: bytes) -> str:
     text = line.decode("utf-8", errors="replace").strip()
     return repr(text if len(text) <= SHOWN else text[:SHOWN] + "...")

@@ -37,7 +37,7 @@ def evaluate(value: m.AnyValue, values: Mapping[str, m.ParamValue] = _NO_VALUES)
     if isinstance(value, m.Quantity):
         return value
     if isinstance(value, m.Ref):
-        return _given(value, values)
+        return _value_of(value, values)
     number = _number(value, values)
     dimension = named(number.powers)
     if dimension is None:
@@ -56,7 +56,7 @@ def evaluate(value: m.AnyValue, values: Mapping[str, m.ParamValue] = _NO_VALUES)
         raise ExpressionError(value, message) from None
 
 
-def _given(reference: m.Ref, values: Mapping[str, m.ParamValue]) -> m.Quantity:
+def _value_of(reference: m.Ref, values: Mapping[str, m.ParamValue]) -> m.Quantity:
     value = values.get(reference.name)
     if isinstance(value, m.Quantity):
         return value
@@ -88,7 +88,7 @@ def _number(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> _Number:
         case m.Quantity():
             return _Number(Fraction(value.value), value.unit, POWERS[value.dimension])
         case m.Ref():
-            return _number(_given(value, values), values)
+            return _number(_value_of(value, values), values)
         case m.Sum(left=left, op=op, right=right):
             augend, addend = _alike(value, (_number(left, values), _number(right, values)))
             unit = addend.unit if not augend.unit and addend.unit else augend.unit

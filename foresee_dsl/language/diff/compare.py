@@ -89,7 +89,7 @@ def _item(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
         return
     if type(a) is not type(b):
         alike = w.is_statement(a) and w.label(a) == w.label(b)
-        yield _changed(place, a, b, _shown(a), _shown(b)) if alike else _changed(place, a, b, w.text(a), w.text(b))
+        yield _changed(place, a, b, _text_of(a), _text_of(b)) if alike else _changed(place, a, b, w.text(a), w.text(b))
     elif w.is_statement(a):
         yield from _statement(place, a, b)
     elif is_condition(a):
@@ -100,7 +100,7 @@ def _item(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
         yield _changed(place, a, b, w.text(a), w.text(b))
 
 
-def _shown(item: m.Item) -> str:
+def _text_of(item: m.Item) -> str:
     return w.tail(item) if w.is_statement(item) else w.text(item)
 
 
@@ -181,7 +181,7 @@ def _block(place: _Place, owner: m.Item, a: Sequence[m.Item], b: Sequence[m.Item
         if i in pairs:
             yield from _item(there, item, b[pairs[i]])
         else:
-            yield Difference(there.group, there.words, "removed", _shown(item), None, "", Edit("remove", there.at))
+            yield Difference(there.group, there.words, "removed", _text_of(item), None, "", Edit("remove", there.at))
     yield from _orders(place, owner, a, pairs)
     yield from _inserted(place, owner, b, pairs)
 
@@ -211,7 +211,7 @@ def _inserted(place: _Place, owner: m.Item, b: Sequence[m.Item], pairs: dict[int
         elif not isinstance(item, w.NO_MEANING):
             edit = Edit("insert", (*place.at, last.get(family, -1)), item, j)
             where = _inside(place.words, item, words[j])
-            yield Difference(_group(place, owner, item), where, "added", None, _shown(item), "", edit)
+            yield Difference(_group(place, owner, item), where, "added", None, _text_of(item), "", edit)
 
 
 def _family(owner: m.Item, item: m.Item) -> object:

@@ -175,7 +175,7 @@ class _Drawer:
         self.drawn = {axis.name for axis in self._grid} | {param.name for param, _ in self._free}
         self._order = [param.name for param in scenario.all(m.Param)]
         self._combination = 0
-        self._tried = 0
+        self._draw_count = 0
         self._failed: Counter[int] = Counter()
 
     def values_of(self, case: int) -> dict[str, m.ParamValue] | None:
@@ -193,7 +193,7 @@ class _Drawer:
                     assignments = tuple(m.Assignment(name=n, value=v) for n, v in values.items() if n in self.drawn)
                     values = case_values(self._scenario, m.Case(name="drawn", values=assignments))
                 attempt += 1
-                self._tried += 1
+                self._draw_count += 1
                 violated = self._violated(values)
                 if not violated:
                     return {name: values[name] for name in self._order}
@@ -209,7 +209,7 @@ class _Drawer:
         worst, times = self._failed.most_common(1)[0]
         only = "none" if not valid else f"only {valid}"
         return (
-            f"of {self._tried} draws {only} satisfied every `require`, but {wanted} cases are asked for; "
+            f"of {self._draw_count} draws {only} satisfied every `require`, but {wanted} cases are asked for; "
             f"`{requirement_text(self._requires[worst])}` failed most, {times} times"
         )
 

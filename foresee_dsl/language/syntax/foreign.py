@@ -202,7 +202,7 @@ def _action(text: str, word: str) -> Foreign | None:
         return Foreign(0, len(word), remark, meant_code("then when"))
     if help and not re.match(r"\w+\s+(?:starts|stops|changes|meets|ignores)\b", text):
         return Foreign(0, len(word), f"`{word}` is a word of other languages", help)
-    return _told(text) or _other_verb(text)
+    return _action_order(text) or _other_verb(text)
 
 
 def _other_verb(text: str) -> Foreign | None:
@@ -219,7 +219,7 @@ _VERB_FIRST = re.compile(r"(?P<verb>start|stop|leave)s?\s+(?P<who>[a-z]\w*)$")
 _DOOR = re.compile(r"(?P<who>[a-z]\w*)\s+(?P<verb>opens|closes)\s+(?:(?:the|its)\s+)?(?:left\s+|right\s+)?doors?$")
 
 
-def _told(text: str) -> Foreign | None:
+def _action_order(text: str) -> Foreign | None:
     """Return the message for an action with another order of words, or None: `child.start()`, `start child`, `van
     opens door`."""
     door = _DOOR.match(text)

@@ -122,13 +122,13 @@ class NodeMaker:
         elif (special := self._special.get(rule)) is not None:
             node = special(tree)
         else:
-            node = self._made(tree, tree.children)
+            node = self._built_node(tree, tree.children)
         self._depth -= rule in _NESTED
         return node
 
     # ---- the general case -----------------------------------------------------------------------------------------
 
-    def _made(self, tree: _Tree, children: Sequence[_Child]) -> Node:
+    def _built_node(self, tree: _Tree, children: Sequence[_Child]) -> Node:
         """Make a node of a tree's class; None among the children is an absent field."""
         node = Node(_KINDS[str(tree.data)], span_of(tree))
         slots = _slots_of(node.kind.pattern)
@@ -255,11 +255,11 @@ class NodeMaker:
             help = meant_code(f"{_as_text(right)} {turned} {_as_text(left)}")
             self._error("FS061", "a quantity that is measured in the run belongs on the left", help, span_of(tree))
         else:
-            return self._made(tree, tree.children)
+            return self._built_node(tree, tree.children)
         return Node(m.Comparison, span_of(tree))
 
     def _assignment(self, tree: _Tree) -> Node:
-        return self._made(tree, [_word_of_ref(child) for child in tree.children])
+        return self._built_node(tree, [_word_of_ref(child) for child in tree.children])
 
     def _dotted(self, token: Token, node: Node, name: str, properties: tuple[str, ...], argument: str = "") -> str:
         """Split `ego.route`: put the actor into field `name` and return the property; report one not in `properties`
@@ -320,7 +320,7 @@ class NodeMaker:
 
     def _shows(self, tree: _Tree) -> Node:
         whose, *rest = tree.children
-        return self._made(tree, (None if _token(whose).type == "SIGNAL" else whose, *rest))
+        return self._built_node(tree, (None if _token(whose).type == "SIGNAL" else whose, *rest))
 
     def _fidelity(self, tree: _Tree) -> Node:
         deviation, whose, ego = tree.children
@@ -328,7 +328,7 @@ class NodeMaker:
             help = "write it like " + write("fidelity 0.00 m ego 0.12 m")
             message = f"a clip's fidelity is that of the ego, not of '{whose}'"
             self._error("FS003", message, help, span_of(_token(whose)))
-        return self._made(tree, (deviation, ego))
+        return self._built_node(tree, (deviation, ego))
 
     def _holding(self, tree: _Tree) -> Node:
         """Return the node of `add` or `change`, which also has the lines of the statement behind it."""
@@ -349,7 +349,7 @@ class NodeMaker:
 
     def _change(self, tree: _Tree) -> Node:
         what, *rest = tree.children  # WAS, NOW, from, for; fewer while the author still types
-        node = self._made(tree, (None, None, *map(_word_of_ref, rest[:2]), *rest[2:]))
+        node = self._built_node(tree, (None, None, *map(_word_of_ref, rest[:2]), *rest[2:]))
         token = _token(what)
         properties = m.changeable_of(str(token).partition(".")[0])
         node.fields["property"] = self._dotted(token, node, "actor", properties)
@@ -357,7 +357,7 @@ class NodeMaker:
         return node
 
     def _network(self, tree: _Tree) -> Node:
-        node = self._made(tree, tree.children)
+        node = self._built_node(tree, tree.children)
         node.fields.setdefault("name", "here")
         return node
 
@@ -373,7 +373,7 @@ class NodeMaker:
         self.settles |= any(isinstance(part, Tree) and part.data in _WORKED_OUT for part in parts)
         is_range = isinstance(values, Tree) and values.data == "range"
         ranges = (values, None) if is_range else (None, values)
-        node = self._made(tree, (name, type_, default, *ranges, distribution))
+        node = self._built_node(tree, (name, type_, default, *ranges, distribution))
         self.stated.append(node)
         return node
 
@@ -384,13 +384,13 @@ class NodeMaker:
         return child if numbers and str(child.children[0]) in self._parameters else _word_of_ref(child)
 
     def _cases(self, tree: _Tree) -> Node:
-        node = self._made(tree, tree.children)
+        node = self._built_node(tree, tree.children)
         self.settles |= any(child.data in _WORKED_OUT for child in _trees(tree.children))
         self.stated.append(node)
         return node
 
     def _weather(self, tree: _Tree) -> Node:
-        node = self._made(tree, ())
+        node = self._built_node(tree, ())
         for setting in _trees(tree.children):
             self._put_setting(node, setting)
         return node
@@ -398,7 +398,7 @@ class NodeMaker:
     def _edge_route(self, tree: _Tree) -> Node:
         listed = next(_trees(tree.children))
         edges: list[_Tree | Token] = [child for child in listed.children if isinstance(child, Token)]
-        node = self._made(tree, (Tree("list", edges, listed.meta),))
+        node = self._built_node(tree, (Tree("list", edges, listed.meta),))
         node.fields["shortest"] = len(edges) < len([c for c in listed.children if c is not None])
         return node
 

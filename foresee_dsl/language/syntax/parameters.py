@@ -68,7 +68,9 @@ class _Settler:
         own = raw.kind is m.Ref and raw.fields.get("name") == holder.fields.get("name")
         # An option of a parameter of words may be the same word as the parameter's name.
         settled = (
-            str(raw.fields["name"]) if own and field in ("default", "options") else self._made(raw, holder, asking)
+            str(raw.fields["name"])
+            if own and field in ("default", "options")
+            else self._result_node(raw, holder, asking)
         )
         values = holder.fields[field]
         if k is None:
@@ -76,7 +78,7 @@ class _Settler:
         elif isinstance(values, tuple):
             holder.fields[field] = (*values[:k], settled, *values[k + 1 :])
 
-    def _made(self, raw: Node, holder: Node, asking: tuple[str, ...]) -> Node:
+    def _result_node(self, raw: Node, holder: Node, asking: tuple[str, ...]) -> Node:
         """Return the node of an expression with its result; an empty node, without a further error, if it has none."""
         nothing = Node(m.Quantity, raw.span)
         builder = Builder(partial=True)
@@ -84,7 +86,7 @@ class _Settler:
         self.errors += builder.errors
         if not isinstance(expression, m.Ref | m.Expression):
             return nothing
-        if not self._known(expression, raw, builder):
+        if not self._names_are_parameters(expression, raw, builder):
             return nothing
         dimensions = Dimensions(self._types)
         if dimensions.of(expression) is None:
@@ -104,7 +106,7 @@ class _Settler:
         fields: dict[str, object] = {"value": result.value, "unit": result.unit, "expression": raw}
         return Node(m.Calculated, raw.span, fields, {"expression": raw.span})
 
-    def _known(self, expression: m.Item, raw: Node, builder: Builder) -> bool:
+    def _names_are_parameters(self, expression: m.Item, raw: Node, builder: Builder) -> bool:
         """Report the names in an expression that are not parameters; return True if all are."""
         unknown = [ref for ref in references(expression) if ref.name not in self._types]
         for ref in unknown:

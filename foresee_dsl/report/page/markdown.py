@@ -84,10 +84,10 @@ def _rendered(contents: Contents, sections: Sequence[tuple[FindingEntry, Marked]
 @cache
 def _templates() -> Environment:
     """Return the templates of reports, with texts escaped for Markdown instead of HTML."""
-    return templates("report").overlay(autoescape=False, finalize=_shown)
+    return templates("report").overlay(autoescape=False, finalize=_escaped_text)
 
 
-def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template inserts
+def _escaped_text(value: Any) -> Any:  # noqa: ANN401 - whatever a template inserts
     return escaped(value) if type(value) is str else value
 
 

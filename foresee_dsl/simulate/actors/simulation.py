@@ -64,7 +64,7 @@ class Simulation:
         rows = {actor.id: number for number, actor in enumerate(self.actors)}
         on_foot = [actor for actor in self.actors if isinstance(actor, PathActor)]
         self._paths = PathGroup(on_foot, [rows[actor.id] for actor in on_foot], self.state_table, self.network)
-        self._shown = ShownActors(self.ego, self.actors, self._paths, self.progress, world)
+        self._shown_actors = ShownActors(self.ego, self.actors, self._paths, self.progress, world)
         self._traffic = SumoTraffic(
             vehicles,
             self.state_table,
@@ -82,9 +82,11 @@ class Simulation:
         self.time_s = 0.0
         for door in self.doors:
             door.follow()
-        insertion = Insertion(world, self._shown, self._traffic, self.sumo_vehicles, self.cruise_mps, self.progress)
+        insertion = Insertion(
+            world, self._shown_actors, self._traffic, self.sumo_vehicles, self.cruise_mps, self.progress
+        )
         insertion.run(bundle)
-        self._shown.find_ego_lane(self.frame)
+        self._shown_actors.find_ego_lane(self.frame)
         self._take_over()
 
     def step(self, control: Control) -> tuple[str, ...]:
@@ -93,7 +95,7 @@ class Simulation:
         self._traffic.slow_for_bends()
         self.ego.drive(control)
         self._paths.move()
-        for guided in self._shown.guided:
+        for guided in self._shown_actors.guided:
             self._guide(guided)
         self._recover()
         for vehicle in self.sumo_vehicles.values() if self.network.bays else ():
@@ -104,13 +106,13 @@ class Simulation:
         self.frame += 1
         self.time_s = round(self.frame * STEP_S, 6)
         with Part.WORLD:
-            self._shown.show(self.frame)
+            self._shown_actors.show(self.frame)
         self.world.step()
         with Part.WORLD:
             self.world.bodies.correct_lane_order()
-            self._shown.settle()
+            self._shown_actors.settle()
         left = self._traffic.follow()
-        self._shown.find_ego_lane(self.frame)
+        self._shown_actors.find_ego_lane(self.frame)
         self._take_over()
         if self.limits.changed:
             self.keep_limits()
@@ -214,7 +216,7 @@ class Simulation:
         for what in self.ignored_rules[vehicle.id]:
             self.world.ignore(vehicle.id, what)
         vehicle.speed = placed.speed_mps
-        self._shown.joined.append(vehicle)
+        self._shown_actors.joined.append(vehicle)
 
     def leave(self, actor: Actor) -> None:
         """Remove an actor from the world for the rest of the run."""
@@ -227,7 +229,7 @@ class Simulation:
         elif isinstance(actor, PathActor):
             self._paths.drop(actor)
         elif isinstance(actor, StaticActor):
-            self._shown.hide(actor)
+            self._shown_actors.hide(actor)
 
     def close_up(self, actor: Actor, *, on: bool) -> None:
         """Let a vehicle that SUMO drives come as near to others as its orders require, or restore its usual gap."""
@@ -286,7 +288,7 @@ class Simulation:
         return SumoVehicle(actor, self.network)
 
     def _recover(self) -> None:
-        taken = [a for a in self._shown.steered if a.taken is not None and a.present]
+        taken = [a for a in self._shown_actors.steered if a.taken is not None and a.present]
         if not taken:
             return
         movers = {a.id: a.mover for a in self.actors if a.present}
@@ -307,7 +309,7 @@ class Simulation:
         return None
 
     def _take_over(self) -> None:
-        for actor in self._shown.steered:
+        for actor in self._shown_actors.steered:
             if actor.present and actor.due(self.time_s):
                 actor.take_over(self.network, self.cruise_mps[actor.id])
                 self.world.take_over(actor.placed)

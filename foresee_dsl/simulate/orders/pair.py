@@ -82,19 +82,19 @@ class Match:
         if self._over(time_s) or not self._other.present:
             self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
             return False
-        self._simulation.order_speed(self._actor, self._asked())
+        self._simulation.order_speed(self._actor, self._target_mps())
         return True
 
     def complete(self) -> bool:
         """Return whether the duration has passed or, without a duration, whether that speed is reached."""
         if self._until_s is not None:
             return self._over(self._simulation.time_s)
-        return not self._other.present or abs(self._actor.speed - self._asked()) < STANDS_MPS
+        return not self._other.present or abs(self._actor.speed - self._target_mps()) < STANDS_MPS
 
     def _over(self, time_s: float) -> bool:
         return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
 
-    def _asked(self) -> float:
+    def _target_mps(self) -> float:
         return max(0.0, self._other.speed * self._factor + self._more)
 
 
@@ -126,14 +126,14 @@ class Synchrony:
                 simulation.cruise_mps[name] = self._final
             simulation.order_speed(self._actor, simulation.cruise_mps[name])
             return False
-        simulation.order_speed(self._actor, self._asked())
+        simulation.order_speed(self._actor, self._target_mps())
         return True
 
     def complete(self) -> bool:
         """Return whether the actor has reached its place, or never will."""
         return self.there
 
-    def _asked(self) -> float:
+    def _target_mps(self) -> float:
         """Return the speed for the next step, m/s."""
         theirs = self._room(self._other, self._their_s)
         now, cruise = self._actor.speed, self._simulation.cruise_mps[self._actor.id]

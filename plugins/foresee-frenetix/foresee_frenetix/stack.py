@@ -92,7 +92,11 @@ class Stack:
         now, tracks = self._last
 
         def decided(others: Tracks, colours: Mapping[str, SignalColour]) -> Wish:
-            return Wish(_asked(self._behaviour(situation_of(now, others, colours), Patience(self._waited))[0], now))
+            return Wish(
+                _required_acceleration(
+                    self._behaviour(situation_of(now, others, colours), Patience(self._waited))[0], now
+                )
+            )
 
         plan = self.plan
         emergency = plan is not None and plan.emergency
@@ -166,7 +170,7 @@ class Stack:
         return braking_plan(self._route, now, start, strongest, last, emergency=True)
 
 
-def _asked(behaviour: Behaviour, now: Situation) -> float:
+def _required_acceleration(behaviour: Behaviour, now: Situation) -> float:
     """Return the acceleration that a behaviour requires: to its stop, or to the speed of its leader, m/s^2."""
     ego = now.ego
     acceleration = 0.0

@@ -34,21 +34,21 @@ class _LearnedDriver:
     _state: Decisions | None = None
 
     def __init__(self) -> None:
-        self._weights = self._found()
+        self._weights = self._packaged_weights()
         self.weights_hash = self._weights.sha256
         self.version = f"{type(self).version} (weights {self._weights.short})"
 
     @classmethod
     def check(cls) -> None:
         """Raise a `DriverError` if the driver cannot drive: without onnxruntime or weights, or with damaged weights."""
-        weights = cls._found()
+        weights = cls._packaged_weights()
         if not weights.named:  # nothing but opening them says whether they are whole
             from foresee_learned.session import network_of
 
             network_of(weights)
 
     @classmethod
-    def _found(cls) -> Weights:
+    def _packaged_weights(cls) -> Weights:
         from foresee_learned.weights import find_weights
 
         if find_spec("onnxruntime") is None:

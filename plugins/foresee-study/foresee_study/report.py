@@ -123,7 +123,7 @@ def write_page(
         preset=results.preset,
         drivers=[f"`{driver}`" for driver in results.drivers],
         repetitions=len({m.repetition for m in results.campaigns}),
-        took=list(_took(results, record)),
+        took=list(_cost_lines(results, record)),
         notes=record.notes,
         parts=parts,
         pictures=pictures,
@@ -133,7 +133,7 @@ def write_page(
     write_whole(page, re.sub(r"\n{3,}", "\n\n", lines).strip("\n") + "\n")
 
 
-def _took(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
+def _cost_lines(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
     """Yield a line for each question: what its campaigns cost, shared ones counted in each."""
     campaigns = {(m.group, m.driver, m.ranker, m.clip_s, m.seed, m.preset): m for m in results.campaigns}
     for name, cost in sorted(record.asked.items()):

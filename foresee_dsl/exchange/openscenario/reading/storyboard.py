@@ -184,7 +184,7 @@ class _Order:
 
     def __init__(self, events: Sequence[Event], reader: ConditionReader) -> None:
         self._events, self._reader = events, reader
-        self._known: dict[int, Begin] = {}
+        self._begins: dict[int, Begin] = {}
         self._working: set[int] = set()
 
     def start_of(self, event: Event) -> Begin:
@@ -192,15 +192,15 @@ class _Order:
             raise NotExpressed("events that wait for what is lost")
         if event.never:
             raise NeverStarts
-        if id(event) in self._known:
-            return self._known[id(event)]
+        if id(event) in self._begins:
+            return self._begins[id(event)]
         if id(event) in self._working:
             raise NotExpressed("events that wait for each other")
         self._working.add(id(event))
         try:
             base, steps = self._begin(event)
             begin = base, self._reader.sharpened(steps, from_the_start=base is None)
-            self._known[id(event)] = begin
+            self._begins[id(event)] = begin
         finally:
             self._working.discard(id(event))
         return begin

@@ -147,7 +147,7 @@ def _add_signals(road_network: Xosc, bundle: SumoBundle, road: bytes, until_s: f
             missing += 1
             continue
         controller = osc.TrafficSignalController(signal.tls)
-        for k, (phase, duration_s) in enumerate(_shown(signal, beginning.get(signal.junction), until_s)):
+        for k, (phase, duration_s) in enumerate(_phases_in_order(signal, beginning.get(signal.junction), until_s)):
             xosc_phase = osc.Phase(f"{signal.stages[signal.phases[phase].stage]}_{k + 1}", figure(duration_s))
             for link in links:
                 letter = signal.phases[phase].state[link]
@@ -157,7 +157,7 @@ def _add_signals(road_network: Xosc, bundle: SumoBundle, road: bytes, until_s: f
     return missing
 
 
-def _shown(signal: Signal, at: tuple[str, float] | None, until_s: float) -> list[tuple[int, float]]:
+def _phases_in_order(signal: Signal, at: tuple[str, float] | None, until_s: float) -> list[tuple[int, float]]:
     """Return the phases of a signal in order, each with its duration, s."""
     stage, elapsed_s = at or (signal.stages[signal.phases[0].stage], 0.0)
     phase, left_s = signal.phase_at(stage, elapsed_s)

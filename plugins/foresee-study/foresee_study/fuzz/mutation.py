@@ -120,7 +120,7 @@ class Mutator:
         actor = self._placed(name, spec, manner, Around(self._bundle, self._rng))
         if actor is None:
             return None
-        return Mutated((*self._lines, m.Add(item=actor)), f"adds {self._told(actor, manner)}")
+        return Mutated((*self._lines, m.Add(item=actor)), f"adds {self._description(actor, manner)}")
 
     def _moved(self, line: Line, old: m.Actor) -> Mutated | None:
         """Move an added actor to another place; its kind of motion stays."""
@@ -136,7 +136,7 @@ class Mutator:
         if actor is None:
             return None
         lines = tuple(m.Add(item=actor) if other is line else other for other in self._lines)
-        return Mutated(lines, f"moves {self._told(actor, manner)}")
+        return Mutated(lines, f"moves {self._description(actor, manner)}")
 
     def _drawn_model(self) -> ModelSpec:
         if float(self._rng.random()) < s.WALKER_SHARE:
@@ -185,7 +185,7 @@ class Mutator:
                 body = (m.EdgeRoute(edges=route), m.StartAt(place=_on_lane(place, around)), _cruise(speed))
                 yield body, None, PlacedActor("", spec, "sumo", x, y, heading, speed_mps=speed)
 
-    def _told(self, actor: m.Actor, manner: Manner) -> str:
+    def _description(self, actor: m.Actor, manner: Manner) -> str:
         how = {"linear": "goes straight on", "immobile": "stands"}.get(manner, "goes along the lanes")
         if actor.kind == "pedestrian" and manner == "autonomous":
             how = "walks about"

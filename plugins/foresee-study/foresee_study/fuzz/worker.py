@@ -61,7 +61,7 @@ def run_job(job: Job) -> Outcome:
         mutator = Mutator(parent, seed, lines_of(job.parent), compile_test_case(parent), rng)
         mutated = mutator.all_changes() if job.settings.together else mutator.one_change()
         if mutated is not None:
-            outcome = _tried(job, mutated, started)
+            outcome = _run_or_refusal(job, mutated, started)
             if isinstance(outcome, Outcome):
                 return replace(outcome, refused=refused)
             last_reason = outcome
@@ -70,7 +70,7 @@ def run_job(job: Job) -> Outcome:
     return Outcome("", last_reason, Verdict.INVALID, "", reason, 0.0, 0.0, wall_s, Quality(), refused)
 
 
-def _tried(job: Job, mutated: Mutated, started: float) -> Outcome | str:
+def _run_or_refusal(job: Job, mutated: Mutated, started: float) -> Outcome | str:
     """Return the run of a mutation, or why it is refused."""
     text = text_of(mutated.lines)
     try:

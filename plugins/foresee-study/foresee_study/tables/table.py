@@ -195,7 +195,7 @@ class Table:
             row if row.kind is RowKind.HEADING else replace(row, values=tuple(row.values[k] for k in chosen))
             for row in self.rows
         )
-        rows = tuple(row for section in _sections(rows) if any(_known(row) for row in section) for row in section)
+        rows = tuple(row for section in _sections(rows) if any(_has_value(row) for row in section) for row in section)
         return replace(self, title=title, columns=tuple(columns), rows=rows, notes=self.notes if last else ())
 
     def as_markdown(self) -> str:
@@ -253,7 +253,7 @@ def _sections(rows: Sequence[Row]) -> list[list[Row]]:
     return sections
 
 
-def _known(row: Row) -> bool:
+def _has_value(row: Row) -> bool:
     return any(value is not None for value in row.values)
 
 

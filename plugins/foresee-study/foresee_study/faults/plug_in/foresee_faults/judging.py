@@ -25,9 +25,9 @@ class ForgetsHidden(Fault):
 
     def settle(self, state: Any) -> None:  # noqa: ANN401 - see Fault
         """Give the driver a tracker that drops tracks early."""
-        state._tracker = Remembering(self._known)
+        state._tracker = Remembering(self._reported_tracks)
 
-    def _known(self, tracks: Tracks) -> Tracks:
+    def _reported_tracks(self, tracks: Tracks) -> Tracks:
         if not self.strength:
             return tracks
         stood = tracks.speed < STANDS_MPS
