@@ -264,6 +264,14 @@ def test_a_renamed_actor_is_one_difference() -> None:
     assert edited(("runner", "racer"), ("speed 50", "speed 60")) != ["renamed runner: racer"]
 
 
+def test_a_name_that_another_kind_of_statement_has_too_is_not_renamed() -> None:
+    """The parameter keeps the name that the actor loses: renaming both went back and forth without end."""
+    now = with_edits(("  ego:", "  param gap: time = 2 s in 0 s..4 s step 1 s\n\n  ego:"))
+    differences = lines(model_of(now.replace("runner", "gap")), model_of(now))
+    assert any("runner" in line for line in differences)
+    assert not [line for line in differences if line.startswith("renamed")]
+
+
 def test_the_order_of_actors_and_triggers_counts() -> None:
     def vehicles(text: str) -> tuple[str, str]:
         start = text.index("  vehicle runner")

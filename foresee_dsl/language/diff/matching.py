@@ -57,10 +57,17 @@ def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
     before, after = _named(a), _named(b)
     gone = [item for key, item in before.items() if key not in after]
     new = [item for key, item in after.items() if key not in before]
+    used = {name for _, name in after}
     for item in gone:
         for other in (other for other in new if type(other) is type(item)):
             old_name, new_name = name_of(item) or "", name_of(other) or ""
-            if not same_value(item, other) and same_value(renamed(item, old_name, new_name), other):
+            # `renamed` also renames statements of other kinds: if one of them keeps the old name, the two renames
+            # alternate forever.
+            if (
+                old_name not in used
+                and not same_value(item, other)
+                and same_value(renamed(item, old_name, new_name), other)
+            ):
                 return old_name, new_name
     return None
 
