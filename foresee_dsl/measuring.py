@@ -83,7 +83,7 @@ class Part(Enum):
     REFERENCES = "references", "reference drivers' decisions", "simulates"
     PIPE = "pipe", "writing and reading a program's lines", "simulates"
     SUMO = "sumo", "SUMO's own step", "simulates"
-    WORLD = "world", "commands to SUMO, reading its state", "simulates"
+    WORLD = "world", "orders to SUMO, reading it", "simulates"
     ACTORS = "actors", "ego and other actors", "simulates"
     DIRECTOR = "director", "director: triggers, conditions", "simulates"
     SENSING = "sensing", "sensing", "simulates"

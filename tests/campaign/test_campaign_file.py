@@ -69,7 +69,7 @@ def test_addresses_and_several_lines(project: Path) -> None:
         ("drivers [idm]", "preset focussed", "FS058", "did you mean 'focused'?"),
         ("drivers [idm]", "drivers [idm, idm]", "FS013", "keep one"),
         ('seeds "**"', 'seeds "none/**"', "FS059", "begin at this file's own folder"),
-        ('seeds "**"', "repeat 2", "FS057", "say which test cases"),
+        ('seeds "**"', "repeat 2", "FS057", "name the test cases to run"),
         ("children 1", "children 1\n  children 2", "FS047", ""),
         ("budget 10 min", "budget 10 m", "FS010", "a time"),
     ],

@@ -96,7 +96,7 @@ def _look_at_plan_and_store(project: Path, out: Path, tmp_path: Path) -> None:
     assert ": 0 results and 0 files" in foresee("store", "gc", out / "store").stdout
     assert foresee("store", "export", out / "store", "--to", tmp_path / "t.csv").stdout.endswith("rows\n")
     merged = foresee("store", "merge", out / "store", "--into", tmp_path / "m").stdout
-    assert f"{sum(sum(v.values()) for v in stat['kinds'].values())} new results, 0 known" in merged
+    assert f"{sum(sum(v.values()) for v in stat['kinds'].values())} new results, 0 already there" in merged
 
 
 def test_two_campaigns_on_one_store_at_once(project: Path, tmp_path: Path) -> None:

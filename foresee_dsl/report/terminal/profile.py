@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 
 from rich.console import Console
 from rich.text import Text
@@ -13,12 +14,14 @@ from foresee_dsl.report.terminal.tables import plain_table
 
 _LEAST = 0.0005
 """Parts below this share of their group's time share one row. Ours: each would read 0.0 %."""
+_COLUMNS = 80
+"""Width of the sentence, as of the table below it, through a pipe too."""
 
 
 def print_profile(console: Console, profile: Profile) -> None:
     """Print a profile: a sentence about the driver, a table of the parts, and notes on what was not measured."""
     console.print()
-    console.print(Text(driver_sentence(profile), style="bold"))
+    console.print(Text(fill(driver_sentence(profile), _COLUMNS), style="bold"))
     of_runs = [part for part in profile.parts if part.share_of_runs is not None]
     around = [part for part in profile.parts if part.share_of_runs is None]
     rows = [*_rows("in runs", of_runs), *_rows("around them", around), _row("together", profile.parts)]
