@@ -57,7 +57,7 @@ def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
     before, after = _named(a), _named(b)
     gone = [item for key, item in before.items() if key not in after]
     new = [item for key, item in after.items() if key not in before]
-    used = {name for _, name in after}
+    used = {name_of(item) for item in after.values()}
     for item in gone:
         for other in (other for other in new if type(other) is type(item)):
             old_name, new_name = name_of(item) or "", name_of(other) or ""
