@@ -132,7 +132,7 @@ def test_without_git_the_old_version_is_unknown(tmp_path: Path) -> None:
     project.edit(project.scenario, "weather rain 0.3", "weather rain 0.5")
     clip, mutant, _ = plan([project.clip])
     assert (clip.state, clip.known, clip.reaching) == (State.STALE, False, ())
-    assert "what changed is unknown" in describe(clip)
+    assert "the change is unknown" in describe(clip)
     assert mutant.follows and mutant.state is State.STALE
     write((clip, mutant))
     load_test_case(project.mutants[0])

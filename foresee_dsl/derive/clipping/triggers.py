@@ -127,7 +127,7 @@ class Triggers:
         return trimmed(remaining)
 
     def _is_over(self, action: m.Action) -> bool:
-        if isinstance(action, m.OfNobody):
+        if isinstance(action, m.WithoutActor):
             return False
         gone = self.moment.gone
         started = isinstance(action, m.Starts) and self.orders_of(action.actor).started_s is not None

@@ -156,7 +156,7 @@ def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Networ
     model = project.definition(path)
     if isinstance(model, m.Network):
         return model
-    raise mistake(c.WRONG_KIND, f"'{used.path}' holds no network", "", "")
+    raise mistake(c.WRONG_KIND, f"'{used.path}' does not hold a network", "", "")
 
 
 def _used_models(project: Project, file: Path, scenario: m.Scenario) -> m.Catalogue:

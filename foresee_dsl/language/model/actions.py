@@ -172,8 +172,8 @@ class MatchesSpeed(Item):
     pattern = "{actor} matches {other} [times {factor}] [plus {more}] [for {duration}]"
     words = """
         matches (action): has another actor's speed at each moment | lead matches ego times 0.9 plus 2 m/s
-        times (link): so many times the other's speed | lead matches ego times 0.9
-        plus (link): so much more than the other's speed; negative: less | lead matches ego plus 2 m/s
+        times (link): a multiple of the other's speed | lead matches ego times 0.9
+        plus (link): added to the other's speed; negative: less | lead matches ego plus 2 m/s
     """
 
     actor: v.ActorName

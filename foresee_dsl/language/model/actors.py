@@ -497,9 +497,9 @@ Moves = (
     | StopsAt
 )
 """Actions that say how an actor moves."""
-OfNobody = TurnsTo | Limit | Wait | Then
+WithoutActor = TurnsTo | Limit | Wait | Then
 """Actions that belong to no actor."""
-Action = Annotated[Moves | Door | OfNobody, ONE_OF]
+Action = Annotated[Moves | Door | WithoutActor, ONE_OF]
 
 Then.model_rebuild()
 

@@ -251,7 +251,7 @@ class Risk(Item):
 
     pattern = "risk {text} [at {at}] [with {actor}] [by {operator}]"
     words = """
-        risk (statement): the forecaster's sentence | risk "what the forecaster saw" at 17.40 s with runner
+        risk (statement): the forecaster's sentence | risk "critical crossing ahead" at 17.40 s with runner
         with (link): which actor the risk is about | risk "..." at 17.40 s with runner
         by (link): with which operator it is to be changed first | risk "..." at 17.40 s with runner by steer
     """

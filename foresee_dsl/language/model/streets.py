@@ -15,7 +15,9 @@ class BannedTurn(Item):
     """`forbid left over middle from [west, east]`: a turn that no vehicle may take there."""
 
     pattern = "forbid {turn} over {junction} from {roads}"
-    words = "forbid (statement): a turn that nobody may take at a junction | forbid left over middle from [west, east]"
+    words = """
+        forbid (statement): a turn that no vehicle may take at a junction | forbid left over middle from [west, east]
+    """
 
     turn: v.Turn
     junction: Annotated[v.Name, Names("junction")]
@@ -44,7 +46,8 @@ class Roundabout(Item):
 
     pattern = "roundabout {name} at {at} { radius; lanes; lane_width; speed; sidewalk; crossings [{crossings}] }"
     words = """
-        roundabout (statement): a ring that roads lead into; on it goes first | roundabout circle at (0 m, 0 m) { ... }
+        roundabout (statement): a ring that roads lead into; vehicles on it go first
+            | roundabout circle at (0 m, 0 m) { ... }
         radius (setting): of the middle of a roundabout's carriageway | radius 18 m
     """
 
@@ -152,7 +155,7 @@ class LaneEnd(Item):
     """`lane 3 of a1 ends at 500 m`: a lane drop: from there the edge has a lane less; lane 1 is the rightmost."""
 
     pattern = "lane {lane} of {edge} ends at {at}"
-    words = "ends (link): where a lane ends, and whoever is on it changes to the next | lane 3 of a1 ends at 500 m"
+    words = "ends (link): where a lane ends, so that its vehicles change lane | lane 3 of a1 ends at 500 m"
 
     lane: _Lane
     edge: Annotated[v.Name, Names("road")]

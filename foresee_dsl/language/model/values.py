@@ -191,7 +191,7 @@ class OfDimension:
         if needed is not None and dimension != needed and not (needed == "count" and dimension == "ratio"):
             raise ValueError(f"needs {needed}, but {value.value:f} {value.unit or '(no unit)'} is {dimension}")
         if needed == "count" and (value.value != value.value.to_integral_value() or value.value < 0):
-            raise ValueError(f"needs a whole number, but {value.value:f} is none")
+            raise ValueError(f"needs a whole number, but {value.value:f} is not")
         return value
 
 

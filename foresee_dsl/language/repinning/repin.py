@@ -129,7 +129,7 @@ def _children(paths: Iterable[str | Path]) -> dict[Path, Path]:
         if kind in ("clip", "mutant"):
             children[absolute(file)] = file
         elif file in named and not is_folder(file):
-            message = f"this holds {f'a {kind}' if kind else 'no definition'}, which pins nothing"
+            message = f"this holds {f'a {kind}, which has no pin' if kind else 'no definition'}"
             help = "name clips and mutants, or a folder of them"
             raise mistake(WRONG_KIND, message, help, shown(file))
     return children
@@ -165,7 +165,7 @@ class _Planner:
         document = load(path, shown_as=shown(self._files[path]))
         model = self._project.definition(self._files[path])
         if not (isinstance(model, m.Clip | m.Mutant) and isinstance(document.model, m.Clip | m.Mutant)):
-            raise TypeError("only clips and mutants get here")
+            raise TypeError("only clips and mutants are planned")
         parent = absolute(path.parent / model.parent)
         before = self._child(parent) if parent in self._files and parent not in self._open else None
         child = self._judge(path, document, document.model, parent, before)
@@ -294,7 +294,7 @@ def _first_line(child: Child, written: bool) -> str:
 
 def _edit(child: Child) -> list[str]:
     if not child.known:
-        unknown = "  what changed is unknown: git has no version of the parent with this pin"
+        unknown = "  the change is unknown: git has no version of the parent with this pin"
         return [unknown] if child.new_pin else []
     lines = [f"  the parent as pinned is in commit {child.commit}"]
     for title, changes in (

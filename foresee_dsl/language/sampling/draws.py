@@ -134,11 +134,7 @@ def with_drawn_cases(document: Document) -> Document:
         try:
             drawn = draw(scenario, item)
         except TooFewError as error:
-            help = (
-                "make a range wider, or ask for less: a "
-                + write("require")
-                + " that nearly nothing satisfies draws nearly nothing"
-            )
+            help = "widen a range, ask for fewer cases, or loosen the " + write("require")
             raise InputError((document.diagnostic(item, "", c.TOO_FEW_DRAWS, str(error), help),)) from None
         place = document.span(item)
         if place is not None:

@@ -37,11 +37,12 @@ FIRST: Mapping[str, tuple[str, HelpText]] = MappingProxyType(
         "keep": (
             "",
             write("require gap < 2 s")
-            + " says which values belong together, `expect always ...` what is to hold in the run",
+            + " restricts the values of parameters, `expect always ...` states what is to hold in the run",
         ),
         "constraint": (
             "",
-            write("require gap < 2 s") + " says which values belong together, `expect always ...` what is to hold",
+            write("require gap < 2 s")
+            + " restricts the values of parameters, `expect always ...` states what is to hold in the run",
         ),
         "import": ("use network", ""),
         "include": ("use network", ""),
@@ -55,70 +56,72 @@ FIRST: Mapping[str, tuple[str, HelpText]] = MappingProxyType(
         "elif": ("", as_opposite("there is no `elif`") + ": write a second trigger, `when ... { ... }`"),
         "for": (
             "",
-            "nothing is repeated by a loop: `when every ... { ... }` fires again, "
+            "there are no loops: `when every ... { ... }` fires again, "
             + write("cases 20 from seed 7")
             + " draws cases",
         ),
-        "foreach": ("", "nothing is repeated by a loop: " + write("cases 20 from seed 7") + " draws test cases"),
-        "repeat": ("", "nothing is repeated by a loop: a trigger `when every ... { ... }` fires again"),
-        "loop": ("", "nothing is repeated by a loop: a trigger `when every ... { ... }` fires again"),
-        "var": ("", "a parameter is written with its type: " + write("param gap: time = 1.5 s")),
-        "let": ("", "a parameter is written with its type: " + write("param gap: time = 1.5 s")),
-        "const": ("", "a parameter is written with its type: " + write("param gap: time = 1.5 s")),
+        "foreach": ("", "there are no loops: " + write("cases 20 from seed 7") + " draws test cases"),
+        "repeat": ("", "there are no loops: a trigger `when every ... { ... }` fires again"),
+        "loop": ("", "there are no loops: a trigger `when every ... { ... }` fires again"),
+        "var": ("", "write a parameter with its type: " + write("param gap: time = 1.5 s")),
+        "let": ("", "write a parameter with its type: " + write("param gap: time = 1.5 s")),
+        "const": ("", "write a parameter with its type: " + write("param gap: time = 1.5 s")),
         "def": (
             "",
-            "nothing is defined by a function: a value is a " + write("param") + ", what happens is a " + write("when"),
+            "there are no functions: write a value as " + write("param") + ", and actions in a " + write("when"),
         ),
         "function": (
             "",
-            "nothing is defined by a function: a value is a " + write("param") + ", what happens is a " + write("when"),
+            "there are no functions: write a value as " + write("param") + ", and actions in a " + write("when"),
         ),
-        "print": ("", "what a run shows is in its report; " + remove("leave this out")),
+        "print": ("", "the report shows the run; " + remove("leave this out")),
         "return": ("", "a scenario returns nothing: " + remove("leave this out")),
-        "do": ("", "actions begin together; for one after the other write `then { ... }`"),
-        "serial": ("", "actions begin together; for one after the other write `then { ... }`"),
+        "do": ("", "actions begin together; to run them one after the other write `then { ... }`"),
+        "serial": ("", "actions begin together; to run them one after the other write `then { ... }`"),
         "parallel": ("", "actions of one block begin together: " + remove("leave this out")),
         "one_of": ("", "a parameter with options and " + write("as choice(3, 1)") + " draws one of several"),
-        "behavior": ("", "what an actor does is written in triggers: " + write("when time >= 0 s { lead stops }")),
+        "behavior": ("", "write the actions of an actor in triggers: " + write("when time >= 0 s { lead stops }")),
         "with": (
             "",
-            "in an actor's block each property is a line: "
+            "write each property on a line of the actor's block: "
             + write("start speed 40 km/h")
             + ", "
             + write("delay 0.5 s"),
         ),
-        "take": ("", "an action begins with its actor: " + write("lead stops")),
-        "terminate": ("", "a run ends by " + write("end after 20 s") + ", and when the ego arrives or fails"),
+        "take": ("", "begin an action with its actor: " + write("lead stops")),
+        "terminate": (
+            "",
+            "a run ends after the time of " + write("end after 20 s") + ", or when the ego arrives or fails",
+        ),
         "record": ("", "everything is recorded: " + remove("leave this out")),
         "simulator": ("", "the simulator is SUMO: " + remove("leave this out")),
         "cover": ("", "`foresee sample` shows what the cases reach: " + remove("leave this out")),
         "emit": (
             "",
-            "triggers are not told of events: "
+            "triggers do not receive events: "
             + remove("leave this out")
-            + ", and write what they wait for, `when distance(ego, lead) < 20 m { ... }`",
+            + ", and write the condition, `when distance(ego, lead) < 20 m { ... }`",
         ),
-        "try": ("", "a trigger says what happens when: " + write("when ego within 10 m of lead { lead stops }")),
-        "interrupt": ("", "a trigger says what happens when: " + write("when ego within 10 m of lead { lead stops }")),
-        "zebra": ("", "people cross where the junction has " + write("crossings")),
-        "class": ("", "models have sizes and abilities in a file `models NAME { ... }`"),
+        "try": ("", "write a trigger: " + write("when ego within 10 m of lead { lead stops }")),
+        "interrupt": ("", "write a trigger: " + write("when ego within 10 m of lead { lead stops }")),
+        "zebra": ("", "for people to cross, the junction needs " + write("crossings")),
+        "class": ("", "write sizes and abilities of models in a file `models NAME { ... }`"),
         "yield": (
             "",
-            "who gives way is the network's: "
+            "the network's rules decide which actor gives way; to change that for an actor, write "
             + write("ignores priority")
-            + " and "
-            + write("meets")
-            + " are what actors do",
+            + " or "
+            + write("meets"),
         ),
     }
 )
 _A_TRIGGER = (
-    "what happens is a trigger: "
+    "write events as a trigger: "
     + write("when time > 5 s { lead stops }")
     + "; `foresee import` reads whole .xosc files"
 )
-_AN_ACTOR = "an actor is a block: " + write("vehicle lead: car.compact { start at 20 m along ego.route }")
-_A_PARAMETER = "a parameter is written with its type: " + write("param gap: time = 1.5 s")
+_AN_ACTOR = "write an actor as a block: " + write("vehicle lead: car.compact { start at 20 m along ego.route }")
+_A_PARAMETER = "write a parameter with its type: " + write("param gap: time = 1.5 s")
 OPENSCENARIO: Mapping[str, Help] = MappingProxyType(
     {
         **dict.fromkeys(

@@ -53,38 +53,38 @@ PHRASES = (
     _phrase(
         (*TOP, "action"),
         r"(?P<place>\bdistance\s+(?:between|from|of)\s+(?P<a>[a-z]\w*)\s+(?:and|to)\s+(?P<b>[a-z]\w*))",
-        r"`\g<place>`: what is measured has its actors in brackets",
+        r"`\g<place>`: write the two actors in brackets",
         meant_code(r"distance(\g<a>, \g<b>)"),
     ),
     _phrase(
         TOP,
         r"^(?:when|expect|if)\b.*?(?P<place>\b(?P<a>[a-z]\w*)\s+(?P<verb>reaches|enters|arrives\s+(?:at|in)|is\s+at)"
         r"\s+(?P<j>[a-z]\w*))",
-        "an actor reaches a junction when it is in it",
+        "no condition tests for reaching a junction, only for being in it",
         meant_code(r"\g<a> in junction \g<j>"),
     ),
     _phrase(
         TOP,
         r"^(?:when|expect|if)\b.*?\btime\s*(?P<place>==?|is)\s*-?[0-9a-z]",
-        r"`\g<place>`: a moment is compared with `>=`",
+        r"`\g<place>`: compare a moment with `>=`",
         meant_code(">="),
     ),
     _phrase(
         TOP,
         r"^(?:when|if)\b.*?[\w)]\s*(?P<place>(?<![<>=!:])=(?![=>]))\s*-?[0-9]",
-        "`=` compares nothing",
-        "numbers are compared by " + write("<") + ", " + write("<=") + ", " + write(">") + " and " + write(">="),
+        "`=` is not a comparison",
+        "compare numbers with " + write("<") + ", " + write("<=") + ", " + write(">") + " or " + write(">="),
     ),
     _phrase(
         TOP,
         r"^(?:when|expect|if)\b.*?(?P<place>\b(?P<a>[a-z]\w*)\s+(?:is\s+)?(?:near|close\s+to)\s+(?P<b>[a-z]\w*))",
-        "how near is a length",
+        "nearness needs a length",
         meant_code(r"\g<a> within 10 m of \g<b>"),
     ),
     _phrase(
         TOP,
         r"^(?:when|if)\b.*?(?P<place>\bthen|\bdo)\s*\{\}$",
-        "what happens stands right behind the condition",
+        "the block comes right behind the condition",
         leave_out(r"\g<place>") + ": " + write("when ego.eta(j4) < 4 s { runner stops }"),
     ),
     # actions
@@ -103,20 +103,20 @@ PHRASES = (
     _phrase(
         _ACTION,
         r"^[a-z]\w*\s+(?P<place>brakes\s+(?:with|by|at))\s+[0-9]",
-        "the deceleration stands right behind the verb",
+        "the deceleration comes right behind the verb",
         meant_code("brakes"),
     ),
     _phrase(
         _ACTION,
         rf"^(?:set\s+)?(?P<a>[a-z]\w*)\.speed\s*(?:=|to\b|:=)\s*{_VALUE}{_END}",
-        "a trigger changes a speed by an action",
+        "a trigger changes a speed with an action",
         meant_code(r"\g<a> changes speed to \g<v>"),
     ),
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?P<verb>accelerates|decelerates|slows(?:\s+down)?|speeds\s+up|drives|goes|moves|runs)"
         rf"\s+(?:to|at|with)\s+{_VALUE}{_END}",
-        "an action changes the speed",
+        "a change of speed is written with `changes speed`",
         meant_code(r"\g<a> changes speed to \g<v>"),
     ),
     _phrase(
@@ -133,18 +133,18 @@ PHRASES = (
         + write(r"\g<a> changes lane left")
         + " and "
         + write(r"\g<a> changes speed to 60 km/h")
-        + ", and what comes later in `then { ... }`",
+        + ", with later steps in `then { ... }`",
     ),
     _phrase(
         _ACTION,
         rf"^(?P<a>[a-z]\w*)\s+(?:changes|moves|merges|cuts\s+in)\s+(?:to\s+)?(?:the\s+)?(?P<s>left|right)(?:\s+lane)?{_END}",
-        "a change of lane names its side",
+        "a change of lane is written with `lane` and a side",
         meant_code(r"\g<a> changes lane \g<s>"),
     ),
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?:runs|ignores|jumps|crosses)\s+(?:the\s+|a\s+)?(?:red|lights?|signal|traffic).*$",
-        "an actor that runs a red light ignores signals",
+        "write an actor that runs a red light as one that ignores signals",
         meant_code(r"\g<a> ignores signals"),
     ),
     _phrase(
@@ -156,32 +156,32 @@ PHRASES = (
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?P<place>crosses|turns\s+(?:left|right))\b",
-        r"`\g<place>` is not an action: the way of an actor is in its block",
-        "write its " + write("route") + " or " + write("path") + " there; " + write(r"\g<a> starts") + " lets it begin",
+        r"`\g<place>` is not an action: the route or path of an actor is in its block",
+        "write its " + write("route") + " or " + write("path") + " there; " + write(r"\g<a> starts") + " starts it",
     ),
     _phrase(
         _ACTION,
         r"^(?P<a>[a-z]\w*)\s+(?P<place>yields|gives\s+way)\b",
-        r"`\g<place>` is not an action: the rules of the network say who gives way",
+        r"`\g<place>` is not an action: the network's rules decide which actor gives way",
         remove("leave it out") + ", or write " + write(r"\g<a> stops for 3 s"),
     ),
     # the block of an actor
     _phrase(
         _ACTOR,
         rf"^(?:speed\s+start|initial_?speed|initialSpeed|start_?speed|initial\s+speed|velocity)\s*[:=]?\s*{_VALUE}{_END}",
-        "the speed at the beginning has two words",
+        "the speed at the beginning is written with two words",
         meant_code(r"start speed \g<v>"),
     ),
     _phrase(
         _ACTOR,
         r"^(?P<place>(?:position|pos|location|spawn(?:\s+at)?|starts\s+at)\s*[:=]?)\s*\S",
-        r"where an actor is at the beginning has two words",
+        r"the place at the beginning is written with two words",
         meant_code("start at"),
     ),
     _phrase(
         _ACTOR,
         r"^(?P<place>destination|target|finish|end)\s*[:=]?\s*\S",
-        "where the ego's way ends is its `goal`",
+        "the place where the ego's route ends is its `goal`",
         meant_code("goal"),
     ),
     _phrase(
@@ -193,25 +193,25 @@ PHRASES = (
     _phrase(
         _ACTOR,
         rf"^start\s+(?:at\s+|on\s+|in\s+|from\s+)?(?P<r>(?!at\b|speed\b|beside\b|the\b|on\b)[a-z]\w*){_END}",
-        "a place on a road is a length along it",
+        "a place on a road needs a length along it",
         meant_code(r"start at 10 m along \g<r>"),
     ),
     _phrase(
         _ACTOR,
         r"^(?:start\s+at|goal)\s+-?[0-9.]+\s*[a-z]+\s+(?P<place>on|of|in|from|into|down)\s+[a-z][\w.]*",
-        r"`\g<place>`: a length counts along a road or a route",
+        r"`\g<place>`: a length is measured along a road or a route",
         meant_code("along"),
     ),
     _phrase(
         _ACTOR,
         r"^route\s+from\s+(?P<a>[a-z]\w*)\s+(?P<place>(?:to|->)\s+(?P<b>[a-z]\w*))",
-        "a route says where it turns, not where it ends",
+        "a route names its turns, not its end",
         "write a turn at each junction, such as " + write(r"route from \g<a> straight over JUNCTION"),
     ),
     _phrase(
         _ACTOR,
         r"^route\s+(?P<place>(?!from\b)(?P<a>[a-z]\w*)(?:\s+[a-z]\w*)*)" + _END,
-        "a route is a road and its turns, or edges in brackets",
+        "write a route as a road and its turns, or as edges in brackets",
         "write a turn at each junction: "
         + write(r"route from \g<a> straight over j4")
         + "; or its edges: "
@@ -220,7 +220,7 @@ PHRASES = (
     _phrase(
         _ACTOR,
         r"^route\b.*?(?P<place>\b(?:turns?\s+)?(?P<t>left|right|straight|back)\s+(?:at|on|in)\s+(?P<j>[a-z]\w*))",
-        r"`\g<place>`: a turn is `over` its junction",
+        r"`\g<place>`: write a turn with `over` and its junction",
         meant_code(r"\g<t> over \g<j>"),
     ),
     _phrase(
@@ -238,36 +238,36 @@ PHRASES = (
     _phrase(
         _ACTOR,
         r"^(?P<place>crosses|walks|moves|goes)\b",
-        r"`\g<place>`: this block says how the actor begins, and where it goes is its path",
+        r"`\g<place>`: this block describes how the actor begins; its path tells where it goes",
         "write it like "
         + write("path [30 m along ego.route offset -5 m, 30 m along ego.route offset 5 m]")
-        + ", across the ego's way; "
+        + ", across the ego's route; "
         + write("NAME starts")
-        + " in a trigger lets it begin",
+        + " in a trigger starts it",
     ),
     # the scenario
     _phrase(
         TOP,
         rf"^(?:duration|timeout|time_limit|max_time|stop\s+after|run\s+for|end\s+at)\s*[:=]?\s*{_VALUE}{_END}",
-        "how long a run takes at most has two words",
+        "the longest time of a run is written with two words",
         meant_code(r"end after \g<v>"),
     ),
     _phrase(
         TOP,
         r"^(?:vehicle|bicycle|pedestrian|obstacle)\s+[a-z]\w*\s*(?P<place>=)\s*[a-z]\w*\.[a-z]\w*",
-        "an actor has its model behind `:`",
+        "write the model of an actor behind `:`",
         meant_code(":"),
     ),
     _phrase(
         TOP,
         r"\bin\s+(?P<place>\[(?P<r>[^\[\],]+\.\.[^\[\],]+)\])",
-        "a range stands without brackets",
+        "write a range without brackets",
         meant_code(r"\g<r>"),
     ),
     _phrase(
         TOP,
         r"^(?P<place>case\s+(?P<n>[a-z]\w*)\s*[:=]\s*(?P<v>[a-z]\w*\s*=\s*[^,{}]+?))" + _END,
-        "the values of a case stand in braces",
+        "write the values of a case in braces",
         meant_code(r"case \g<n> { \g<v> }"),
     ),
     # values
@@ -287,7 +287,7 @@ PHRASES = (
     _phrase(
         (),
         r"^[^(\[]*?(?P<place>(?<![\w.])(?P<whole>[0-9]+),(?P<part>[0-9]+))\s*[a-z]",
-        r"`\g<place>`: the sign in a number is a dot",
+        r"`\g<place>`: write the decimals of a number behind a dot",
         meant_code(r"\g<whole>.\g<part>"),
     ),
 )
@@ -329,10 +329,10 @@ def _expectation(text: str, reads: Callable[[str], bool]) -> Foreign | None:
         return Foreign(start, end, message, meant_code(f"always {inner}"))
     help = (
         write(f"always {inner}")
-        + " wants it in every moment, "
+        + " requires it at every moment, "
         + write(f"never {inner}")
-        + " in none, "
+        + " at none, "
         + write(f"eventually {inner}")
-        + " in one"
+        + " at one"
     )
     return Foreign(start, end, message, help)

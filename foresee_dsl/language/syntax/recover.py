@@ -29,7 +29,7 @@ from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
 _Tree = Tree[Token]
 _EXTENDS = re.compile(r"\bextends\b")
 _LABEL = re.compile(r"(?:add\s+|change\s+)?(?:when|expect)\s+(?:(?:once|every|next)\s+)?([a-z]+)\s*:")
-_NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or " + remove("remove the braces")
+_NO_HEAD = "write its statement in front, such as `ego: car.sedan { ... }`, or " + remove("remove the braces")
 
 _DEFINITIONS = {kind.pattern.split()[0]: m.rule_of(kind) for kind in get_args(m.Definition) if kind is not m.Extension}
 """The rule of each definition, by its first word."""
@@ -104,9 +104,9 @@ class _Recovery:
             message = f"a second definition, `{word[:40]}`, in one file"
             self._error_of(raw, "FS008", message, "give it a file of its own")
         elif not is_first:
-            self._error_of(raw, "FS008", f"`{word[:40]}` stands outside the braces", move_inside("move it inside"))
+            self._error_of(raw, "FS008", f"`{word[:40]}` is outside the braces", move_inside("move it inside"))
         elif meant is None:
-            self._error_of(raw, "FS004", f"`{word[:40]}` cannot be what a file defines", _one_of_the_definitions())
+            self._error_of(raw, "FS004", f"a file cannot define `{word[:40]}`", _one_of_the_definitions())
         elif word != meant:
             end = raw.start + len(word)
             self._error("FS004", f"unknown word '{word[:40]}'", meant_word(meant, word), raw.start, end)
@@ -193,7 +193,7 @@ class _Recovery:
         if raw.start == raw.end:
             return TextError("FS003", "a block without a statement in front of it", _NO_HEAD, place)
         if rule in PLACES and word in USAGE and "{" not in USAGE[word]:
-            return TextError("FS003", f"`{word}` has no block", "write it like " + write(USAGE[word]), place)
+            return TextError("FS003", f"`{word}` takes no block", "write it like " + write(USAGE[word]), place)
         return TextError(refusal.code, refusal.message, refusal.help, place)
 
     def _word(self, raw: Raw, index: int = 0) -> str:
@@ -209,7 +209,7 @@ class _Recovery:
 
 
 def _one_of_the_definitions() -> Help:
-    return "a file holds one of: " + one_of(_DEFINITIONS)
+    return "a file defines one of: " + one_of(_DEFINITIONS)
 
 
 def _shift(tree: _Tree, lines: int, columns: int) -> None:

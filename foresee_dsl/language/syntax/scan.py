@@ -175,7 +175,7 @@ class _Scanner:
             return
         colon = self._text[raw.end - 1] == ":"
         place = self._lines.span(raw.end - colon, raw.end + (not colon))
-        message = "a block stands in braces" if colon else "the `{` of this block is missing"
+        message = "a block needs braces" if colon else "the `{` of this block is missing"
         help: HelpText = "write `{` instead" if colon else "write `{` at the end of this line"
         closing = re.compile(rf"(?:\n[ \t]*(?:#[^\n]*)?)*(?:\n {{{indent + 1},}}[^\n]*|\n[ \t]*)*\n {{{indent}}}\}}")
         if closing.match(self._text, at) is None:
@@ -201,7 +201,7 @@ class _Scanner:
             if not any(error.code == "FS007" for error in self.errors):
                 place = self._lines.span(at, at + 1)
                 self.errors.append(
-                    TextError("FS007", "this `}` closes nothing", remove("remove it") + ", or add the `{`", place)
+                    TextError("FS007", "this `}` has no `{`", remove("remove it") + ", or add the `{`", place)
                 )
             return
         self._stack.pop().raw.close = at + 1

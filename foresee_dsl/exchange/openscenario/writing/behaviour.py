@@ -254,9 +254,9 @@ class _Board:
             if isinstance(action, m.Then):
                 continue
             exact = exact and isinstance(action, _ENDS)
-            if isinstance(action, m.OfNobody) and not isinstance(action, m.Wait):
+            if isinstance(action, m.WithoutActor) and not isinstance(action, m.Wait):
                 self.left_out[f"actions: {action.kind}"] += 1
-            if not isinstance(action, m.OfNobody) and (xosc := self._action(action)) is not None:
+            if not isinstance(action, m.WithoutActor) and (xosc := self._action(action)) is not None:
                 self._remember(action, self._happened.get((index, where)))
                 by_actor.setdefault(action.actor, []).append(xosc)
         for actor, xosc in by_actor.items():
@@ -277,7 +277,7 @@ class _Board:
         return [done] if then.condition is None else self._start(then.condition, done, index, where)
 
     def _action(self, action: m.Action) -> Xosc:
-        if isinstance(action, m.OfNobody) or action.actor not in self._placed:
+        if isinstance(action, m.WithoutActor) or action.actor not in self._placed:
             return None
         actor, xosc = self._placed[action.actor], None
         if isinstance(action, m.ChangesSpeed):
@@ -303,7 +303,7 @@ class _Board:
 
     def _remember(self, action: m.Action, time_s: float | None) -> None:
         """Record how an action of the run affects its actor's motion."""
-        if time_s is None or isinstance(action, m.OfNobody | m.Then):
+        if time_s is None or isinstance(action, m.WithoutActor | m.Then):
             return
         actor = self._placed[action.actor]
         if isinstance(action, m.ChangesSpeed):
