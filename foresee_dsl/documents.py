@@ -1,47 +1,29 @@
-"""Conversion of records to JSON: a dataclass states which values a document contains; data and schema follow from that.
+"""Conversion of records to JSON: a record states which values its document contains; data and schema follow from that.
 
-By default every field appears under its own name. A class attribute `shown` selects fields, properties and methods
-without arguments instead, separated by spaces, in the order of the document:
+A dataclass whose document is not simply its fields has a method `as_document`, which returns the values by key, in the
+order of the document:
 
-    shown = "name class=story.contact time_s:2 opponent?"
+    def as_document(self) -> dict[str, object]:
+        return {"name": self.name, "class": self.story and self.story.contact, "time_s": rounded(self.time_s, 2)}
 
-`key=path` sets another key; its path may lead through other records, and a None on it gives null. A key `files/first`
-is the key `first` of an object `files`. `:2` rounds numbers to two decimals. `?` gives null for an empty value (for
-floats: a value that is not finite). `*` means every field, `*:3` with their numbers rounded.
+The method returns attributes (also of other records), or nested objects of them. The schema comes from the same method,
+which is then called with a stand-in for the record: it knows the types of the attributes instead of their values.
 """
 
 from __future__ import annotations
 
 import math
-import re
 import sys
 import types
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from pathlib import PurePath
-from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 from typing_extensions import TypedDict  # pydantic requires this one before Python 3.12
-
-_WORD = re.compile(r"(?:(\w[\w./-]*)=)?([\w.]+|\*)(\?)?(?::(\d))?")
-
-
-class _Key(NamedTuple):
-    """A key of a document.
-
-    Attributes:
-        name: the key, preceded by the keys of the objects that contain it. path: attributes that lead to the value.
-        digits: decimals to which numbers are rounded; None: unrounded. empty: an empty value becomes null.
-    """
-
-    name: tuple[str, ...]
-    path: tuple[str, ...]
-    digits: int | None
-    empty: bool
-
 
 _PLAIN = frozenset((str, int, bool, types.NoneType))
 
@@ -51,8 +33,12 @@ def plain(value: Any, digits: int | None = None) -> Any:  # noqa: ANN401, PLR091
     kind = value.__class__
     if kind in _PLAIN:  # shortcut for nearly all values of a campaign's document: `match` takes ten times as long
         return value
+    if kind is float:
+        return value if digits is None else round(value, digits)
     if kind is tuple or kind is list:
         return [plain(part, digits) for part in value]
+    if hasattr(kind, "as_document"):
+        return {key: plain(part) for key, part in value.as_document().items()}
     match value:
         case float():
             return value if digits is None else round(value, digits)
@@ -67,30 +53,59 @@ def plain(value: Any, digits: int | None = None) -> Any:  # noqa: ANN401, PLR091
         case Mapping():
             return {plain(key): plain(part, digits) for key, part in value.items()}
     if is_dataclass(value) or hasattr(value, "_asdict"):
-        return _nested((key.name, _value(value, key)) for key in _keys(value.__class__))
+        return {name: plain(getattr(value, name)) for name in _names(kind)}
     return [plain(part, digits) for part in value]
 
 
-def _nested(values: Iterable[tuple[tuple[str, ...], Any]]) -> dict[str, Any]:
-    document: dict[str, Any] = {}
-    for (*above, last), value in values:
-        inner = document
-        for part in above:
-            inner = inner.setdefault(part, {})
-        inner[last] = value
-    return document
+def rounded(value: object, digits: int) -> object:
+    """Return a value of a document with its numbers rounded to this number of decimals, also those of containers."""
+    return value if isinstance(value, _StandIn) else plain(value, digits)
 
 
-def _value(value: Any, key: _Key) -> Any:  # noqa: ANN401 - as above
-    for step in key.path:
-        if value is None:
-            break
-        value = getattr(value, step)
-        if value.__class__ is types.MethodType:
-            value = value()
-    if key.empty and (not math.isfinite(value) if isinstance(value, float) else not value and value != 0):
-        return None
-    return plain(value, key.digits)
+def or_null(value: object) -> object:
+    """Return a value of a document; None if it is empty or a float that is not finite."""
+    if isinstance(value, _StandIn):
+        return _StandIn(value._type, null=True)
+    empty = not math.isfinite(value) if isinstance(value, float) else not value and value != 0
+    return None if empty else value
+
+
+def every_field(record: object, digits: int | None = None) -> dict[str, object]:
+    """Return all fields of a record by name, for `as_document`; with `digits`, their numbers are rounded."""
+    kind: Any = record._type if isinstance(record, _StandIn) else record.__class__
+    names = _names(kind)
+    values = {name: getattr(record, name) for name in names}
+    return values if digits is None else {name: rounded(value, digits) for name, value in values.items()}
+
+
+class _StandIn:
+    """Stands for a record in `as_document`: its attributes are stand-ins for values of their types.
+
+    `_type`: the type of the value. `_null`: the value may also be None.
+    """
+
+    __slots__ = ("_null", "_type")
+
+    def __init__(self, type_: Any, *, null: bool = False) -> None:  # noqa: ANN401 - a type of any kind
+        self._type, self._null = type_, null
+
+    def __getattr__(self, name: str) -> _StandIn:
+        kind, null = self._type, self._null
+        if isinstance(kind, types.UnionType):
+            members = [part for part in get_args(kind) if part is not types.NoneType]
+            null, kind = null or len(members) < len(get_args(kind)), members[0]
+        own = getattr(kind, name, None)
+        call = getattr(own, "fget", None) or getattr(own, "func", None) or own
+        if callable(call):
+            member = get_type_hints(call, include_extras=True)["return"]
+        else:  # resolve this field alone: other fields may have types that exist only for the type checker
+            holder = types.SimpleNamespace(__annotations__={name: kind.__annotations__[name]})
+            member = get_type_hints(holder, vars(sys.modules[kind.__module__]), include_extras=True)[name]
+        return _StandIn(member, null=null)
+
+    def __call__(self) -> _StandIn:
+        """Return a stand-in for the value of a method without arguments."""
+        return self
 
 
 def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of any kind
@@ -100,6 +115,8 @@ def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of
     """
     origin, parts = get_origin(kind), [part for part in get_args(kind) if part is not Ellipsis]
     match kind:
+        case _StandIn():
+            return shape(kind._type | None if kind._null and kind._type is not Any else kind._type)
         case Mapping():
             types_of_keys = {key: shape(part, f"{name}{key.title()}") for key, part in kind.items()}
             return TypedDict(name, types_of_keys)  # type: ignore[operator]
@@ -121,40 +138,14 @@ def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of
 
 
 @cache
-def _shape_of_record(kind: type) -> Any:  # noqa: ANN401 - as above
-    record_type = shape(_nested((key.name, _type_of(kind, key)) for key in _keys(kind)), kind.__name__)
+def _shape_of_record(kind: Any) -> Any:  # noqa: ANN401 - as above
+    record = _StandIn(kind)
+    document = kind.as_document(record) if hasattr(kind, "as_document") else every_field(record)
+    record_type = shape(document, kind.__name__)
     record_type.__doc__ = (kind.__doc__ or "").partition("\n\n")[0]
     return record_type
 
 
-def _type_of(kind: Any, key: _Key) -> Any:  # noqa: ANN401 - as above
-    null = key.empty
-    for step in key.path:
-        members = [part for part in get_args(kind) if part is not types.NoneType]
-        if isinstance(kind, types.UnionType):
-            null, kind = null or len(members) < len(get_args(kind)), members[0]
-        own = getattr(kind, step, None)
-        call = getattr(own, "fget", None) or getattr(own, "func", None) or own
-        if callable(call):
-            kind = get_type_hints(call, include_extras=True)["return"]
-        else:  # resolve this field alone: other fields may have types that exist only for the type checker
-            holder = types.SimpleNamespace(__annotations__={step: kind.__annotations__[step]})
-            kind = get_type_hints(holder, vars(sys.modules[kind.__module__]), include_extras=True)[step]
-    return shape(kind | None if null and kind is not Any else kind)
-
-
 @cache
-def _keys(kind: Any) -> tuple[_Key, ...]:  # noqa: ANN401 - as above
-    names = [field.name for field in fields(kind)] if is_dataclass(kind) else list(getattr(kind, "_fields", ()))
-    return tuple(_read(getattr(kind, "shown", "*"), names))
-
-
-def _read(description: str, names: Sequence[str]) -> Iterator[_Key]:
-    for word in description.split():
-        match = _WORD.fullmatch(word)
-        if match is None:
-            raise ValueError(f"{word!r} does not describe a key of a document")
-        name, path, empty, digits = match.groups()
-        for attribute_path in names if path == "*" else [path]:
-            steps = tuple(attribute_path.split("."))
-            yield _Key(tuple((name or steps[-1]).split("/")), steps, int(digits) if digits else None, bool(empty))
+def _names(kind: Any) -> tuple[str, ...]:  # noqa: ANN401 - a dataclass or a class of named tuples
+    return tuple(field.name for field in fields(kind)) if is_dataclass(kind) else tuple(kind._fields)

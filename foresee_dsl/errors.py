@@ -86,7 +86,16 @@ class Diagnostic:
     fixes: tuple[Edit, ...] = field(default=(), compare=False)
     about: str = field(default="", compare=False)
 
-    shown = "code severity message help path span"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "code": self.code,
+            "severity": self.severity,
+            "message": self.message,
+            "help": self.help,
+            "path": self.path,
+            "span": self.span,
+        }
 
     @classmethod
     def of(

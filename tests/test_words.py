@@ -48,7 +48,7 @@ LEFT = {
     "made": 0,
     "given": 1,
     "asked": 5,
-    "shown": 52,
+    "shown": 2,
     "tried": 2,
     "took": 0,
     "said": 1,

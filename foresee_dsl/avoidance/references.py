@@ -72,7 +72,16 @@ class ReferenceRun:
         text = f"{self.driver} {', '.join(self.how) or 'passes, driving nearly the same way'}"
         return text if self.before in (None, Verdict.PASS) else f"{text} (but fails before the mutation: {self.before})"
 
-    shown = "driver verdict reason before_mutation=before avoids=passes how"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "driver": self.driver,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "before_mutation": self.before,
+            "avoids": self.passes,
+            "how": self.how,
+        }
 
 
 @dataclass(frozen=True)

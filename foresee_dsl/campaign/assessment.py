@@ -15,6 +15,7 @@ from foresee_dsl.campaign.driving import driven, longest_s, new_driver
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.compile import placement_mistakes
+from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import InputError
@@ -55,10 +56,25 @@ class DriverRun:
     broken_expectations: tuple[str, ...] = ()
     """Broken expectations, one sentence each."""
 
-    shown = (
-        "case family driver version verdict broken_expectations reason duration_s way_m hard_brakings step_ms "
-        "digest output=notes.output traceback=notes.traceback hang=notes.hang"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "case": self.case,
+            "family": self.family,
+            "driver": self.driver,
+            "version": self.version,
+            "verdict": self.verdict,
+            "broken_expectations": self.broken_expectations,
+            "reason": self.reason,
+            "duration_s": self.duration_s,
+            "way_m": self.way_m,
+            "hard_brakings": self.hard_brakings,
+            "step_ms": self.step_ms,
+            "digest": self.digest,
+            "output": self.notes.output,
+            "traceback": self.notes.traceback,
+            "hang": self.notes.hang,
+        }
 
     @property
     def passed(self) -> bool:
@@ -79,7 +95,19 @@ class DriverRow:
     hard_brakings: int
     step_ms: float
 
-    shown = "driver family cases verdicts=by_verdict arrived:4 failed:4 mean_mps:3 hard_brakings_per_km:3 step_ms:3"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "driver": self.driver,
+            "family": self.family,
+            "cases": self.cases,
+            "verdicts": self.by_verdict,
+            "arrived": rounded(self.arrived, 4),
+            "failed": rounded(self.failed, 4),
+            "mean_mps": rounded(self.mean_mps, 3),
+            "hard_brakings_per_km": rounded(self.hard_brakings_per_km, 3),
+            "step_ms": rounded(self.step_ms, 3),
+        }
 
     def share(self, *verdicts: Verdict) -> float:
         """Return the share of the cases that ended in one of these verdicts."""
@@ -120,7 +148,15 @@ class Assessment:
     broken: tuple[str, ...] = ()
     """Always empty: a run whose process died counts as a crash among the runs."""
 
-    shown = "seed drivers families runs broken"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "seed": self.seed,
+            "drivers": self.drivers,
+            "families": self.families,
+            "runs": self.runs,
+            "broken": self.broken,
+        }
 
     @property
     def drivers(self) -> tuple[DriverRow, ...]:

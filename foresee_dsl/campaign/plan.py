@@ -16,6 +16,7 @@ from foresee_dsl.campaign.stages import STEPS, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.documents import or_null, rounded
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,16 @@ class StagePlan:
     each_s: float
     measured: bool
 
-    shown = "stage=kind done to_run at_most_more=at_most each_s:3 measured"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "stage": self.kind,
+            "done": self.done,
+            "to_run": self.to_run,
+            "at_most_more": self.at_most,
+            "each_s": rounded(self.each_s, 3),
+            "measured": self.measured,
+        }
 
     @property
     def kind(self) -> str:
@@ -52,7 +62,9 @@ class Allocated:
     first: int
     later_rounds: tuple[Round, ...]
 
-    shown = "rounds first known=later_rounds"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"rounds": self.rounds, "first": self.first, "known": self.later_rounds}
 
     @property
     def sentence(self) -> str:
@@ -80,7 +92,17 @@ class CampaignPlan:
     allocation: Allocated | None = None
     """The rounds so far, if mutants are allocated in rounds."""
 
-    shown = "stages runs=runs_to_do jobs at_most_s=longest_s:1 measured allocation? graph=links"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "stages": self.stages,
+            "runs": self.runs_to_do,
+            "jobs": self.jobs,
+            "at_most_s": rounded(self.longest_s, 1),
+            "measured": self.measured,
+            "allocation": or_null(self.allocation),
+            "graph": self.links,
+        }
 
     @property
     def longest_s(self) -> float:

@@ -15,6 +15,7 @@ from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
+from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict, passes
@@ -79,10 +80,26 @@ class SeedOutcome(Judged):
     broken_expectations: tuple[str, ...] = ()
     """Broken expectations, one sentence each."""
 
-    shown = (
-        "test_case=id family meaning verdict broken_expectations reason duration_s:2 risky_points impact "
-        "near_misses=near preventability anticipation references story notes trace"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "test_case": self.id,
+            "family": self.family,
+            "meaning": self.meaning,
+            "verdict": self.verdict,
+            "broken_expectations": self.broken_expectations,
+            "reason": self.reason,
+            "duration_s": rounded(self.duration_s, 2),
+            "risky_points": self.risky_points,
+            "impact": self.impact,
+            "near_misses": self.near,
+            "preventability": self.preventability,
+            "anticipation": self.anticipation,
+            "references": self.references,
+            "story": self.story,
+            "notes": self.notes,
+            "trace": self.trace,
+        }
 
     @property
     def passed(self) -> bool:
@@ -169,10 +186,28 @@ class ChildOutcome(Judged):
     broken_expectations: tuple[str, ...] = ()
     """As in a `SeedOutcome`."""
 
-    shown = (
-        "mutant=name round drawn_near? meaning operators changes verdict broken_expectations with=with_ reason "
-        "digest file=failed_file? impact near_misses=near preventability anticipation references story"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "mutant": self.name,
+            "round": self.round,
+            "drawn_near": or_null(self.drawn_near),
+            "meaning": self.meaning,
+            "operators": self.operators,
+            "changes": self.changes,
+            "verdict": self.verdict,
+            "broken_expectations": self.broken_expectations,
+            "with": self.with_,
+            "reason": self.reason,
+            "digest": self.digest,
+            "file": or_null(self.failed_file),
+            "impact": self.impact,
+            "near_misses": self.near,
+            "preventability": self.preventability,
+            "anticipation": self.anticipation,
+            "references": self.references,
+            "story": self.story,
+        }
 
     @property
     def passed(self) -> bool:
@@ -219,10 +254,20 @@ class ClipOutcome:
     notes: DriverNotes | None = None
     """As in a `ChildOutcome`."""
 
-    shown = (
-        "clip=name test_case=seed verdict deviation_m/max=largest_m?:4 deviation_m/median_others=median_m?:4 "
-        "deviation_m/ego=ego_m?:4 within_0.1_m=within:4 children"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "clip": self.name,
+            "test_case": self.seed,
+            "verdict": self.verdict,
+            "deviation_m": {
+                "max": rounded(or_null(self.largest_m), 4),
+                "median_others": rounded(or_null(self.median_m), 4),
+                "ego": rounded(or_null(self.ego_m), 4),
+            },
+            "within_0.1_m": rounded(self.within, 4),
+            "children": self.children,
+        }
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:
@@ -264,12 +309,26 @@ class Minimised:
     complete: bool = True
     note: str = ""
 
-    shown = (
-        "file clip=clip_file changed=child.changes reason=child.reason sentence=child.story.sentence "
-        "preventability=child.preventable anticipation=child.anticipation.answer references=child.references "
-        "dropped changes actors clip_lines "
-        "boundary=boundaries runs complete note"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "file": self.file,
+            "clip": self.clip_file,
+            "changed": self.child.changes,
+            "reason": self.child.reason,
+            "sentence": self.child.story and self.child.story.sentence,
+            "preventability": self.child.preventable,
+            "anticipation": self.child.anticipation and self.child.anticipation.answer,
+            "references": self.child.references,
+            "dropped": self.dropped,
+            "changes": self.changes,
+            "actors": self.actors,
+            "clip_lines": self.clip_lines,
+            "boundary": self.boundaries,
+            "runs": self.runs,
+            "complete": self.complete,
+            "note": self.note,
+        }
 
     @property
     def folder(self) -> str:

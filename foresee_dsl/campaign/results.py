@@ -14,6 +14,7 @@ from foresee_dsl.campaign.findings.grouping import Finding, findings_of
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
+from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 
@@ -163,20 +164,47 @@ class CampaignResult:
         ordered = sorted(turns, key=lambda turn: (_avoidable(turn[1]), turn[0], _interest(turn[1])))
         return tuple(child for _, child in ordered[:count])
 
-    shown = (
-        "driver=settings.driver ranker=settings.ranker preset=settings.preset settings seeds/total=total.cases "
-        "seeds/passed=total.cases_passed seeds/failed=total.cases_failed risky_points=total.risky_points "
-        "clips=total.clips children=total.children failures=total.failures preventability=avoidable "
-        "anticipation=anticipated "
-        "fidelity_m/median=total.fidelity_median_m:4 fidelity_m/max=total.fidelity_max_m:4 "
-        "fidelity/driver=settings.driver fidelity/clips=fidelity.clips fidelity/others/actors=fidelity.others "
-        "fidelity/others/median_m=fidelity.others_median_m?:4 "
-        "fidelity/others/within_0.1_m=fidelity.others_within:4 fidelity/others/max_m=fidelity.others_max_m?:4 "
-        "fidelity/ego/median_m=fidelity.ego_median_m?:4 fidelity/ego/max_m=fidelity.ego_max_m?:4 "
-        "simulated_s=total.simulated_s:2 wall_s:2 interrupted broken test_cases=seeds clip_runs=clips findings "
-        "open_first"
-    )
-    """Description of `campaign.json`; all values except `wall_s` are the same for the same inputs."""
+    def as_document(self) -> dict[str, object]:
+        """Return the content of `campaign.json`; all values except `wall_s` are the same for the same inputs."""
+        return {
+            "driver": self.settings.driver,
+            "ranker": self.settings.ranker,
+            "preset": self.settings.preset,
+            "settings": self.settings,
+            "seeds": {"total": self.total.cases, "passed": self.total.cases_passed, "failed": self.total.cases_failed},
+            "risky_points": self.total.risky_points,
+            "clips": self.total.clips,
+            "children": self.total.children,
+            "failures": self.total.failures,
+            "preventability": self.avoidable(),
+            "anticipation": self.anticipated(),
+            "fidelity_m": {
+                "median": rounded(self.total.fidelity_median_m, 4),
+                "max": rounded(self.total.fidelity_max_m, 4),
+            },
+            "fidelity": {
+                "driver": self.settings.driver,
+                "clips": self.fidelity.clips,
+                "others": {
+                    "actors": self.fidelity.others,
+                    "median_m": rounded(or_null(self.fidelity.others_median_m), 4),
+                    "within_0.1_m": rounded(self.fidelity.others_within, 4),
+                    "max_m": rounded(or_null(self.fidelity.others_max_m), 4),
+                },
+                "ego": {
+                    "median_m": rounded(or_null(self.fidelity.ego_median_m), 4),
+                    "max_m": rounded(or_null(self.fidelity.ego_max_m), 4),
+                },
+            },
+            "simulated_s": rounded(self.total.simulated_s, 2),
+            "wall_s": rounded(self.wall_s, 2),
+            "interrupted": self.interrupted,
+            "broken": self.broken,
+            "test_cases": self.seeds,
+            "clip_runs": self.clips,
+            "findings": self.findings,
+            "open_first": self.open_first,
+        }
 
     @cached_property
     def total(self) -> FamilyRow:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.compile.roads.polyline import XY, Points
+from foresee_dsl.documents import every_field
 from foresee_dsl.language.model import AtStop, Expect, MeetsState, Place, When
 
 if TYPE_CHECKING:
@@ -43,7 +44,9 @@ class ModelSpec:
     height_m: float = 1.5
     cruise_mps: float | None = None
 
-    shown = "* rear_overhang_m"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {**every_field(self), "rear_overhang_m": self.rear_overhang_m}
 
     @property
     def rear_overhang_m(self) -> float:

@@ -48,7 +48,9 @@ class DriverInfo:
     package: str
     unavailable: bool = False
 
-    shown = "name version about=doc package"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"name": self.name, "version": self.version, "about": self.doc, "package": self.package}
 
 
 def reference_drivers(address: str) -> tuple[str, ...]:

@@ -58,7 +58,16 @@ class Imported:
     notes: tuple[str, ...] = ()
     lost: Counter[str] = field(default_factory=Counter)
 
-    shown = "files cases taken left_out lost notes"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "files": self.files,
+            "cases": self.cases,
+            "taken": self.taken,
+            "left_out": self.left_out,
+            "lost": self.lost,
+            "notes": self.notes,
+        }
 
 
 def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]:

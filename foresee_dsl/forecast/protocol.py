@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, Self, runtime_checkable
 
+from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
@@ -48,7 +49,19 @@ class RiskyPoint:
     operator: str = ""
     begins: int | None = None
 
-    shown = "rank time_s:2 frame actor group distance_m?:3 why operator? begins?"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "rank": self.rank,
+            "time_s": rounded(self.time_s, 2),
+            "frame": self.frame,
+            "actor": self.actor,
+            "group": self.group,
+            "distance_m": rounded(or_null(self.distance_m), 3),
+            "why": self.why,
+            "operator": or_null(self.operator),
+            "begins": or_null(self.begins),
+        }
 
     @classmethod
     def without_actor(cls, trace: Trace, rank: int, frame: int, score: float, why: str) -> Self:

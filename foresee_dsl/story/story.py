@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from foresee_dsl.documents import or_null, rounded
+
 
 class ContactClass(StrEnum):
     """Classes of contacts that people judge differently."""
@@ -38,7 +40,9 @@ class Moment:
     kind: str
     text: str
 
-    shown = "time_s:2 actor kind text"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"time_s": rounded(self.time_s, 2), "actor": self.actor, "kind": self.kind, "text": self.text}
 
 
 @dataclass(frozen=True)
@@ -67,10 +71,20 @@ class Story:
     touch: str = ""
     mutation: str = ""
 
-    shown = (
-        "sentence class=contact opponent? opponent_kind? ego_manoeuvre opponent_manoeuvre place touch? mutation? "
-        "moments"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "sentence": self.sentence,
+            "class": self.contact,
+            "opponent": or_null(self.opponent),
+            "opponent_kind": or_null(self.opponent_kind),
+            "ego_manoeuvre": self.ego_manoeuvre,
+            "opponent_manoeuvre": self.opponent_manoeuvre,
+            "place": self.place,
+            "touch": or_null(self.touch),
+            "mutation": or_null(self.mutation),
+            "moments": self.moments,
+        }
 
     @property
     def role(self) -> str:

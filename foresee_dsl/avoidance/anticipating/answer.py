@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import ClassVar, Literal, Self
 
 from foresee_dsl.avoidance.judge import ANTICIPATING
+from foresee_dsl.documents import or_null, rounded
 
 ShortAnswer = Literal["braking", "evading", "ahead", "no", "undecided"]
 
@@ -63,7 +64,20 @@ class Anticipation:
     name: ClassVar[str] = ANTICIPATING
     answers: ClassVar[tuple[str, ...]] = tuple(answer.value for answer in Answer)
 
-    shown = "answer why seen_s?:2 begins_s?:2 braking_mps2?:1 sideways_m?:1 slower_mps?:1 spare_s?:2 least_m?:2 runs"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "answer": self.answer,
+            "why": self.why,
+            "seen_s": rounded(or_null(self.seen_s), 2),
+            "begins_s": rounded(or_null(self.begins_s), 2),
+            "braking_mps2": rounded(or_null(self.braking_mps2), 1),
+            "sideways_m": rounded(or_null(self.sideways_m), 1),
+            "slower_mps": rounded(or_null(self.slower_mps), 1),
+            "spare_s": rounded(or_null(self.spare_s), 2),
+            "least_m": rounded(or_null(self.least_m), 2),
+            "runs": self.runs,
+        }
 
     @property
     def avoids(self) -> bool:

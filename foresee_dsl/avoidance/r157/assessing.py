@@ -15,6 +15,7 @@ from typing import ClassVar, Literal, Self, assert_never
 from foresee_dsl.avoidance.judge import R157, Failure, contact
 from foresee_dsl.avoidance.r157.risk import Perception, perceive
 from foresee_dsl.avoidance.replay import Replay
+from foresee_dsl.documents import every_field
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
@@ -61,7 +62,9 @@ class Preventability:
     name: ClassVar[str] = R157
     answers: ClassVar[tuple[str, ...]] = tuple(answer.value for answer in Preventable)
 
-    shown = "*:3"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return every_field(self, 3)
 
     @property
     def answer(self) -> str:

@@ -96,7 +96,17 @@ class Round:
     clips: Mapping[str, int]
     ways: Mapping[str, int]
 
-    shown = "number of children before total clips ways"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "number": self.number,
+            "of": self.of,
+            "children": self.children,
+            "before": self.before,
+            "total": self.total,
+            "clips": self.clips,
+            "ways": self.ways,
+        }
 
     @property
     def sentence(self) -> str:

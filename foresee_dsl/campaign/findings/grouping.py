@@ -11,6 +11,7 @@ from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
+from foresee_dsl.documents import or_null
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -61,13 +62,32 @@ class Finding:
     minimised: Minimised | None = None
     avoided: int | None = None
 
-    shown = (
-        "name sentence=story.sentence class=story.contact verdict test_case family file clip? count siblings "
-        "sibling_files preventability=preventability.verdict why=preventability.why "
-        "anticipation=anticipation.answer anticipation_why=anticipation.why avoided references "
-        "ego_manoeuvre=story.ego_manoeuvre opponent_manoeuvre=story.opponent_manoeuvre? place=story.place "
-        "mutation=story.mutation? minimised"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "name": self.name,
+            "sentence": self.story.sentence,
+            "class": self.story.contact,
+            "verdict": self.verdict,
+            "test_case": self.test_case,
+            "family": self.family,
+            "file": self.file,
+            "clip": or_null(self.clip),
+            "count": self.count,
+            "siblings": self.siblings,
+            "sibling_files": self.sibling_files,
+            "preventability": self.preventability and self.preventability.verdict,
+            "why": self.preventability and self.preventability.why,
+            "anticipation": self.anticipation and self.anticipation.answer,
+            "anticipation_why": self.anticipation and self.anticipation.why,
+            "avoided": self.avoided,
+            "references": self.references,
+            "ego_manoeuvre": self.story.ego_manoeuvre,
+            "opponent_manoeuvre": or_null(self.story.opponent_manoeuvre),
+            "place": self.story.place,
+            "mutation": or_null(self.story.mutation),
+            "minimised": self.minimised,
+        }
 
     @property
     def references(self) -> tuple[ReferenceRun, ...]:

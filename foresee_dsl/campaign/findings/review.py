@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
+from foresee_dsl.documents import or_null
 from foresee_dsl.errors import ForeseeError
 
 
@@ -22,7 +23,15 @@ class Mutation:
     reason: str
     margins: Mapping[str, Mapping[str, Any] | None]
 
-    shown = "name changes verdict reason margins?"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "name": self.name,
+            "changes": self.changes,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "margins": or_null(self.margins),
+        }
 
 
 @dataclass(frozen=True)
@@ -41,7 +50,16 @@ class Review:
     seed: int
     campaign: Path
 
-    shown = "finding asked others withstood files/as_found=as_found files/to_look_at=file commands=command_lines"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "finding": self.finding,
+            "asked": self.asked,
+            "others": self.others,
+            "withstood": self.withstood,
+            "files": {"as_found": self.as_found, "to_look_at": self.file},
+            "commands": self.command_lines,
+        }
 
     @property
     def minimised(self) -> Mapping[str, Any] | None:

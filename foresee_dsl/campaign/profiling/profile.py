@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from foresee_dsl.campaign.profiling.clock import Measurement, Spent
+from foresee_dsl.documents import rounded
 from foresee_dsl.measuring import Part
 
 _NS = 1e-9
@@ -29,7 +30,17 @@ class PartTime:
     share_of_runs: float | None
     share: float
 
-    shown = "part title cpu_s:6 wall_s:6 ms_per_simulated_s:6 share_of_runs:4 share:4"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "part": self.part,
+            "title": self.title,
+            "cpu_s": rounded(self.cpu_s, 6),
+            "wall_s": rounded(self.wall_s, 6),
+            "ms_per_simulated_s": rounded(self.ms_per_simulated_s, 6),
+            "share_of_runs": rounded(self.share_of_runs, 4),
+            "share": rounded(self.share, 4),
+        }
 
 
 @dataclass(frozen=True)
@@ -59,10 +70,22 @@ class Profile:
     wall_s: float
     not_measured: int = 0
 
-    shown = (
-        "drivers parts runs simulated_s:2 decisions driver_share:4 decision_ms:6 begin_s:6 workers waited_s:3 wall_s:3 "
-        "not_measured"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "drivers": self.drivers,
+            "parts": self.parts,
+            "runs": self.runs,
+            "simulated_s": rounded(self.simulated_s, 2),
+            "decisions": self.decisions,
+            "driver_share": rounded(self.driver_share, 4),
+            "decision_ms": rounded(self.decision_ms, 6),
+            "begin_s": rounded(self.begin_s, 6),
+            "workers": self.workers,
+            "waited_s": rounded(self.waited_s, 3),
+            "wall_s": rounded(self.wall_s, 3),
+            "not_measured": self.not_measured,
+        }
 
     @classmethod
     def of(

@@ -58,7 +58,9 @@ class Ran:
     near: Mapping[str, Any] | None = None
     broken_expectations: tuple[str, ...] = ()
 
-    shown = "verdict reason"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"verdict": self.verdict, "reason": self.reason}
 
     @property
     def failed(self) -> bool:
@@ -91,7 +93,15 @@ class Pair:
     base: Ran
     new: Ran
 
-    shown = "test_case=new.name family=new.family base new nearer"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "test_case": self.new.name,
+            "family": self.new.family,
+            "base": self.base,
+            "new": self.new,
+            "nearer": self.nearer,
+        }
 
     @property
     def change(self) -> Change:
@@ -156,10 +166,24 @@ class Comparison:
     only_new: tuple[str, ...]
     edited: tuple[str, ...]
 
-    shown = (
-        "base=base.label new=new.label ok sentence pairs=paired only_base only_new edited broken new_failures fixed "
-        "still_failing nearer rows"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "base": self.base.label,
+            "new": self.new.label,
+            "ok": self.ok,
+            "sentence": self.sentence,
+            "pairs": self.paired,
+            "only_base": self.only_base,
+            "only_new": self.only_new,
+            "edited": self.edited,
+            "broken": self.broken,
+            "new_failures": self.new_failures,
+            "fixed": self.fixed,
+            "still_failing": self.still_failing,
+            "nearer": self.nearer,
+            "rows": self.rows,
+        }
 
     @property
     def ok(self) -> bool:

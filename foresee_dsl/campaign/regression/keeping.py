@@ -47,7 +47,9 @@ class Report:
     notes: tuple[str, ...] = ()
     removed: tuple[Path, ...] = ()
 
-    shown = "tests copied=parents notes removed"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"tests": self.tests, "copied": self.parents, "notes": self.notes, "removed": self.removed}
 
 
 def keep(sources: Sequence[Source], folder: Path, *, name: str = "") -> Report:

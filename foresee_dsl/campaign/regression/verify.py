@@ -64,7 +64,19 @@ class Recheck:
     note: str = ""
     case: str | None = None
 
-    shown = "file status driver expected=was verdict=ending.verdict with=ending.actor now line note"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "file": self.file,
+            "status": self.status,
+            "driver": self.driver,
+            "expected": self.was,
+            "verdict": self.ending and self.ending.verdict,
+            "with": self.ending and self.ending.actor,
+            "now": self.now,
+            "line": self.line,
+            "note": self.note,
+        }
 
     @property
     def path(self) -> Path:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from foresee_dsl.documents import every_field
+
 
 @dataclass(frozen=True)
 class Dropped:
@@ -60,7 +62,9 @@ class Boundary:
     passes: float
     tried: tuple[ValueTrial, ...]
 
-    shown = "* sharp sentence"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {**every_field(self), "sharp": self.sharp, "sentence": self.sentence}
 
     @property
     def sharp(self) -> bool:

@@ -35,7 +35,17 @@ class Code:
     frame: str = "scenario"
     severity: Literal["error", "warning"] = "error"
 
-    shown = "code severity title explanation within=frame wrong=wrong_example right=right_example"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "code": self.code,
+            "severity": self.severity,
+            "title": self.title,
+            "explanation": self.explanation,
+            "within": self.frame,
+            "wrong": self.wrong_example,
+            "right": self.right_example,
+        }
 
     @property
     def wrong_example(self) -> str:

@@ -34,7 +34,9 @@ class Comparison:
     changes: tuple[Difference, ...]
     texts: tuple[TextChange, ...] = ()
 
-    shown = "old new groups changes texts"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"old": self.old, "new": self.new, "groups": self.groups, "changes": self.changes, "texts": self.texts}
 
     @property
     def groups(self) -> tuple[str, ...]:

@@ -75,7 +75,20 @@ class Child:
     new: TestCase | None = field(default=None, compare=False, repr=False)
     document: Document | None = field(default=None, compare=False, repr=False)
 
-    shown = "file state parent pin new_pin follows commit reaching overridden mistakes"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "file": self.file,
+            "state": self.state,
+            "parent": self.parent,
+            "pin": self.pin,
+            "new_pin": self.new_pin,
+            "follows": self.follows,
+            "commit": self.commit,
+            "reaching": self.reaching,
+            "overridden": self.overridden,
+            "mistakes": self.mistakes,
+        }
 
     @property
     def known(self) -> bool:

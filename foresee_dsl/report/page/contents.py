@@ -44,7 +44,9 @@ class Contents:
     overview: tuple[Table, ...] = ()
     numbers: tuple[Table, ...] = ()
 
-    shown = "headline notes findings"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"headline": self.headline, "notes": self.notes, "findings": self.findings}
 
 
 def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:

@@ -45,7 +45,21 @@ class FindingEntry:
     more: tuple[str, ...] = ()
     """Names of further runs, which are not shown."""
 
-    shown = "name sentence=title class=class_ verdict family driver preventability anticipation test_case runs more"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "name": self.name,
+            "sentence": self.title,
+            "class": self.class_,
+            "verdict": self.verdict,
+            "family": self.family,
+            "driver": self.driver,
+            "preventability": self.preventability,
+            "anticipation": self.anticipation,
+            "test_case": self.test_case,
+            "runs": self.runs,
+            "more": self.more,
+        }
 
     @property
     def count(self) -> int:

@@ -95,11 +95,22 @@ class Run:
     commands: tuple[tuple[str, str], ...] = ()
     missing: tuple[str, ...] = ()
 
-    shown = (
-        "name=outcome.name file=outcome.address verdict=outcome.verdict reason=outcome.reason sentence=title moments "
-        "changes unreduced why=outcome.preventability.why "
-        "anticipation_why=outcome.anticipation.why commands=command_lines missing"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "name": self.outcome.name,
+            "file": self.outcome.address,
+            "verdict": self.outcome.verdict,
+            "reason": self.outcome.reason,
+            "sentence": self.title,
+            "moments": self.moments,
+            "changes": self.changes,
+            "unreduced": self.unreduced,
+            "why": self.outcome.preventability and self.outcome.preventability.why,
+            "anticipation_why": self.outcome.anticipation and self.outcome.anticipation.why,
+            "commands": self.command_lines,
+            "missing": self.missing,
+        }
 
     @property
     def command_lines(self) -> tuple[str, ...]:

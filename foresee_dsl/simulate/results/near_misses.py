@@ -25,6 +25,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import IntArray, box_overlap, pairwise_box_distance
 from foresee_dsl.measuring import Part
@@ -64,7 +65,9 @@ class NearMiss:
     time_s: float
     actor: str
 
-    shown = "value?:3 time_s:2 with=actor"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"value": rounded(or_null(self.value), 3), "time_s": rounded(self.time_s, 2), "with": self.actor}
 
 
 @dataclass(frozen=True)

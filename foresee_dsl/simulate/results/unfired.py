@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from foresee_dsl.documents import every_field
+
 
 @dataclass(frozen=True)
 class Nearest:
@@ -27,7 +29,9 @@ class Nearest:
     held: bool = False
     note: str = ""
 
-    shown = "* words"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {**every_field(self), "words": self.words}
 
     @property
     def words(self) -> str:

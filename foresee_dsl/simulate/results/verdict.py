@@ -9,6 +9,7 @@ from enum import StrEnum
 from functools import cached_property
 from typing import Literal, Self
 
+from foresee_dsl.documents import rounded
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
 from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.trace import Trace
@@ -128,10 +129,21 @@ class Impact:
     ego_mps: float
     other_mps: float
 
-    shown = (
-        "with=with_ side other_side ahead_m:3 left_m:3 turned_deg:1 struck_by relative_mps:3 closing_mps:3 ego_mps:3 "
-        "other_mps:3"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "with": self.with_,
+            "side": self.side,
+            "other_side": self.other_side,
+            "ahead_m": rounded(self.ahead_m, 3),
+            "left_m": rounded(self.left_m, 3),
+            "turned_deg": rounded(self.turned_deg, 1),
+            "struck_by": self.struck_by,
+            "relative_mps": rounded(self.relative_mps, 3),
+            "closing_mps": rounded(self.closing_mps, 3),
+            "ego_mps": rounded(self.ego_mps, 3),
+            "other_mps": rounded(self.other_mps, 3),
+        }
 
     @property
     def turned_deg(self) -> float:

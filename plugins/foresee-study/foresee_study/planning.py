@@ -10,6 +10,7 @@ from pathlib import Path
 from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.documents import rounded
 from foresee_study.questions import wanted_by
 from foresee_study.running import Cases, watched
 from foresee_study.settings import BUNDLED, StudySettings, Wanted
@@ -23,14 +24,23 @@ class Planned:
     `longest_s`: one core's time for all that, at most.
     """
 
-    shown = "question campaigns done to_run at_most_more one_core_s=longest_s:1"
-
     question: str
     campaigns: int
     done: int
     to_run: int
     at_most_more: int
     longest_s: float
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "question": self.question,
+            "campaigns": self.campaigns,
+            "done": self.done,
+            "to_run": self.to_run,
+            "at_most_more": self.at_most_more,
+            "one_core_s": rounded(self.longest_s, 1),
+        }
 
 
 def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, store: Store | None) -> tuple[Planned, ...]:

@@ -9,7 +9,7 @@ from functools import cache
 
 from pydantic import TypeAdapter
 
-from foresee_dsl.documents import plain
+from foresee_dsl.documents import or_null, plain, rounded
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz.quality import Quality
@@ -52,10 +52,25 @@ class FuzzRun:
     outcome: Outcome
     text: str = field(default="", repr=False)
 
-    shown = (
-        "name cycle number what score:4 quality verdict with=with_? reason time_s:2 duration_s:2 refused digest? file "
-        "address"
-    )
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "name": self.name,
+            "cycle": self.cycle,
+            "number": self.number,
+            "what": self.what,
+            "score": rounded(self.score, 4),
+            "quality": self.quality,
+            "verdict": self.verdict,
+            "with": or_null(self.with_),
+            "reason": self.reason,
+            "time_s": rounded(self.time_s, 2),
+            "duration_s": rounded(self.duration_s, 2),
+            "refused": self.refused,
+            "digest": or_null(self.digest),
+            "file": self.file,
+            "address": self.address,
+        }
 
     @property
     def what(self) -> str:
@@ -116,7 +131,9 @@ class Cycle:
     runs: tuple[FuzzRun, ...]
     chosen: int = 0
 
-    shown = "number chosen best:4 runs"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"number": self.number, "chosen": self.chosen, "best": rounded(self.best, 4), "runs": self.runs}
 
     @property
     def best(self) -> float:
@@ -138,7 +155,21 @@ class SeedFuzz:
     plain: Outcome | None
     cycles: tuple[Cycle, ...] = ()
 
-    shown = "test_case family verdict reason usable failure runs simulated_s:2 last passing cycles"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "test_case": self.test_case,
+            "family": self.family,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "usable": self.usable,
+            "failure": self.failure,
+            "runs": self.runs,
+            "simulated_s": rounded(self.simulated_s, 2),
+            "last": self.last,
+            "passing": self.passing,
+            "cycles": self.cycles,
+        }
 
     @property
     def verdict(self) -> Verdict | None:
@@ -213,7 +244,18 @@ class FuzzResult:
     broken: tuple[str, ...] = ()
     wall_s: float = 0.0
 
-    shown = "settings interrupted broken failed/count=failures simulated_s:2 wall_s:2 by_cycle seeds"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "settings": self.settings,
+            "interrupted": self.interrupted,
+            "broken": self.broken,
+            "failed": {"count": self.failures},
+            "simulated_s": rounded(self.simulated_s, 2),
+            "wall_s": rounded(self.wall_s, 2),
+            "by_cycle": self.by_cycle,
+            "seeds": self.seeds,
+        }
 
     @property
     def failures(self) -> int:
@@ -252,7 +294,14 @@ class CycleMean:
     failures: int
     mean_best: float
 
-    shown = "cycle seeds failures mean_best:4"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "cycle": self.cycle,
+            "seeds": self.seeds,
+            "failures": self.failures,
+            "mean_best": rounded(self.mean_best, 4),
+        }
 
 
 def encode(outcome: Outcome) -> bytes:

@@ -146,7 +146,15 @@ class Table:
             lines.append(": ".join(part for part in (", ".join(filter(None, new)), column.title) if part))
         return tuple(lines)
 
-    shown = "name title columns=headings rows=shown_rows notes"
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "columns": self.headings,
+            "rows": self.shown_rows,
+            "notes": self.notes,
+        }
 
     @property
     def headings(self) -> tuple[str, ...]:
