@@ -35,7 +35,7 @@ from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.diff.addresses import Comparison as Differences
-from foresee_dsl.language.repinning.repin import Child
+from foresee_dsl.language.repinning.repin import DerivedFile
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.unfired import Unfired
@@ -53,7 +53,7 @@ _RUN = {
 _MUTANT = {"file": str, "operators": list[str], "verdict": Verdict, "with": str, "reason": str, "digest": str}
 _CASE = {"name": str, "values": dict[str, str]}
 _REACH = {"name": str, "smallest": str, "largest": str, "reached": int, "bins": int, "of": str}
-_REPINNED = {**shape(Child).__annotations__, "verdict": list[str] | None}
+_REPINNED = {**shape(DerivedFile).__annotations__, "verdict": list[str] | None}
 _MUTATION = {"name": str, "changes": list[str], "verdict": Verdict, "reason": str, "margins": NearMisses | None}
 _MINIMISED = {"mutant": str, "full": Literal[False], "files": list[str], "runs_now": int} | {
     key: kind for key, kind in shape(Minimised).__annotations__.items() if key not in ("file", "clip")

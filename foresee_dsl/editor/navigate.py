@@ -38,7 +38,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Renaming:
-    """The result of a renaming: the places of the old name, the new name, and the children that become stale."""
+    """The result of a renaming: the places of the old name, the new name, and the files that become stale."""
 
     places: tuple[Place, ...]
     name: str
@@ -82,7 +82,7 @@ def renamed_from(files: Files, path: Path, use: Occurrence) -> Span:
 def rename(files: Files, path: Path, use: Occurrence, name: str) -> Renaming:
     """Return the changes of renaming a name everywhere.
 
-    Files of children (clips and mutants) are never changed: they pin the meaning of their parent, and names are part of
+    Clips and mutants are never changed: they pin the meaning of their parent, and names are part of
     it. Raises `RenameError` if the name cannot be renamed."""
     target = _renamable(files, path, use)
     old = target.occurrence.name
@@ -136,7 +136,7 @@ def _uses(files: Files, path: Path, target: Definition) -> Iterator[tuple[Path, 
 
 def _renamable(files: Files, path: Path, use: Occurrence) -> Definition:
     if _is_child(files, path):
-        raise RenameError("a child's names are its parent's: rename there, then clip and mutate again")
+        raise RenameError("a clip or mutant has the names of its parent: rename there, then clip and mutate again")
     target = files.define(path, use)
     if target is None:
         raise RenameError(f"nothing here defines '{use.name}'")

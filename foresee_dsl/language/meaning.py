@@ -47,7 +47,7 @@ _Json = object
 _T = TypeVar("_T")
 _CACHE_SIZE = 1000
 _CACHE: dict[int, tuple[object, _Json]] = {}
-"""The content of items by identity (items are immutable): the children of a clip share nearly all of their items."""
+"""The content of items by identity (items are immutable): the mutants of a clip share nearly all of their items."""
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
@@ -69,7 +69,7 @@ def clip_pin(clip: m.Clip, parent_meaning: str) -> str:
 
 
 def pin_of(case: TestCase) -> str:
-    """Return the pin for a child of this test case: a scenario's or mutant's meaning, or the clip's pin."""
+    """Return the pin for files derived from this test case: a scenario's or mutant's meaning, or the clip's pin."""
     if case.clip is not None and case.mutant is None:
         return clip_pin(case.clip, case.clip.pin)
     return case.meaning

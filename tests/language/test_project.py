@@ -209,7 +209,7 @@ def test_a_changed_value_changes_the_meaning_and_makes_children_stale(
     assert found.code == STALE_PIN
     assert before in found.message and now in found.message
     assert underlined(found) == before
-    assert found.help == "the parent has changed: run `foresee repin` to see the effect on this child"
+    assert found.help == "the parent has changed: run `foresee repin` to see the effect on this file"
     assert mistake(folder.mutant) == found
     assert load_test_case(folder.mutant, check_pin=False).mutant is not None
 

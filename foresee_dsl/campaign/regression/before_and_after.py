@@ -1,4 +1,4 @@
-"""Effect of a parent's edit on its children: each is run under the old parent and under the new one."""
+"""Effect of a parent's edit on its derived files: each is run under the old parent and under the new one."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from foresee_dsl.campaign.driving import recorded_run, run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.language.repinning.repin import Child
+from foresee_dsl.language.repinning.repin import DerivedFile
 
 
-def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, tuple[str, str]]:
-    """Run each child under its old parent and under the edited one, in new processes.
+def before_and_after(derived_files: Sequence[DerivedFile], *, jobs: int = 1) -> dict[Path, tuple[str, str]]:
+    """Run each derived file under its old parent and under the edited one, in new processes.
 
-    Driver and seed are those that the child records (otherwise `pdm` and 0).
+    Driver and seed are those that the derived file records (otherwise `pdm` and 0).
 
     Raises:
         DriverError: files record programs as drivers, which this command does not start; no run was started.
@@ -24,9 +24,9 @@ def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, 
     Returns:
         For each file how the run under the old parent ended ("" if that parent is unknown), and how the new one did.
     """
-    runs = {f"{child.file} {when}": run for child in children for when, run in _runs_of(child)}
+    runs = {f"{derived.file} {when}": run for derived in derived_files for when, run in _runs_of(derived)}
     refuse_programs(
-        ((_driver_and_seed(child.new or child.old)[0], child.file) for child in children),
+        ((_driver_and_seed(derived.new or derived.old)[0], derived.file) for derived in derived_files),
         "`foresee verify --run-programs` runs them",
     )
     with WorkerPool(jobs) as pool:
@@ -34,8 +34,8 @@ def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, 
         ended = {
             task.name: outcome.reason if isinstance(outcome, Broken) else outcome for task, outcome in pool.results()
         }
-    return {child.file: (ended.get(f"{child.file} old", ""), ended[f"{child.file} new"])
-            for child in children if child.new is not None}  # fmt: skip
+    return {derived.file: (ended.get(f"{derived.file} old", ""), ended[f"{derived.file} new"])
+            for derived in derived_files if derived.new is not None}  # fmt: skip
 
 
 def drive(case: TestCase, driver: str, seed: int) -> str:
@@ -44,11 +44,11 @@ def drive(case: TestCase, driver: str, seed: int) -> str:
     return result.reason or result.verdict.value
 
 
-def _runs_of(child: Child) -> list[tuple[str, tuple[TestCase, str, int]]]:
-    """Return the child's runs with driver and seed; without a run whose foreign network exists only in git."""
+def _runs_of(derived: DerivedFile) -> list[tuple[str, tuple[TestCase, str, int]]]:
+    """Return the derived file's runs with driver and seed; without a run whose foreign network exists only in git."""
     return [
         (when, (case, *_driver_and_seed(case)))
-        for when, case in (("old", child.old), ("new", child.new))
+        for when, case in (("old", derived.old), ("new", derived.new))
         if case is not None and (not isinstance(case.network, Path) or case.network.is_file())
     ]
 

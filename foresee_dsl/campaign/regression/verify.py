@@ -34,7 +34,7 @@ from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.language.repinning.repin import Child, State, plan
+from foresee_dsl.language.repinning.repin import DerivedFile, State, plan
 from foresee_dsl.simulate.results.verdict import Verdict
 
 LONGEST_S = 300.0
@@ -241,26 +241,26 @@ def reached(files: Sequence[Path]) -> dict[Path, str]:
     for file in files:
         family |= dict.fromkeys(_ancestors(file))
     try:
-        children = {absolute(child.file): child for child in plan(family)}
+        derived_files = {absolute(derived.file): derived for derived in plan(family)}
     except InputError:  # one file with errors must not affect the others
         return {} if len(files) == 1 else {file: why for each in files for file, why in reached([each]).items()}
-    return {file: why for file in files if (why := _why_stale(children.get(absolute(file)))) is not None}
+    return {file: why for file in files if (why := _why_stale(derived_files.get(absolute(file)))) is not None}
 
 
-def _why_stale(child: Child | None) -> str | None:
-    """Return why a child cannot be run under its edited parent; "" if it can, None if that is unknown."""
-    if child is None:
+def _why_stale(derived: DerivedFile | None) -> str | None:
+    """Return why a clip or mutant cannot be run under its edited parent; "" if it can, None if that is unknown."""
+    if derived is None:
         return None
-    if child.state in (State.CONFLICT, State.BLOCKED):
-        messages = [mistake.message for mistake in child.mistakes if mistake.code != STALE_PIN]
+    if derived.state in (State.CONFLICT, State.BLOCKED):
+        messages = [mistake.message for mistake in derived.mistakes if mistake.code != STALE_PIN]
         return f"it no longer fits its parent: {messages[0]}" if messages else None
-    if not child.known or child.old is None or child.new is None:
+    if not derived.has_old_parent or derived.old is None or derived.new is None:
         return "git has no version of the parent with this pin, so that the edit is unknown"
-    return "the edit reaches it: " + "; ".join(map(str, child.reaching)) if child.reaching else ""
+    return "the edit reaches it: " + "; ".join(map(str, derived.reaching)) if derived.reaching else ""
 
 
 def _ancestors(file: Path) -> Iterable[Path]:
-    """Yield the clips and mutants that a child descends from."""
+    """Yield the clips and mutants that a file is derived from."""
     try:
         model = load(file).model
         while isinstance(model, Mutant | Clip):

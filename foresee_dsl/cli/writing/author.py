@@ -45,11 +45,12 @@ def compile_(
 
 def expand(
     address: Annotated[
-        str, typer.Argument(metavar="FILE[::CASE]", help="A child, or a test case.", autocompletion=case_addresses)
+        str,
+        typer.Argument(metavar="FILE[::CASE]", help="A clip, a mutant, or a test case.", autocompletion=case_addresses),
     ],
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Print a child or a test case as one complete scenario, with its parents and its network written out.
+    """Print a clip, a mutant or a test case as one complete scenario, with its parents and its network written out.
 
     [dim]foresee expand out/children/scenario7/red_light_runner_r02_p1_m3.foresee[/dim]
     """

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 def diff(
-    old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE; without NEW, a child.")],
+    old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE; without NEW, a clip or a mutant.")],
     new: Annotated[
-        str, typer.Argument(metavar="NEW", help="Another; without it, OLD is compared with its parent.")
+        str, typer.Argument(metavar="NEW", help="The other file; without it, OLD is compared with its parent.")
     ] = "",
     format: Annotated[
         str,
@@ -149,18 +149,21 @@ def _colour() -> bool:
 
 
 def repin(
-    paths: Annotated[list[Path], typer.Argument(metavar="CHILD", help="Clips and mutants, or folders of them.")],
+    paths: Annotated[list[Path], typer.Argument(metavar="FILE", help="Clips and mutants, or folders of them.")],
     write: Annotated[
         bool, typer.Option("--write/--dry-run", help="Write the new pins; by default only show what would happen.")
     ] = False,
     run: Annotated[
-        bool, typer.Option("--run", help="Run every stale child before and after, and compare the verdicts.")
+        bool,
+        typer.Option(
+            "--run", help="Run every stale file with the old parent and with the new one, and compare the verdicts."
+        ),
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Show how a parent's edit affects its stale children, and write their new pins.
+    """Show how a parent's edit affects its stale clips and mutants, and write their new pins.
 
-    A child that no longer fits its parent is a conflict: it is reported and not changed, and the exit code is 1.
+    A file that no longer fits its parent is a conflict: it is reported and not changed, and the exit code is 1.
 
     [dim]foresee repin out/children
     foresee repin regressions --write
@@ -169,23 +172,23 @@ def repin(
     from foresee_dsl.language.repinning.repin import State, describe, plan, summary
     from foresee_dsl.language.repinning.repin import write as write_pins
 
-    children = plan(paths, _placement)
+    derived_files = plan(paths, _placement)
     verdicts: dict[Path, tuple[str, str]] = {}
     if run:
         from foresee_dsl.campaign.regression.before_and_after import before_and_after
 
-        verdicts = before_and_after([child for child in children if child.state is State.STALE])
-    written = write_pins(children) if write else ()
-    failed = [child for child in children if child.state in (State.CONFLICT, State.BLOCKED)]
+        verdicts = before_and_after([derived for derived in derived_files if derived.state is State.STALE])
+    written = write_pins(derived_files) if write else ()
+    failed = [derived for derived in derived_files if derived.state in (State.CONFLICT, State.BLOCKED)]
     if json:
         from foresee_dsl.documents import plain
 
-        listed = [plain(child) | {"verdict": verdicts.get(child.file)} for child in children]
+        listed = [plain(derived) | {"verdict": verdicts.get(derived.file)} for derived in derived_files]
         print_json({"ok": not failed, "written": written, "children": listed})
     else:
-        for child in children:
-            typer.echo(describe(child, verdicts.get(child.file), written=write), nl=False)
-        typer.echo(summary(children, written=write))
+        for derived in derived_files:
+            typer.echo(describe(derived, verdicts.get(derived.file), written=write), nl=False)
+        typer.echo(summary(derived_files, written=write))
     if failed:
         raise typer.Exit(FAILED)
 

@@ -47,9 +47,9 @@ class Comparison:
 def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comparison:
     """Compare two files, or test cases (`file.foresee::case`).
 
-    Two files of one kind are compared as written, with the networks and models that they use. A file with a case, or a
-    child (even a stale one) and its parent, are compared as the full scenarios that they expand to. If one of two
-    scenarios extends another, it is joined with that first.
+    Two files of one kind are compared as written, with the networks and models that they use. Two test cases, and a
+    clip or mutant (even a stale one) and its parent, are compared as the full scenarios that they expand to. A scenario
+    that extends another is expanded first.
 
     Raises:
         InputError: an error in a file, or two files that cannot be compared.
@@ -65,9 +65,9 @@ def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comp
     return Comparison(old, new, diff_files(project, (old_file, a), (new_file, b)), texts_only)
 
 
-def parent_address(child: str) -> str:
-    """Return the address of a child's parent, to compare the two."""
-    file, _ = parse_address(child)
+def parent_address(derived: str) -> str:
+    """Return the address of the parent of a clip or mutant, to compare the two."""
+    file, _ = parse_address(derived)
     model = Project(check_pin=False).definition(file)
     if not isinstance(model, m.Clip | m.Mutant | m.Extension):
         message = f"this holds a {model.kind}, which has no parent"
@@ -78,19 +78,19 @@ def parent_address(child: str) -> str:
 
 
 def _cases(project: Project, old: tuple[str, m.Definition], new: tuple[str, m.Definition]) -> tuple[TestCase, TestCase]:
-    """Return both test cases; if one is a child, the other, a scenario, is taken at the child's case."""
+    """Return both test cases. A scenario that is compared with a clip or mutant is taken at the case of that clip."""
     addresses = []
-    for (address, model), (other, child) in ((old, new), (new, old)):
-        case = _case_of_parent(project, other, child) if isinstance(model, m.Scenario | m.Extension) else None
+    for (address, model), (other, derived) in ((old, new), (new, old)):
+        case = _case_of_parent(project, other, derived) if isinstance(model, m.Scenario | m.Extension) else None
         addresses.append(f"{address}::{case}" if case and not parse_address(address)[1] else address)
     return project.test_case(addresses[0]), project.test_case(addresses[1])
 
 
-def _case_of_parent(project: Project, address: str, child: m.Definition) -> str | None:
-    if isinstance(child, m.Mutant):
+def _case_of_parent(project: Project, address: str, derived: m.Definition) -> str | None:
+    if isinstance(derived, m.Mutant):
         case = project.test_case(address)
         return case.clip.case if case.clip is not None else None
-    return child.case if isinstance(child, m.Clip) else None
+    return derived.case if isinstance(derived, m.Clip) else None
 
 
 def diff_cases(old: TestCase, new: TestCase) -> tuple[Difference, ...]:

@@ -34,7 +34,7 @@ def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
     """Return the differences in meaning, in the order of the first file; additions come last in their block.
 
     Names of the definitions, `doc`, tags, comments, layout, units, the order of statements where it has no meaning,
-    and the origin of a child do not count. To compare a child with its parent, expand both
+    and the origin of a mutant do not count. To compare a clip or a mutant with its parent, expand both
     (`expand.expanded_model`), or see `compare_addresses`.
 
     Raises:
@@ -42,7 +42,7 @@ def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
     """
     if type(a) is not type(b):
         message = f"'{a.name}' is a {a.kind}, but '{b.name}' is a {b.kind}"
-        help = "compare two files of one kind, or a child with its expanded parent"
+        help = "compare two files of one kind, or a clip or mutant with its expanded parent"
         raise mistake(c.DIFFERENT_KINDS, message, help, "")
     after, names = renames(a, b)
     place = _Place("", (), _group_of_file(a))

@@ -32,7 +32,7 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
     """Return the lints of a file without errors, sorted by place, except those that a comment allows.
 
     `cases`: the test cases of the file (none for a network or a catalogue). A lint of several cases is reported once.
-    Children have no lints of their own: the lints belong to their parents.
+    Clips and mutants have no lints of their own: the lints belong to their parents.
     """
     lints: dict[tuple[Span | None, str], Diagnostic] = {}
     if isinstance(document.model, m.Scenario):

@@ -85,14 +85,15 @@ class TestCase:
 
     Attributes:
         id: its address: `scenarios/scenario7.foresee::r03`, or a clip's or mutant's file.
-        scenario: a concrete scenario, without parameters, cases or references; in a child, every actor has a `State`.
+        scenario: a concrete scenario, without parameters, cases or references; in a clip or a mutant, every actor has a
+            `State`.
         network: a network of the language, or the absolute path of a foreign `.net.xml` or `.xodr`.
         models: all models that may be named, by name (the bundled catalogue, then the file's own).
         meaning: `sha256:` and 12 digits, a hash of the scenario, the network and the models that the scenario names,
             without comments, `doc`, tags, layout, file names and the case's name.
         source: the addressed file.
         document: the parsed file; None for a test case built in memory.
-        clip, mutant: the child's definition; None for other test cases.
+        clip, mutant: the definition in its file; None if the file has no such definition.
     """
 
     __test__ = False  # pytest would collect this class by its name

@@ -37,7 +37,7 @@ def load_test_case(address: str | Path, *, allow_outside: bool = True, check_pin
         address: a scenario, clip or mutant file, or `file.foresee::case`.
         allow_outside: whether the files that it uses may lie outside the project folder: of the working folder, or of
             the addressed file (`addresses.project_folder`).
-        check_pin: whether a child whose parent has changed is an error (code `STALE_PIN`).
+        check_pin: whether a clip or mutant whose parent has changed is an error (code `STALE_PIN`).
 
     Raises:
         InputError: the errors in any of the files, with their places.
@@ -349,7 +349,7 @@ class Project:
         now = pin_of(parent)
         if self._check_pin and now != pin:
             message = f"the parent '{parent.id}' has the hash {now} now, but {pin} is pinned"
-            help = "the parent has changed: run `foresee repin` to see the effect on this child"
+            help = "the parent has changed: run `foresee repin` to see the effect on this file"
             use.fail(c.STALE_PIN, message, help, field="pin")
         return parent
 
@@ -416,7 +416,7 @@ def _name_another(use: _Use, word: str) -> Help:
 
 
 def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: HelpText) -> NoReturn:
-    """Raise at the child that names the case; if the address named it, at the file."""
+    """Raise at the clip that names the case; if the address named it, at the file."""
     if use is not None:
         use.fail(code, message, help, field="case")
     raise InputError((file.document.diagnostic(None, "", code, message, help),))

@@ -1,1 +1,2 @@
-"""Stale children and their parent's edit: the plan (`repin`), its words (`text`), old versions in git (`history`)."""
+"""Stale clips and mutants after an edit of their parent: `repin` plans their new pins, `history` finds old versions in
+git."""

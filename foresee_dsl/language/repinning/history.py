@@ -45,7 +45,7 @@ _USED = re.compile(r'"([^"\n]+\.(?:foresee|net\.xml|xodr))"')
 
 @dataclass(frozen=True)
 class OldParent:
-    """A parent as it was when a child pinned it, and the (abbreviated) commit that has it."""
+    """A parent as it was when a derived file pinned it, and the (abbreviated) commit that has it."""
 
     case: TestCase
     commit: str
@@ -54,7 +54,7 @@ class OldParent:
 class History:
     """Old versions of files, extracted from git into a temporary folder on demand.
 
-    It is a context manager, which deletes the folder at the end. Results are cached, so that many children of one
+    It is a context manager, which deletes the folder at the end. Results are cached, so that many derived files of one
     parent need one search.
     """
 
@@ -98,7 +98,7 @@ class _Version:
         self._project: Project | None = None
 
     def case(self, case: str | None) -> TestCase | None:
-        """Load the test case; None if it did not exist, or had errors, so that no child can have pinned it."""
+        """Load the test case; None if it did not exist, or had errors, so that no derived file can have pinned it."""
         if self._project is None:
             for file, content in _files_then(self._root, self.commit, self._name).items():
                 (self._folder / file).parent.mkdir(parents=True, exist_ok=True)

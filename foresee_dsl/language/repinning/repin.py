@@ -1,5 +1,5 @@
-"""Re-pins stale children: finds the effect of a parent's edit on each child, and the new pin if the child is still
-valid."""
+"""Re-pins stale derived files (clips and mutants): finds the effect of a parent's edit on each of them, and the new pin
+if the file is still valid."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ Validate = Callable[[TestCase], Sequence[Diagnostic]]
 
 
 class State(StrEnum):
-    """State of a child, which decides what can be done."""
+    """State of a derived file, which decides what can be done."""
 
     FRESH = "fresh"
     """Its pin is up to date."""
     STALE = "stale"
-    """Its parent changed, and the child is valid with the new pin."""
+    """Its parent changed, and the derived file is valid with the new pin."""
     CONFLICT = "conflict"
-    """Its parent changed so that the child is no longer valid: not re-pinned."""
+    """Its parent changed so that the derived file is no longer valid: not re-pinned."""
     BLOCKED = "blocked"
     """Its parent is stale too, and is not or cannot be re-pinned."""
 
 
 @dataclass(frozen=True)
-class Child:
-    """A child, and the effect of its parent's edit on it.
+class DerivedFile:
+    """A clip or a mutant, and the effect of its parent's edit on it.
 
     Attributes:
         file: the path as the user named it, or beside a named file.
@@ -55,10 +55,10 @@ class Child:
         new_pin: the hash of the parent's present meaning; "" if the parent cannot be read.
         follows: True if the pin changes only because the parent is itself re-pinned.
         commit: the commit with the pinned version; "" if unknown.
-        reaching: differences between the child under the old parent and under the new one.
-        overridden: changes of the parent that do not reach the child, because it has its own statement.
+        reaching: differences between the derived file under the old parent and under the new one.
+        overridden: changes of the parent that do not reach the derived file, because it has its own statement.
         mistakes: reasons for a conflict or a block.
-        old, new: the full scenario of the child under the old parent (if known) and the new one.
+        old, new: the full scenario of the derived file under the old parent (if known) and the new one.
     """
 
     file: Path
@@ -91,37 +91,39 @@ class Child:
         }
 
     @property
-    def known(self) -> bool:
+    def has_old_parent(self) -> bool:
         """True if git has the pinned version of the parent."""
         return self.follows or bool(self.commit)
 
 
-def plan(paths: Iterable[str | Path], validate: Validate | None = None) -> tuple[Child, ...]:
-    """Return the states of children (files, or folders of them) after changes of their parents, parents first.
+def plan(paths: Iterable[str | Path], validate: Validate | None = None) -> tuple[DerivedFile, ...]:
+    """Return the states of derived files, named by file or folder, after changes of their parents, parents first.
 
-    Children of files that would be re-pinned, in the same folder, are included, because they would become stale.
-    `validate` checks every child under the new parent.
+    Files in the same folder that derive from a file that would be re-pinned are included, because they become stale
+    too. `validate` checks every derived file under the new parent.
 
     Raises:
-        InputError: a path does not exist, a named file is not a child, or a child has errors of its own.
+        InputError: a path does not exist, a named file is not a clip or a mutant, or such a file has errors of its own.
     """
     with History() as history:
-        return _Planner(_children(paths), validate or (lambda _: ()), history).all()
+        return _Planner(_derived_files(paths), validate or (lambda _: ()), history).all()
 
 
-def write(children: Iterable[Child]) -> tuple[Path, ...]:
-    """Write the new pins of stale children, one line of each file, and return the files."""
+def write(derived_files: Iterable[DerivedFile]) -> tuple[Path, ...]:
+    """Write the new pins of stale derived files, one line of each file, and return the files."""
     written = []
-    for child in children:
-        if child.state is State.STALE and child.document is not None:
-            write_whole(child.file, with_pin(read_outside(child.file).decode("utf-8"), child.document, child.new_pin))
-            written.append(child.file)
+    for derived in derived_files:
+        if derived.state is State.STALE and derived.document is not None:
+            write_whole(
+                derived.file, with_pin(read_outside(derived.file).decode("utf-8"), derived.document, derived.new_pin)
+            )
+            written.append(derived.file)
     return tuple(written)
 
 
 def with_pin(text: str, document: Document, pin: str) -> str:
-    """Return a child's text (`document`: the parsed text) with another pin; the rest stays byte for byte, with its
-    line ends."""
+    """Return a derived file's text (`document`: the parsed text) with another pin; the rest stays byte for byte, also
+    its line ends."""
     model = document.model
     span = document.span(model, "pin")
     if not isinstance(model, m.Clip | m.Mutant) or span is None:
@@ -133,23 +135,23 @@ def with_pin(text: str, document: Document, pin: str) -> str:
     return "".join(lines)
 
 
-def _children(paths: Iterable[str | Path]) -> dict[Path, Path]:
-    """Return the children's files by their absolute path, as the user named them."""
+def _derived_files(paths: Iterable[str | Path]) -> dict[Path, Path]:
+    """Return the derived files by their absolute path, as the user named them."""
     named = tuple(map(Path, paths))
-    children: dict[Path, Path] = {}
+    derived_files: dict[Path, Path] = {}
     for file in scenario_files(named):
         kind = kind_of(file)
         if kind in ("clip", "mutant"):
-            children[absolute(file)] = file
+            derived_files[absolute(file)] = file
         elif file in named and not is_folder(file):
             message = f"this holds {f'a {kind}, which has no pin' if kind else 'no definition'}"
             help = "name clips and mutants, or a folder of them"
             raise mistake(WRONG_KIND, message, help, shown(file))
-    return children
+    return derived_files
 
 
 class _Planner:
-    """Determines the states of children, each after its parent."""
+    """Determines the states of derived files, each after its parent."""
 
     def __init__(self, files: dict[Path, Path], validate: Validate, history: History) -> None:
         self._files = files
@@ -157,21 +159,21 @@ class _Planner:
         self._history = history
         self._project = Project(check_pin=False)
         self._strict = Project()
-        self._done: dict[Path, Child] = {}
+        self._done: dict[Path, DerivedFile] = {}
         self._open: set[Path] = set()
 
-    def all(self) -> tuple[Child, ...]:
+    def all(self) -> tuple[DerivedFile, ...]:
         todo = list(self._files)
         while todo:
             path = todo.pop(0)
-            child = self._child(path)
-            if child.state is State.STALE:
+            derived = self._state_of(path)
+            if derived.state is State.STALE:
                 new = [beside for beside in _siblings(path) if beside not in self._files]
                 self._files |= {beside: self._files[path].with_name(beside.name) for beside in new}
                 todo += new
         return tuple(self._done.values())
 
-    def _child(self, path: Path) -> Child:
+    def _state_of(self, path: Path) -> DerivedFile:
         if path in self._done:
             return self._done[path]
         self._open.add(path)
@@ -180,38 +182,38 @@ class _Planner:
         if not (isinstance(model, m.Clip | m.Mutant) and isinstance(document.model, m.Clip | m.Mutant)):
             raise TypeError("only clips and mutants are planned")
         parent = absolute(path.parent / model.parent)
-        before = self._child(parent) if parent in self._files and parent not in self._open else None
-        child = self._judge(path, document, document.model, parent, before)
+        before = self._state_of(parent) if parent in self._files and parent not in self._open else None
+        derived = self._judge(path, document, document.model, parent, before)
         self._open.discard(path)
-        self._done[path] = replace(child, document=document)
+        self._done[path] = replace(derived, document=document)
         return self._done[path]
 
     def _judge(
-        self, path: Path, document: Document, model: m.Clip | m.Mutant, parent: Path, before: Child | None
-    ) -> Child:
+        self, path: Path, document: Document, model: m.Clip | m.Mutant, parent: Path, before: DerivedFile | None
+    ) -> DerivedFile:
         case = model.case if isinstance(model, m.Clip) else None
         address = shown(self._files[path].parent / model.parent) + (f"::{case}" if case else "")
-        child = Child(self._files[path], State.FRESH, address, model.pin)
+        derived = DerivedFile(self._files[path], State.FRESH, address, model.pin)
         if before is not None and before.state in (State.CONFLICT, State.BLOCKED):
-            return replace(child, state=State.BLOCKED, mistakes=(_because(document, model, "cannot be re-pinned"),))
+            return replace(derived, state=State.BLOCKED, mistakes=(_because(document, model, "cannot be re-pinned"),))
         try:
             now = self._parent(address, before)
         except InputError as error:
             stale = any(diagnostic.code == STALE_PIN for diagnostic in error.diagnostics)
             state = State.BLOCKED if stale else State.CONFLICT
             why = (_because(document, model, "is stale itself"),) if stale else error.diagnostics
-            return replace(child, state=state, mistakes=why)
-        child = replace(child, new_pin=pin_of(now))
-        if child.new_pin == model.pin:
-            return child
-        child = replace(child, state=State.STALE)
-        if before is not None and _pin_before(before) == child.pin:
-            return self._compared(replace(child, follows=True), document, before.old, now)
-        diagnostic = self._history.parent(parent, case, child.pin)
-        child = replace(child, commit=diagnostic.commit if diagnostic is not None else "")
-        return self._compared(child, document, diagnostic.case if diagnostic is not None else None, now)
+            return replace(derived, state=state, mistakes=why)
+        derived = replace(derived, new_pin=pin_of(now))
+        if derived.new_pin == model.pin:
+            return derived
+        derived = replace(derived, state=State.STALE)
+        if before is not None and _pin_before(before) == derived.pin:
+            return self._compared(replace(derived, follows=True), document, before.old, now)
+        pinned = self._history.parent(parent, case, derived.pin)
+        derived = replace(derived, commit=pinned.commit if pinned is not None else "")
+        return self._compared(derived, document, pinned.case if pinned is not None else None, now)
 
-    def _parent(self, address: str, before: Child | None) -> TestCase:
+    def _parent(self, address: str, before: DerivedFile | None) -> TestCase:
         """Return the parent as it will be: with the pin that it gets in this very call."""
         if before is None:
             return self._strict.test_case(address)
@@ -220,22 +222,22 @@ class _Planner:
             return now
         return replace(now, clip=now.clip.model_copy(update={"pin": before.new_pin}))
 
-    def _compared(self, child: Child, document: Document, was: TestCase | None, now: TestCase) -> Child:
+    def _compared(self, derived: DerivedFile, document: Document, was: TestCase | None, now: TestCase) -> DerivedFile:
         try:
-            new = _expanded(document, child.file, now)
+            new = _expanded(document, derived.file, now)
             mistakes = tuple(diagnostic for diagnostic in self._validate(new) if diagnostic.severity == "error")
         except InputError as error:
             new, mistakes = None, error.diagnostics
-        old = None  # where the old parent is unknown, or the child did not fit it either
+        old = None  # the old parent is unknown, or the derived file did not fit it either
         if was is not None:
             with suppress(InputError):
-                old = _expanded(document, child.file, was)
+                old = _expanded(document, derived.file, was)
         edit = diff_cases(was, now) if was is not None else ()
         reaching = diff_cases(old, new) if old is not None and new is not None else ()
         expected = {(change.path, change.was, change.now) for change in reaching}
         overridden = tuple(c for c in edit if (c.path, c.was, c.now) not in expected) if new is not None else edit
-        child = replace(child, state=State.CONFLICT) if mistakes else child
-        return replace(child, old=old, new=new, reaching=reaching, overridden=overridden, mistakes=mistakes)
+        derived = replace(derived, state=State.CONFLICT) if mistakes else derived
+        return replace(derived, old=old, new=new, reaching=reaching, overridden=overridden, mistakes=mistakes)
 
 
 def _expanded(document: Document, file: Path, parent: TestCase) -> TestCase:
@@ -246,8 +248,8 @@ def _expanded(document: Document, file: Path, parent: TestCase) -> TestCase:
     raise TypeError("only clips and mutants can be expanded")
 
 
-def _pin_before(parent: Child) -> str:
-    """Return what a child of this one pins as long as it is not re-pinned itself; "" where that is unknown."""
+def _pin_before(parent: DerivedFile) -> str:
+    """Return the pin of the files derived from this one before it was re-pinned; "" if unknown."""
     model = parent.document.model if parent.document is not None else None
     if isinstance(model, m.Clip):
         return clip_pin(model, model.pin)
@@ -255,7 +257,7 @@ def _pin_before(parent: Child) -> str:
 
 
 def _siblings(path: Path) -> list[Path]:
-    """Return the children in a file's folder that name it as their parent."""
+    """Return the derived files in a file's folder that name it as their parent."""
     needle = f'"{path.name}"'.encode()
     siblings = []
     for file in sorted(path.parent.glob("*.foresee")):
@@ -271,16 +273,18 @@ def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnost
     return document.diagnostic(model, "parent", STALE_PIN, message, "name it too, or correct it first")
 
 
-def describe(child: Child, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:
-    """Return the report about one child; empty if it is up to date. `verdict`: of its runs under the old parent ("" if
-    unknown) and under the new one."""
-    if child.state is State.FRESH:
+def describe(derived: DerivedFile, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:
+    """Return the report about one derived file; empty if it is up to date.
+
+    `verdict`: the verdicts of its runs under the old parent ("" if unknown) and under the new one.
+    """
+    if derived.state is State.FRESH:
         return ""
-    lines = [_first_line(child, written)]
-    if child.mistakes:
-        lines.append(_indented(render_all(child.mistakes)))
-    if child.state is not State.BLOCKED and not child.follows:
-        lines += _edit(child)
+    lines = [_first_line(derived, written)]
+    if derived.mistakes:
+        lines.append(_indented(render_all(derived.mistakes)))
+    if derived.state is not State.BLOCKED and not derived.follows:
+        lines += _edit(derived)
     if verdict is not None:
         was, now = verdict
         same = f"the same, {now}" if was == now else f"{was} => {now}"
@@ -288,35 +292,35 @@ def describe(child: Child, verdict: tuple[str, str] | None = None, *, written: b
     return "\n".join(lines) + "\n\n"
 
 
-def summary(children: Sequence[Child], *, written: bool = False) -> str:
-    """Return the last line of the report: the number of children in each state."""
-    count = {state: sum(child.state is state for child in children) for state in State}
+def summary(derived_files: Sequence[DerivedFile], *, written: bool = False) -> str:
+    """Return the last line of the report: the number of derived files in each state."""
+    count = {state: sum(derived.state is state for derived in derived_files) for state in State}
     done = "re-pinned" if written else "to re-pin (`--write` does it)"
     words = {State.FRESH: "up to date", State.STALE: done, State.CONFLICT: "in conflict", State.BLOCKED: "blocked"}
-    return ", ".join(f"{count[state]} {text}" for state, text in words.items() if count[state]) or "no children"
+    return ", ".join(f"{count[state]} {text}" for state, text in words.items() if count[state]) or "no clips or mutants"
 
 
-def _first_line(child: Child, written: bool) -> str:
-    if child.state is State.CONFLICT:
-        return f"{child.file}: conflict with {child.parent}, not re-pinned"
-    if child.state is State.BLOCKED:
-        return f"{child.file}: blocked, not re-pinned"
-    why = f"follows {child.parent}" if child.follows else f"{child.parent} changed"
-    return f"{child.file}: {why}\n  pin {child.pin} => {child.new_pin}{' (written)' if written else ''}"
+def _first_line(derived: DerivedFile, written: bool) -> str:
+    if derived.state is State.CONFLICT:
+        return f"{derived.file}: conflict with {derived.parent}, not re-pinned"
+    if derived.state is State.BLOCKED:
+        return f"{derived.file}: blocked, not re-pinned"
+    why = f"follows {derived.parent}" if derived.follows else f"{derived.parent} changed"
+    return f"{derived.file}: {why}\n  pin {derived.pin} => {derived.new_pin}{' (written)' if written else ''}"
 
 
-def _edit(child: Child) -> list[str]:
-    if not child.known:
+def _edit(derived: DerivedFile) -> list[str]:
+    if not derived.has_old_parent:
         unknown = "  the change is unknown: git has no version of the parent with this pin"
-        return [unknown] if child.new_pin else []
-    lines = [f"  the parent as pinned is in commit {child.commit}"]
+        return [unknown] if derived.new_pin else []
+    lines = [f"  the parent as pinned is in commit {derived.commit}"]
     for title, changes in (
-        ("reaches this child", child.reaching),
-        ("does not reach it: the child has its own, or has no part in it", child.overridden),
+        ("reaches this file", derived.reaching),
+        ("does not reach this file: it has its own statement, or does not use the changed one", derived.overridden),
     ):
         lines += [f"  {title}:\n{_indented(render_groups(changes).rstrip())}"] if changes else []
-    if not child.reaching and not child.overridden:
-        lines.append("  the edit changes nothing in this child")
+    if not derived.reaching and not derived.overridden:
+        lines.append("  the edit changes nothing in this file")
     return lines
 
 
