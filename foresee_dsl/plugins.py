@@ -15,6 +15,10 @@ from typing import Any
 from foresee_dsl.errors import ForeseeError
 
 BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "exchange": {
+        "foresee_dsl.exporters": ("carla-route", "openscenario"),
+        "foresee_dsl.importers": ("carla", "opendrive", "openscenario", "osm", "sumo"),
+    },
     "frenetix": {"foresee_dsl.drivers": ("frenetix",)},
     "learned": {
         "foresee_dsl.drivers": ("fusion", "fusion_safe"),

@@ -142,8 +142,8 @@ def test_files_are_opened_in_one_place() -> None:
         "campaign/folder.py",
         "campaign/profiling/tasks.py", "campaign/execution/processes.py", "campaign/storage/soundness.py",
         "language/syntax/grammar.py", "language/codes/code.py", "report/page/html.py", "report/picture/answer.py",
-        "weights.py", "selforacle/watcher.py", "faults/evidence.py", "exchange/maps/opendrive.py",
-        "exchange/maps/osm.py", "cli/about.py", "cli/writing/init.py",
+        "weights.py", "selforacle/watcher.py", "faults/evidence.py", "maps/opendrive.py",
+        "maps/osm.py", "cli/about.py", "cli/writing/init.py",
     }  # fmt: skip
     readers = (".read_bytes()", ".read_text(", '.open("rb")', "np.load(", "zlib.decompress(", "GzipFile(", "ZipFile(")
     allowed = {
@@ -173,7 +173,7 @@ def test_a_file_larger_than_the_limit_is_refused_by_its_name(tmp_path: Path, mon
 
 # ---- files that open others ------------------------------------------------------------------------------------------
 
-HILL = (ROOT / "tests" / "exchange" / "hill_road.xodr").read_text(encoding="utf-8")
+HILL = (ROOT / "tests" / "support" / "hill_road.xodr").read_text(encoding="utf-8")
 NET = """<net version="1.20">
   <location netOffset="0.00,0.00" convBoundary="0,0,100,0" origBoundary="0,0,100,0" projParameter="!"/>
   <edge id="a" from="w" to="e"><lane id="a_0" index="0" speed="13.9" length="100" shape="0,0 100,0"/></edge>

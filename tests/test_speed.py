@@ -39,7 +39,7 @@ ONLY_FOR_RUNS = {f"foresee_dsl.{name}" for name in ("campaign", "derive", "edito
                                                     "report.page", "report.picture", "report.terminal", "report.show",
                                                     "simulate", "story")}  # fmt: skip
 # The package `report` itself is loaded for its module `formats`: packages may add formats to what a check reports.
-NO_CHECK = HEAVY | ONLY_FOR_MISTAKES | ONLY_FOR_NEW_NETWORKS | ONLY_FOR_RUNS
+NO_CHECK = {"foresee_exchange"} | HEAVY | ONLY_FOR_MISTAKES | ONLY_FOR_NEW_NETWORKS | ONLY_FOR_RUNS
 """What a check of a file of a known network does not load."""
 
 

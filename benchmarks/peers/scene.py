@@ -6,11 +6,11 @@ import shutil
 from pathlib import Path
 
 import libsumo
+from foresee_exchange.maps.opendrive import opendrive_of
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from benchmarks.bench_engine import CHILD_S, SOURCE, _state_of, child_of
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.exchange.maps.opendrive import opendrive_of
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World

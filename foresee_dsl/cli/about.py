@@ -244,7 +244,7 @@ def _plug_ins() -> str:
     distributions = []
     for line in metadata.requires("foresee-dsl") or ():
         name, extra = line.partition(";")[0].partition("[")[0].strip(), line.partition("extra == ")[2].strip(" '\"")
-        if name.startswith("foresee-") and extra:
+        if extra and name == f"foresee-{extra}":
             try:
                 distributions.append(f"{name} {metadata.version(name)}")
             except metadata.PackageNotFoundError:

@@ -34,22 +34,25 @@ class _Formats(TyperGroup):
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
         super().__init__(**settings)
-        self.commands = dict.fromkeys(self.plugins.names(), cast("Any", None))  # the names, for "did you mean"
+        names = sorted({*self.plugins.names(), *self.plugins.missing()})  # with the missing ones, which say why
+        self.commands = dict.fromkeys(names, cast("Any", None))  # the names, for "did you mean"
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
         """Return the command of a format, or None if there is none of this name."""
         del ctx
         if cmd_name not in self.commands:
             return None
-        alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=SETTINGS)
-        alone.command(name=cmd_name, cls=Consenting)(for_tools(self._command(cmd_name), self.document))
+        call, settings = self._command(cmd_name)
+        alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=SETTINGS | settings)
+        alone.command(name=cmd_name, cls=Consenting)(for_tools(call, self.document))
         return typer.main.get_command(alone)
 
-    def _command(self, name: str) -> Callable[..., None]:
-        """Return the command of a format; if it cannot be loaded, a command whose help and error say why."""
+    def _command(self, name: str) -> tuple[Callable[..., None], dict[str, Any]]:
+        """Return the command of a format, and click's settings for it; if the format cannot be loaded, a command that
+        takes any options and whose help and error say why."""
         try:
             with self.plugins.loading(self.plugins.find(name)):
-                return _command(self.plugins.load(name))
+                return _command(self.plugins.load(name)), {}
         except ExchangeError as err:
             fault = err
 
@@ -57,8 +60,8 @@ class _Formats(TyperGroup):
             del options, tell
             raise fault
 
-        broken.__doc__ = str(fault)
-        return _command(broken)
+        broken.__doc__ = str(fault).replace("[", r"\[")  # rich would read `[exchange]` as a style
+        return _command(broken), {"allow_extra_args": True, "ignore_unknown_options": True}
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Import and export of other formats: CARLA's routes, OpenDRIVE, OSM and SUMO maps, OpenSCENARIO."""
+"""What formats share (protocol, report, a first scenario on a network), and street sketches."""

@@ -208,8 +208,8 @@ def checked_text(network: m.Network, path: str) -> str:
 def starter_of(network: m.Network, name: str, file: str) -> m.Scenario:
     """Return a first scenario on a network that is used as `file`; `ExchangeError` if no route is long enough."""
     from foresee_dsl.compile.nets.network_builder import build_network
-    from foresee_dsl.exchange.maps.starter import Ground, starter
     from foresee_dsl.exchange.outcome import ExchangeError
+    from foresee_dsl.exchange.starter import Ground, starter
     from foresee_dsl.language.streets.layout import rings_of
 
     with tempfile.TemporaryDirectory(prefix="foresee-sketch-") as folder:

@@ -18,7 +18,7 @@ from foresee_dsl.kernels.conditions import box_distance
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, Event, Trace, X, Y
-from tests.exchange.test_openscenario_coverage import BY_VALUE, GLOBAL, OF_ENTITY, PRIVATE
+from tests.support.openscenario_files import BY_VALUE, GLOBAL, OF_ENTITY, PRIVATE
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "openscenario-table.md").read_text(encoding="utf-8")
 SCENARIO = Path(__file__).parent / "openscenario" / "table.foresee"

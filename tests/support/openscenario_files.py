@@ -175,3 +175,125 @@ def write(folder: Path, text: str, *, catalogue: str = CATALOGUE, road: str = XO
     file = folder / "cut in.xosc"
     file.write_text(text)
     return file
+
+
+# Names of OpenSCENARIO XML 1.0 to 1.3, from its schemas, each with an example.
+_DYNAMICS = 'dynamicsShape="linear" value="2" dynamicsDimension="time"'
+_AT = '<Position><LanePosition roadId="1" laneId="-1" s="200"/></Position>'
+PRIVATE = {
+    "SpeedAction": speed_action("3"),
+    "SpeedProfileAction": '<LongitudinalAction><SpeedProfileAction><SpeedProfileEntry speed="5" time="2"/>'
+                          "</SpeedProfileAction></LongitudinalAction>",
+    "LongitudinalDistanceAction": '<LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" distance="9" '
+                                  'continuous="true" freespace="true"/></LongitudinalAction>',
+    "LaneChangeAction": lane_change(-1),
+    "LaneOffsetAction": '<LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics '
+                        'dynamicsShape="step"/><LaneOffsetTarget><AbsoluteTargetLaneOffset value="1"/>'
+                        "</LaneOffsetTarget></LaneOffsetAction></LateralAction>",
+    "LateralDistanceAction": '<LateralAction><LateralDistanceAction entityRef="Ego" distance="2" continuous="false" '
+                             'freespace="true"/></LateralAction>',
+    "VisibilityAction": '<VisibilityAction graphics="true" sensors="true" traffic="true"/>',
+    "SynchronizeAction": '<SynchronizeAction masterEntityRef="Ego"><TargetPositionMaster>'
+                         f'{_AT.removeprefix("<Position>").removesuffix("</Position>")}</TargetPositionMaster>'
+                         f'<TargetPosition>{_AT.removeprefix("<Position>").removesuffix("</Position>")}'
+                         '</TargetPosition></SynchronizeAction>',
+    "ActivateControllerAction": '<ActivateControllerAction longitudinal="true"/>',
+    "AssignControllerAction": '<ControllerAction><AssignControllerAction/></ControllerAction>',
+    "OverrideControllerValueAction": '<ControllerAction><OverrideControllerValueAction/></ControllerAction>',
+    "TeleportAction": f"<TeleportAction>{_AT}</TeleportAction>",
+    "AssignRouteAction": f'<RoutingAction><AssignRouteAction><Route name="r" closed="false"><Waypoint>{_AT}</Waypoint>'
+                         "</Route></AssignRouteAction></RoutingAction>",
+    "FollowTrajectoryAction": "<RoutingAction><FollowTrajectoryAction><Trajectory name='t' closed='false'><Shape>"
+                              f"<Polyline><Vertex time='0'>{_AT}</Vertex><Vertex time='9'>"
+                              f"{_AT.replace('200', '300')}</Vertex></Polyline></Shape></Trajectory>"
+                              "</FollowTrajectoryAction></RoutingAction>",
+    "AcquirePositionAction": f"<RoutingAction><AcquirePositionAction>{_AT}</AcquirePositionAction></RoutingAction>",
+    "RandomRouteAction": "<RoutingAction><RandomRouteAction/></RoutingAction>",
+    "LightStateAction": "<AppearanceAction><LightStateAction/></AppearanceAction>",
+    "AnimationAction": "<AppearanceAction><AnimationAction/></AppearanceAction>",
+    "ConnectTrailerAction": '<TrailerAction><ConnectTrailerAction trailerRef="walker"/></TrailerAction>',
+    "DisconnectTrailerAction": "<TrailerAction><DisconnectTrailerAction/></TrailerAction>",
+}  # fmt: skip
+GLOBAL = {
+    "EnvironmentAction": "<EnvironmentAction/>",
+    "AddEntityAction": "<EntityAction entityRef='walker'><AddEntityAction/></EntityAction>",
+    "DeleteEntityAction": "<EntityAction entityRef='walker'><DeleteEntityAction/></EntityAction>",
+    "ParameterAction": "<ParameterAction parameterRef='pace'><SetAction value='1'/></ParameterAction>",
+    "VariableAction": "<VariableAction variableRef='v'><SetAction value='1'/></VariableAction>",
+    "SetMonitorAction": "<SetMonitorAction monitorRef='m' value='true'/>",
+    **{
+        name: f"<InfrastructureAction><TrafficSignalAction><{name}/></TrafficSignalAction></InfrastructureAction>"
+        for name in ("TrafficSignalStateAction", "TrafficSignalControllerAction")
+    },
+    **{
+        name: f"<TrafficAction><{name}/></TrafficAction>"
+        for name in (
+            "TrafficSourceAction", "TrafficSinkAction", "TrafficSwarmAction", "TrafficAreaAction", "TrafficStopAction",
+        )
+    },
+    "UserDefinedAction": "<CustomCommandAction type='blink'/>",
+}  # fmt: skip
+_COMPARED = 'value="5" rule="lessThan"'
+OF_ENTITY = {
+    "EndOfRoadCondition": '<EndOfRoadCondition duration="1"/>',
+    "CollisionCondition": '<CollisionCondition><EntityRef entityRef="walker"/></CollisionCondition>',
+    "OffroadCondition": '<OffroadCondition duration="1"/>',
+    "TimeHeadwayCondition": f'<TimeHeadwayCondition entityRef="walker" {_COMPARED} freespace="true"/>',
+    "TimeToCollisionCondition": f'<TimeToCollisionCondition {_COMPARED}><TimeToCollisionConditionTarget>'
+                                '<EntityRef entityRef="walker"/></TimeToCollisionConditionTarget>'
+                                "</TimeToCollisionCondition>",
+    "AccelerationCondition": f"<AccelerationCondition {_COMPARED}/>",
+    "StandStillCondition": '<StandStillCondition duration="1"/>',
+    "SpeedCondition": f"<SpeedCondition {_COMPARED}/>",
+    "RelativeSpeedCondition": f'<RelativeSpeedCondition entityRef="walker" {_COMPARED}/>',
+    "TraveledDistanceCondition": '<TraveledDistanceCondition value="100"/>',
+    "ReachPositionCondition": f'<ReachPositionCondition tolerance="2">{_AT}</ReachPositionCondition>',
+    "DistanceCondition": f'<DistanceCondition {_COMPARED} freespace="true">{_AT}</DistanceCondition>',
+    "RelativeDistanceCondition": f'<RelativeDistanceCondition entityRef="walker" {_COMPARED} freespace="true" '
+                                 'relativeDistanceType="cartesianDistance"/>',
+    "RelativeClearanceCondition": '<RelativeClearanceCondition freeSpace="true" oppositeLanes="false"/>',
+    "AngleCondition": '<AngleCondition angle="1" angleTolerance="1" angleType="heading"/>',
+    "RelativeAngleCondition": '<RelativeAngleCondition angle="1" angleTolerance="1" angleType="heading"/>',
+}  # fmt: skip
+BY_VALUE = {
+    "ParameterCondition": '<ParameterCondition parameterRef="gap" value="15" rule="equalTo"/>',
+    "VariableCondition": '<VariableCondition variableRef="w" value="1" rule="equalTo"/>',
+    "TimeOfDayCondition": '<TimeOfDayCondition rule="lessThan" dateTime="2024-01-01T00:00:00"/>',
+    "SimulationTimeCondition": '<SimulationTimeCondition value="5" rule="greaterThan"/>',
+    "StoryboardElementStateCondition": '<StoryboardElementStateCondition storyboardElementType="event" '
+                                       'storyboardElementRef="SimulationTimeCondition" state="endTransition"/>',
+    "UserDefinedValueCondition": '<UserDefinedValueCondition name="mood" value="1" rule="equalTo"/>',
+    "TrafficSignalCondition": '<TrafficSignalCondition name="1" state="red"/>',
+    "TrafficSignalControllerCondition": '<TrafficSignalControllerCondition trafficSignalControllerRef="1" phase="a"/>',
+}  # fmt: skip
+_ROUTE = f"<RouteRef><Route name='r' closed='false'><Waypoint>{_AT.replace('200', '100')}</Waypoint><Waypoint>{_AT}" \
+         "</Waypoint></Route></RouteRef>"  # fmt: skip
+POSITIONS = {
+    "WorldPosition": '<WorldPosition x="1" y="-2" h="0"/>',
+    "RelativeWorldPosition": '<RelativeWorldPosition entityRef="Ego" dx="1" dy="1"/>',
+    "RelativeObjectPosition": '<RelativeObjectPosition entityRef="Ego" dx="1" dy="1"/>',
+    "RoadPosition": '<RoadPosition roadId="1" s="1" t="1"/>',
+    "RelativeRoadPosition": '<RelativeRoadPosition entityRef="Ego" ds="1" dt="1"/>',
+    "LanePosition": '<LanePosition roadId="1" laneId="-1" s="1"/>',
+    "RelativeLanePosition": '<RelativeLanePosition entityRef="Ego" dLane="1" ds="1"/>',
+    "RoutePosition": f"<RoutePosition>{_ROUTE}<InRoutePosition><FromLaneCoordinates pathS='10' laneId='-1'/>"
+                     "</InRoutePosition></RoutePosition>",
+    "TrajectoryPosition": "<TrajectoryPosition s='1'><TrajectoryRef><Trajectory name='t' closed='false'><Shape>"
+                          f"<Polyline><Vertex>{_AT}</Vertex><Vertex>{_AT.replace('200', '300')}</Vertex></Polyline>"
+                          "</Shape></Trajectory></TrajectoryRef></TrajectoryPosition>",
+    "GeoPosition": '<GeoPosition latitudeDeg="1" longitudeDeg="1"/>',
+}  # fmt: skip
+_CONTROLS = "".join(
+    f"<ControlPoint time='{k}'>{_AT.replace('200', str(100 + 20 * k))}</ControlPoint>" for k in range(3)
+)
+SHAPES = {
+    "Polyline": f"<Polyline><Vertex time='0'>{_AT}</Vertex><Vertex time='1'>{_AT}</Vertex></Polyline>",
+    "Clothoid": f"<Clothoid curvature='0' curvaturePrime='0.001' length='10' stopTime='2'>{_AT}</Clothoid>",
+    "ClothoidSpline": f"<ClothoidSpline timeEnd='3'><ClothoidSplineSegment curvatureStart='0' curvatureEnd='0.01' "
+                      f"length='10' timeStart='0'>{_AT.replace('Position>', 'PositionStart>', 1)}"
+                      "</ClothoidSplineSegment></ClothoidSpline>".replace("</Position>", "</PositionStart>"),
+    "Nurbs": f"<Nurbs order='3'>{_CONTROLS}" + "".join(f"<Knot value='{k}'/>" for k in (0, 0, 0, 1, 1, 1)) + "</Nurbs>",
+}  # fmt: skip
+SHAPES["ClothoidSpline"] = (
+    SHAPES["ClothoidSpline"].replace("<Position>", "<PositionStart>").replace("</Position>", "</PositionStart>")
+)

@@ -14,9 +14,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
+from foresee_exchange.carla import importer
 
 from foresee_dsl.campaign.assessment import DriverRun, assess_drivers
-from foresee_dsl.exchange.carla import importer
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict

@@ -1,0 +1,1 @@
+"""Formats of other tools: CARLA's routes, OpenDRIVE, OSM and SUMO maps, OpenSCENARIO."""

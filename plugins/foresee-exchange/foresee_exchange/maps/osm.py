@@ -1,0 +1,311 @@
+"""Import of an OpenStreetMap extract: its streets, signals, sidewalks and crossings become a SUMO network."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections import Counter
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
+
+from foresee_dsl.compile.foreign.networks import Tell, in_silence
+from foresee_dsl.compile.nets.net_reader import read_net
+from foresee_dsl.compile.nets.netconvert import (
+    NetconvertDiedError,
+    NetconvertLimitError,
+    run_netconvert,
+    sumo_home,
+    without_header,
+)
+from foresee_dsl.compile.nets.safe_xml import MOST_ELEMENTS, parse_xml, unreadable
+from foresee_dsl.errors import CompileError
+from foresee_dsl.exchange.outcome import ExchangeError, Imported
+from foresee_dsl.files import open_outside
+from foresee_exchange.maps.cutting import CUT, EMPTY, Around, Boundary, Part
+from foresee_exchange.maps.osm_crossings import crossings_of
+from foresee_exchange.maps.sumo import NET, counts, part_name, with_starter
+from foresee_exchange.naming import name_of
+
+_TYPEMAPS = ("osmNetconvert.typ.xml", "osmNetconvertUrbanDe.typ.xml", "osmNetconvertPedestrians.typ.xml")
+"""SUMO's own tables of `highway=...`: lanes, limits, permissions; then urban limits and sidewalks."""
+_OPTIONS = (
+    *("--geometry.remove", "true"),  # nodes at which a street only bends are not junctions
+    *("--junctions.join", "true"),  # a crossing of two dual carriageways is one junction, not four
+    *("--junctions.corner-detail", "5"),
+    *("--roundabouts.guess", "true"),  # extracts often lack the tag
+    *("--tls.guess-signals", "true"),  # OSM puts signals at stop lines, before the junction
+    *("--tls.discard-simple", "true"),  # a signal without crossing streams belongs to a pedestrian crossing
+    *("--tls.join", "true"),  # one program for a junction that has several nodes
+    *("--tls.default-type", "static"),
+    *("--sidewalks.guess", "true"),
+    *("--crossings.guess", "true"),
+    *("--osm.sidewalks", "true"),
+    *("--osm.turn-lanes", "true"),
+    *("--keep-edges.by-vclass", "passenger,delivery,bus,truck,motorcycle,bicycle"),
+    *("--no-turnarounds.except-deadend", "true"),
+    *("--output.street-names", "true"),
+    *("--precision", "3"),  # millimetres
+    *("--no-warnings", "true"),
+)
+_NOT_ALONE = ("--remove-edges.isolated", "true")
+"""Removes streets that lead to no other street; not used if all streets are such."""
+_MAPPED_CROSSINGS = ("--osm.crossings", "true")
+"""Uses the map's own crossings; netconvert 1.28 crashes on some extracts with it (3 of 28 of osm2streets)."""
+_AGAIN = (
+    "--junctions.corner-detail",
+    "5",
+    "--output.street-names",
+    "true",
+    "--precision",
+    "3",
+    "--no-warnings",
+    "true",
+)
+_CAR_STREETS = frozenset(
+    {
+        *("motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential", "living_street"),
+        *("motorway_link", "trunk_link", "primary_link", "secondary_link", "tertiary_link", "service", "cycleway"),
+        *("road", "busway", "track"),
+    }
+)
+_OTHER_WAYS = ("building", "railway", "waterway", "landuse", "natural", "leisure", "amenity", "barrier", "boundary")
+
+
+def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_silence) -> Imported:
+    """Write `NAME.net.xml` and the scenario `NAME.foresee` for an extract `NAME.osm` that has streets.
+
+    Args:
+        part: the part to keep, as `NAME_part`; None: all. tell: called with each step that takes long.
+    """
+    box = part.geo_box() if isinstance(part, Around) else part
+    tell(f"reading {file.name}")
+    root = read_osm(file)
+    if not any(_tag(way, "highway") in _CAR_STREETS for way in root.iterfind("way")):
+        raise ExchangeError(f"{file} has no streets: `highway` ways with their nodes are needed")
+    if root.find("node") is None:
+        raise ExchangeError(f"{file} has no nodes: export it with them")
+    name = name_of(file.name.partition(".osm")[0], "map")
+    extent = None
+    if box is not None:
+        name, extent = part_name(name), extent_of(root)
+        keep_within(root, box)
+    tell("making a network of it with netconvert")
+    net, notes = converted(root, box=box)
+    if b"<edge " not in net:
+        net, notes = converted(root, alone=True, box=box)
+    if b"<edge " not in net and box is not None:
+        raise ExchangeError(f"{file} has no street for cars in the box {box}; it reaches {extent}")
+    if b"<edge " not in net:
+        raise ExchangeError(f"{file} has no street that leads anywhere: use a larger extract")
+    return with_starter(
+        net,
+        f"{name}{NET}",
+        name,
+        out,
+        source=f"{'a part of ' if box is not None else ''}{file.name}, (c) OpenStreetMap contributors",
+        contents=lambda parts: (counts(parts), _left_out(root), (*notes, *_kept(box), _GUESSED)),
+        tell=tell,
+    )
+
+
+def _kept(box: Boundary | None) -> tuple[str, ...]:
+    return () if box is None else (f"what lies in the box {box} is kept, wholly or partly",)
+
+
+def extent_of(root: Element) -> Boundary | None:
+    """Return the bounding box of an extract's nodes; None if it has none."""
+    places = list(_places(root).values())
+    if not places:
+        return None
+    lons, lats = zip(*places, strict=True)
+    return Boundary(min(lons), min(lats), max(lons), max(lats), geo=True)
+
+
+def keep_within(root: Element, box: Boundary) -> None:
+    """Remove the ways of an extract that lie wholly on one side of a box, and the nodes that no other way needs.
+
+    netconvert makes the exact cut; this only reduces its input.
+    """
+    places = _places(root)
+    needed: set[str] = set()
+    for way in root.findall("way"):
+        refs = [node.get("ref", "") for node in way.iterfind("nd")]
+        points = [places[ref] for ref in refs if ref in places]
+        lons, lats = [lon for lon, _ in points], [lat for _, lat in points]
+        if points and not (max(lons) < box.west or min(lons) > box.east or max(lats) < box.south
+                           or min(lats) > box.north):  # fmt: skip
+            needed.update(refs)
+        else:
+            root.remove(way)
+    for node in root.findall("node"):
+        lon, lat = places.get(node.get("id", ""), (math.nan, math.nan))
+        within = box.west <= lon <= box.east and box.south <= lat <= box.north
+        if not within and node.get("id") not in needed:
+            root.remove(node)
+
+
+def _places(root: Element) -> dict[str, tuple[float, float]]:
+    """Return longitude and latitude of each node, degrees."""
+    places = {}
+    for node in root.iterfind("node"):
+        with suppress(ValueError, KeyError):
+            places[node.get("id", "")] = float(node.attrib["lon"]), float(node.attrib["lat"])
+    return places
+
+
+_GUESSED = ("signals without known times have netconvert's fixed programs of 90 s; sidewalks and crossings that are "
+            "missing in OSM are guessed")  # fmt: skip
+
+
+def converted(root: Element, *, alone: bool = False, box: Boundary | None = None) -> tuple[bytes, tuple[str, ...]]:
+    """Return the net of an extract, and notes on the conversion.
+
+    The extract is written again for netconvert, so that no document type remains which it would download.
+
+    Args:
+        alone: keep streets that lead to no other street. box: the part to keep; None: all.
+    """
+    from xml.etree.ElementTree import tostring
+
+    maps = sumo_home() / "data" / "typemap"
+    with tempfile.TemporaryDirectory(prefix="foresee-osm-") as folder_name:
+        folder = Path(folder_name)
+        (folder / "map.osm.xml").write_bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+        types = ",".join(str(maps / file) for file in _TYPEMAPS)
+        command = ["--osm-files", "map.osm.xml", "--type-files", types, "--output-file", f"map{NET}", *_OPTIONS]
+        notes: tuple[str, ...] = ()
+        command += () if alone else _NOT_ALONE
+        command += () if box is None else box.option
+        if drives_on_the_left(root):
+            command += ["--lefthand", "true"]
+        try:
+            try:
+                run_netconvert([*command, *_MAPPED_CROSSINGS], folder)
+            except NetconvertDiedError as err:
+                run_netconvert(command, folder)
+                put = _put_crossings(root, folder)
+                notes = (f"{err} while it added the map's crossings: {put} of them were added by this tool, at the "
+                         "arms of junctions with sidewalks; others are guessed",)  # fmt: skip
+        except CompileError as err:
+            if any(words in str(err) for words in EMPTY):
+                return b"", ()
+            if isinstance(err, NetconvertLimitError):
+                raise ExchangeError(f"{err}; or {CUT}") from err
+            raise ExchangeError(f"netconvert cannot make a network of it: {err}") from err
+        return without_header((folder / f"map{NET}").read_bytes()), notes
+
+
+def _put_crossings(root: Element, folder: Path) -> int:
+    """Add an extract's crossings to the net in a folder; return how many were added."""
+    net = folder / f"map{NET}"
+    before = read_net(net)
+    wanted = crossings_of(root, before)
+    if wanted is None:
+        return 0
+    (folder / "crossings.con.xml").write_bytes(wanted)
+    more = folder / f"more{NET}"
+    command = ["--sumo-net-file", net.name, "--connection-files", "crossings.con.xml", "--output-file", more.name]
+    try:
+        run_netconvert([*command, *_AGAIN], folder)
+    except CompileError:
+        return 0
+    more.replace(net)
+    return max(len(read_net(net).crossings) - len(before.crossings), 0)
+
+
+def _left_out(root: Element) -> Counter[str]:
+    """Return counts of the elements of the extract that are missing in the network."""
+    counts: Counter[str] = Counter()
+    for way in root.iterfind("way"):
+        highway = _tag(way, "highway")
+        if highway and highway not in _CAR_STREETS:
+            counts[f"ways for others: {highway}"] += 1
+        elif not highway:
+            kind = next((key for key in _OTHER_WAYS if _tag(way, key)), "other ways")
+            counts[f"outlines and lines: {kind}"] += 1
+        elif _tag(way, "maxspeed:conditional") or _tag(way, "access:conditional"):
+            counts["conditions on time or weather"] += 1
+    for node in root.iterfind("node"):
+        if (highway := _tag(node, "highway")) in ("stop", "give_way", "speed_camera", "bus_stop"):
+            counts[f"signs and stops: {highway}"] += 1
+        if _tag(node, "traffic_calming"):
+            counts["traffic calming"] += 1
+    for relation in root.iterfind("relation"):
+        kind = _tag(relation, "type")
+        if kind != "restriction":  # netconvert obeys them
+            counts[f"relations: {kind or 'without a type'}"] += 1
+    return counts
+
+
+def _tag(element: Element, key: str) -> str:
+    return next((tag.get("v", "") for tag in element.iterfind("tag") if tag.get("k") == key), "")
+
+
+_LEFT = (
+    # west, south, east, north, in degrees: boxes inside countries with left-hand traffic. Ours: coarse, and none
+    # crosses a border to a right-hand country; tags of the extract take precedence.
+    (-10.8, 49.8, 1.8, 61.0),  # Great Britain, Ireland
+    (32.2, 34.5, 34.7, 35.8),  # Cyprus
+    (14.1, 35.7, 14.7, 36.1),  # Malta
+    (68.0, 6.0, 88.0, 27.5),  # India, Sri Lanka
+    (66.0, 24.0, 74.0, 34.0),  # Pakistan, north-western India
+    (129.5, 30.0, 146.0, 45.6),  # Japan
+    (126.0, 24.0, 129.5, 28.5),  # Okinawa
+    (113.8, 22.15, 114.5, 22.57),  # Hong Kong
+    (99.5, 1.1, 104.5, 6.5),  # Malaysia, Singapore
+    (98.5, 13.0, 101.5, 19.0),  # middle of Thailand
+    (105.1, -8.9, 116.0, -5.8),  # Java, Bali
+    (112.9, -44.0, 154.0, -10.0),  # Australia
+    (166.0, -47.5, 179.0, -34.0),  # New Zealand
+    (16.4, -35.0, 33.0, -22.2),  # South Africa, Botswana
+    (34.0, -4.6, 41.5, 4.0),  # Kenya
+    (-78.5, 17.6, -76.1, 18.6),  # Jamaica
+    (-61.95, 10.0, -60.5, 11.4),  # Trinidad
+)
+
+
+def read_osm(file: Path) -> Element:
+    """Return the root of an extract: `.osm`, also compressed by gzip, or `.osm.pbf`."""
+    if not file.name.endswith(".pbf"):
+        return parse_xml(file, "osm", "an OpenStreetMap file", ExchangeError)
+    try:
+        open_outside(file).close()
+    except OSError as err:
+        raise unreadable(file, err, ExchangeError) from err
+    try:
+        osmium: Any = import_module("osmium")
+    except ImportError as err:
+        raise ExchangeError(f"{file} is a PBF file, which needs pyosmium: pip install 'foresee-dsl[osm]'") from err
+    with tempfile.TemporaryDirectory(prefix="foresee-osm-") as folder:
+        plain = Path(folder) / "map.osm"
+        try:
+            _write_plain(osmium, file, plain)
+        except (RuntimeError, ValueError, OSError) as err:
+            raise ExchangeError(f"{file} is not an OpenStreetMap file in PBF, or a damaged one: {err}") from err
+        return parse_xml(plain, "osm", "an OpenStreetMap file", ExchangeError)
+
+
+def _write_plain(osmium: Any, file: Path, plain: Path) -> None:  # noqa: ANN401 - an optional package
+    elements = 0
+    with osmium.SimpleWriter(str(plain)) as writer:
+        for thing in osmium.FileProcessor(str(file)):
+            elements += 1 + len(thing.tags) + (len(thing.nodes) if thing.is_way() else 0)
+            if elements > MOST_ELEMENTS:
+                raise ExchangeError(f"{file} has more than {MOST_ELEMENTS:,} elements: cut out the part that is needed")
+            writer.add(thing)
+
+
+def drives_on_the_left(root: Element) -> bool:
+    """Return whether an extract has left-hand traffic, by its `driving_side` tags, otherwise by its location."""
+    sides = [tag.get("v") for tag in root.iter("tag") if tag.get("k") == "driving_side"]
+    if sides:
+        return 2 * sides.count("left") > len(sides)
+    node = root.find("node")
+    try:
+        lon, lat = (float(node.get(name, "nan")) for name in ("lon", "lat")) if node is not None else (0.0, 0.0)
+    except ValueError:
+        return False
+    return any(west <= lon <= east and south <= lat <= north for west, south, east, north in _LEFT)

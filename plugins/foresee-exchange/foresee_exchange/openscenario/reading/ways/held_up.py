@@ -1,0 +1,112 @@
+"""Vehicles that follow their lanes as a path at constant speed, as a default controller does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.compile.placement.scene import DRY_FRICTION
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.polyline import XY, line_of
+from foresee_dsl.compile.roads.route_line import RouteLine
+from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.topology import LaneKind
+from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
+from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
+from foresee_exchange.openscenario.reading.ways.trajectories import nearest, straight_on
+
+_LOOKS_S = 20.0
+"""Time horizon in which bends and slower actors ahead matter, s (ours: a third of the usual run)."""
+_SLOWER = 0.98
+_IN_THE_WAY_M = 2.0
+"""Largest distance from the way of an actor that stands on it, m (ours: half a lane)."""
+_NEAR_S = 1.5
+"""An actor within this time ahead that is not faster holds a vehicle up, s (ours: SUMO's gap of 1 s plus half)."""
+_STRAIGHT_M = 0.02
+"""Largest distance between a path and a point that it leaves out, m (ours)."""
+
+
+def path_along(
+    network: RoadNetwork,
+    edges: tuple[str, ...],
+    middle: Pose,
+    front: Pose,
+    kind: LaneKind,
+    if_held_up: tuple[float, Iterable[tuple[Pose, float]]] | None = None,
+) -> list[XY]:
+    """Return the way along some edges as a path of a vehicle's centre; empty if it is on none of their lanes.
+
+    `if_held_up`: its speed, m/s, and the other actors (pose, m/s). With it, a path is returned only if SUMO could not
+    keep the speed on the lanes: limits or bends are slower, or an actor ahead is slower or too near. Otherwise the path
+    is empty, and SUMO moves the vehicle.
+    """
+    near = nearest(network, front, kind)
+    if near is None:
+        return []
+    try:
+        line = network.line(edges, start_lane=near.lane.id, kind=kind)
+    except RouteError:
+        return []
+    if if_held_up is not None and not _held_up(line, middle, *if_held_up):
+        return []
+    return _along(line, middle)
+
+
+def _held_up(line: RouteLine, middle: Pose, speed_mps: float, others: Iterable[tuple[Pose, float]]) -> bool:
+    begin, _ = line.project(middle.x, middle.y)
+    seen = [k for k, s in enumerate(line.marks) if 1.0 < s - begin < speed_mps * _LOOKS_S]
+    if speed_mps <= 0 or len(seen) < 2:
+        return False
+    if min(line.limits[k] for k in seen) < speed_mps * _SLOWER:
+        return True
+    way = shapely.LineString([line.xy[k] for k in seen])
+    for pose, slower in others:
+        point = shapely.Point(pose.x, pose.y)
+        near = math.dist((pose.x, pose.y), (middle.x, middle.y)) < speed_mps * _NEAR_S
+        if (near or slower < speed_mps * _SLOWER) and way.distance(point) < _IN_THE_WAY_M:
+            return True
+    return False
+
+
+def held_by_tyres(path: Sequence[XY], spec: ModelSpec, speed_mps: float) -> float | None:
+    """Return the speed to which a path's bends slow a vehicle down within the horizon, m/s, because its tyres hold no
+    more on a dry road; None if no bend does."""
+    line = line_of(tuple(path))
+    lateral = lateral_limit_mps2(spec.name, DRY_FRICTION)
+    bends = BendSpeeds(
+        line.marks, line.angles, axle_m=spec.length_m, lateral_mps2=lateral, braking_mps2=spec.braking_mps2
+    )
+    seen = [v for s, v in zip(bends.marks, bends.speeds, strict=True) if s < speed_mps * _LOOKS_S]
+    slowest = min(seen, default=speed_mps)
+    return slowest if slowest < speed_mps * _SLOWER else None
+
+
+def way_on(network: RoadNetwork, end: Pose, kind: LaneKind) -> list[XY]:
+    """Return the way along the lanes from a place on, as straight as possible; empty if it is on no lane."""
+    near = nearest(network, end, kind)
+    if near is None or near.lane.internal:
+        return []
+    try:
+        line = network.line(straight_on(network, (near.lane.edge,), kind), start_lane=near.lane.id, kind=kind)
+    except RouteError:
+        return []
+    return _along(line, end)
+
+
+def _along(line: RouteLine, start: Pose) -> list[XY]:
+    """Return the points of a line from a place on, at the place's lateral offset."""
+    begin, beside = line.project(start.x, start.y)
+    points = [
+        (x - beside * math.sin(angle), y + beside * math.cos(angle))
+        for (x, y), s, angle in zip(line.xy, line.marks, line.angles, strict=True)
+        if s > begin + 1.0
+    ]
+    if not points:
+        return []
+    kept = shapely.simplify(shapely.LineString([(start.x, start.y), *points]), _STRAIGHT_M)
+    return [(float(x), float(y)) for x, y in np.asarray(kept.coords)]
