@@ -48,10 +48,7 @@ from tests.support.code_frames import FRAMES
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
-LANGUAGE, METHOD, DRIVERS, FINDINGS, FUZZ = (
-    (DOCS / f"{name}.md").read_text(encoding="utf-8")
-    for name in ("reference/language", "background/method", "reference/drivers", "guide/findings", "background/fuzz")
-)
+LANGUAGE, DRIVERS = ((DOCS / f"reference/{name}.md").read_text(encoding="utf-8") for name in ("language", "drivers"))
 
 
 def blocks(text: str, kind: str) -> list[str]:
@@ -340,7 +337,7 @@ def _code_named(name: str) -> CodeType:
     return code
 
 
-# ---- method.md ------------------------------------------------------------------------------------------------------
+# ---- settings -------------------------------------------------------------------------------------------------------
 
 _TABLE = re.compile(r"Settings of ((?:`[\w.]+`(?:, | and )?)+):\n\n\| setting[^\n]*\n\| ---[^\n]*\n((?:\|[^\n]*\n)+)")
 _SCALE = {"%": 0.01, "deg/s": math.pi / 180, **{word: unit.to_si for word, unit in UNITS.items()}}
@@ -349,7 +346,7 @@ _SCALE = {"%": 0.01, "deg/s": math.pi / 180, **{word: unit.to_si for word, unit 
 def tables() -> list[tuple[tuple[str, ...], dict[str, list[str]]]]:
     """Every table of settings: what it is about, and its rows' cells by their first."""
     found = []
-    for names, rows in _TABLE.findall(METHOD + FINDINGS + FUZZ):
+    for names, rows in _TABLE.findall("".join(page.read_text(encoding="utf-8") for page in PAGES)):
         cells = [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows.splitlines()]
         found.append((tuple(re.findall(r"`([\w.]+)`", names)), {row[0].strip(" `"): row[1:] for row in cells}))
     return found

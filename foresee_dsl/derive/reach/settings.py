@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ReachSettings:
-    """Settings of the ranker `reach`. All ours, chosen on the even half of the test cases (docs/background/method.md).
+    """Settings of the ranker `reach`. All ours, chosen on the even half of the test cases (docs/background/rankers.md).
 
     Attributes:
         every_s: time between the examined onsets. Ours: whole seconds, as in the exhaustive search.

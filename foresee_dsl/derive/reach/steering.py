@@ -2,7 +2,7 @@
 
 `operators.steer.Steer.rolled_out` turns the recorded steps, which is enough to compare the draws of one child. It
 ignores the turning rate of the wheels and the limit of the tyres. Ours: with it, four moments of a test case reach 24
-of 52 findings of the exhaustive search, with this module 37 (docs/background/method.md)."""
+of 52 findings of the exhaustive search, with this module 37 (docs/background/rankers.md)."""
 
 from __future__ import annotations
 
