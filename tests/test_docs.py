@@ -48,7 +48,10 @@ from tests.support.code_frames import FRAMES
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
-LANGUAGE, DRIVERS = ((DOCS / f"reference/{name}.md").read_text(encoding="utf-8") for name in ("language", "drivers"))
+LANGUAGE, NETWORKS, CLIPS, DRIVERS = (
+    (DOCS / f"reference/{name}.md").read_text(encoding="utf-8") for name in ("language", "networks", "clips", "drivers")
+)
+LANGUAGE += NETWORKS + CLIPS
 
 
 def blocks(text: str, kind: str) -> list[str]:
@@ -56,7 +59,7 @@ def blocks(text: str, kind: str) -> list[str]:
 
 
 FILES = [text for text in blocks(LANGUAGE, "foresee") if text.startswith("foresee 1\n")]
-"""The snippets of language.md that are whole files."""
+"""The snippets of the pages of the language that are whole files."""
 SNIPPETS: dict[str, tuple[str, Definition]] = {}
 for _text in FILES:
     _model = parse(_text, "docs/reference/language.md").model
@@ -116,7 +119,7 @@ def test_lints_are_all_described() -> None:
     assert re.findall(r"`(FS3\d\d)`", table) == [code for code in every_code() if code.startswith("FS3")]
 
 
-# ---- language.md ----------------------------------------------------------------------------------------------------
+# ---- the language --------------------------------------------------------------------------------------------------
 
 
 def drive(case: TestCase) -> RunResult:
