@@ -5,28 +5,47 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.templates import number
-from foresee_dsl.files import rendered
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.report.drawing import svg
+from foresee_dsl.report.drawing.sheet import (
+    PAD,
+    Frame,
+    Key,
+    Map,
+    Part,
+    Sheet,
+    Sizes,
+    Words,
+    legend,
+    scale_and_north,
+)
 from foresee_dsl.report.safe_text import shortened
-from foresee_dsl.report.show.drawing import GRASS, NAMES, STYLES, Drawn, drawing
-from foresee_dsl.report.show.measures import FloatArray, measure
+from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.moments import MOST, snapshots
-from foresee_dsl.report.show.panels import Panel, Role, Strip, Up, strip_panels, windows_around
+from foresee_dsl.report.show.panels import Panel, Role, Strip, Up, panel_parts, strip_panels, windows_around
 from foresee_dsl.simulate.results.near_misses import near_misses
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
     from foresee_dsl.story.story import Story
 
-SIDE_PX = 220
+SIDE_PX = 220.0
 """Side of a panel in a picture, px. Ours: six panels, or three on a phone's page, fit a screen."""
-_GAP_PX, _MARGIN_PX, _CAPTION_PX, _TITLE_PX, _LEGEND_PX = 14, 12, 38, 22, 30
-_LETTER_PX = 7.0
-"""Width reserved for a letter of the legend, px (12 px system-ui has 6.6 on average)."""
+_GAP_PX, _CAPTION_PX, _TITLE_PX = 14, 34, 22
+_SIZES = Sizes(text=12.0, small=11.0, title=13.0, room=1.0)
+"""Ours: two lines of `_CAPTION_LETTERS` fit above a panel."""
+_LETTER_PX = 9.0
+"""Width reserved for a letter in bold, px (12 px system-ui has at most 9)."""
+NAMES = {
+    Role.EGO: "ego",
+    Role.OPPONENT: "opponent",
+    Role.OTHER: "others",
+    Role.PARKED: "parked, obstacles",
+    Role.GHOST: "in the parent's run",
+}
 _CAPTION_LETTERS = 32
 """Maximum length of a caption, characters: what fits above a panel of `SIDE_PX`."""
 
@@ -94,33 +113,29 @@ def strip_svg(
 
 def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:
     """Return strips, one below the other, as one SVG document with the alternative text `label`."""
-    rows: list[dict[str, Any]] = []
-    y = float(_MARGIN_PX)
+    return svg.svg_of(sheet_of(strips, label, per_row=per_row), scheme="light")
+
+
+def sheet_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> Sheet:
+    """Return strips as a sheet: a map for each panel with its caption above, and a legend below."""
+    maps: list[Map] = []
+    around: list[Part] = []
+    y = PAD
     for strip in strips:
         step = balanced(len(strip.panels), per_row)
+        if title := shortened(strip.title, 120):
+            around.append(Part("title", words=(Words("title", title, PAD, y + 6, "title", bold=True),)))
+            y += _TITLE_PX
         for start in range(0, len(strip.panels), step):
-            title = shortened(strip.title, 120) if start == 0 else ""
-            y += _TITLE_PX if title else 0
-            cells = [
-                _cell(panel, _MARGIN_PX + k * (SIDE_PX + _GAP_PX), y + _CAPTION_PX)
-                for k, panel in enumerate(strip.panels[start : start + step])
-            ]
-            rows.append({"title": title, "title_y": y - 6, "cells": cells})
-            y += _CAPTION_PX + SIDE_PX + _GAP_PX
-    legend = _legend(strips)
-    most = max((len(row["cells"]) for row in rows), default=1)
-    wide = max(most * (SIDE_PX + _GAP_PX) - _GAP_PX, int(legend[-1]["end"]) if legend else 0)
-    return rendered(
-        "report/strip.svg",
-        width=2 * _MARGIN_PX + wide,
-        height=int(y) + _LEGEND_PX,
-        margin=_MARGIN_PX,
-        side=SIDE_PX,
-        grass=GRASS,
-        label=shortened(label, 300),
-        rows=rows,
-        legend=legend,
-    )
+            y += _CAPTION_PX
+            for k, panel in enumerate(strip.panels[start : start + step]):
+                x = PAD + k * (SIDE_PX + _GAP_PX)
+                around.append(_caption(panel, x, y))
+                maps.append(_map(panel, x, y))
+            y += SIDE_PX + _GAP_PX
+    width = max((map_.x for map_ in maps), default=PAD) + SIDE_PX + PAD
+    below, height = legend([_key(role, text) for role, text in legend_of(strips)], width, y, _SIZES)
+    return Sheet(width, height, tuple(maps), (*around, *below), shortened(label, 300), _SIZES)
 
 
 def balanced(count: int, most: int) -> int:
@@ -135,11 +150,6 @@ def caption_of(panel: Panel) -> tuple[str, str]:
     return f"{snapshot.time_s:.2f} s {snapshot.text}".rstrip(), f"{panel.ego_mps * 3.6:.0f} km/h{gap}"
 
 
-def scale_bar(side_m: float) -> int:
-    """Return the length of the scale bar in a window, m: a round number, at most a third of the side (or 2 m)."""
-    return max((bar for bar in (2, 5, 10, 20) if bar <= side_m / 3), default=2)
-
-
 def legend_of(strips: Sequence[Strip]) -> list[tuple[Role, str]]:
     """Return the roles that occur in strips with their names; the ego and the opponent come first."""
     roles = {role for strip in strips for role in strip.roles}
@@ -148,50 +158,23 @@ def legend_of(strips: Sequence[Strip]) -> list[tuple[Role, str]]:
     return [(role, shortened(names[role], 40)) for role in reversed(Role) if role in roles]
 
 
-def _cell(panel: Panel, x: float, y: float) -> dict[str, Any]:
-    caption, figures = caption_of(panel)
-    half, bar = panel.side_m / 2, scale_bar(panel.side_m)
-    return {
-        "x": number(x),
-        "y": number(y),
-        "letter": panel.snapshot.letter,
-        "caption": shortened(caption, _CAPTION_LETTERS),
-        "figures": shortened(figures, _CAPTION_LETTERS),
-        "view": f"{number(-half)} {number(-half)} {number(panel.side_m)} {number(panel.side_m)}",
-        "left": number(-half),
-        "top": number(-half),
-        "side_m": number(panel.side_m),
-        "north_deg": number(90.0 - math.degrees(panel.north_rad), 1),
-        "bar_m": bar,
-        "bar_px": number(bar / panel.side_m * SIDE_PX),
-        "shapes": [_shape(shape) for shape in drawing(panel)],
-    }
+def _caption(panel: Panel, x: float, y: float) -> Part:
+    caption, figures = (shortened(text, _CAPTION_LETTERS) for text in caption_of(panel))
+    letter = panel.snapshot.letter
+    words = (
+        Words("title", letter, x, y - 24, bold=True),
+        Words("title", caption, x + _LETTER_PX * (len(letter) + 1), y - 24),
+        Words("quiet", figures, x, y - 10),
+    )
+    return Part("caption", words=words)
 
 
-def _shape(drawn: Drawn) -> dict[str, Any]:
-    return {
-        "name": drawn.name.value,
-        "path": "".join(_path(ring, closed=drawn.closed) for ring in drawn.rings),
-        "fill": (drawn.style.fill if drawn.closed else "") or "none",
-        "line": drawn.style.line or "none",
-        "width_m": drawn.style.width_m,
-        "dashed": drawn.style.dashed,
-        "title": shortened(drawn.title, 60),
-    }
+def _map(panel: Panel, x: float, y: float) -> Map:
+    half, scale = panel.side_m / 2, SIDE_PX / panel.side_m
+    frame = Frame(SIDE_PX, SIDE_PX, -half, half, scale)
+    corner, _ = scale_and_north(frame, _SIZES, panel.north_rad)
+    return Map(x, y, frame, (*panel_parts(panel, scale), corner))
 
 
-def _path(points: FloatArray, *, closed: bool) -> str:
-    """Return points as an SVG path; in SVG, y grows downwards."""
-    places = " ".join(f"{number(x, 2)} {number(-y, 2)}" for x, y in points.tolist())
-    return f"M{places}{'Z' if closed else ''}"
-
-
-def _legend(strips: Sequence[Strip]) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = []
-    x = 0.0
-    for role, text in legend_of(strips):
-        style, end = STYLES[role], x + 22 + _LETTER_PX * len(text)
-        entries.append({"x": x, "end": end, "text": text, "fill": style.fill or "none", "line": style.line,
-                        "dashed": style.dashed})  # fmt: skip
-        x = end + 14
-    return entries
+def _key(role: Role, text: str) -> Key:
+    return Key(role.value, text, line=True, dash=(3.0, 3.0)) if role is Role.GHOST else Key(role.value, text)

@@ -13,7 +13,7 @@ class Curves {
     this.most = 1;
   }
 
-  // lines: [{name, values, colour (a name), dashed}]
+  // lines: [{name, values, colour (a paint), dashed}]
   show(run, lines, limit) {
     this.run = run;
     this.lines = lines.filter((line) => line.values.some((value) => value !== null));
@@ -50,10 +50,10 @@ class Curves {
       ctx.setLineDash([]);
     };
     ctx.lineWidth = 1.2;
-    if (run.forecast && run.forecast[0] >= 0 && run.forecast[0] <= run.end) mark(run.forecast[0], c.forecast, [3, 3]);
-    if (run.contact) mark(run.contact[0], c.contact, []);
+    if (run.forecast && run.forecast[0] >= 0 && run.forecast[0] <= run.end) mark(run.forecast[0], c.paints.forecast.line, [3, 3]);
+    if (run.contact) mark(run.contact[0], c.paints.contact.line, []);
     for (const line of this.lines) {
-      ctx.strokeStyle = c[line.colour];
+      ctx.strokeStyle = c.paints[line.colour].fill;
       ctx.lineWidth = line.dashed ? 1.2 : 1.8;
       ctx.setLineDash(line.dashed ? [4, 3] : []);
       ctx.beginPath();
@@ -111,7 +111,7 @@ class Curves {
     for (const line of [...this.lines].reverse()) {
       const value = line.values[frame];
       if (value === null || value === undefined) continue;
-      ctx.fillStyle = c[line.colour];
+      ctx.fillStyle = c.paints[line.colour].fill;
       ctx.beginPath();
       ctx.arc(x(time), y(value), line.dashed ? 2 : 3, 0, 7);
       ctx.fill();

@@ -1,6 +1,5 @@
 // Plays one run: canvas, slider, curves, and the story's sentences beside it.
 
-const read = (id) => JSON.parse(document.getElementById(id).textContent);
 const grounds = new Map();
 const groundOf = (id) => {
   if (!grounds.has(id)) grounds.set(id, new Ground(read(id)));
@@ -109,7 +108,7 @@ class Player {
       ...(run.opponent ? [{ name: other, values: run.speeds(run.opponent.way), colour: 'opponent' }] : []),
     ]);
     this.gap.show(run, [
-      { name: 'parent', values: run.gaps(run.raw.ghost_gap), colour: 'others', dashed: true },
+      { name: 'parent', values: run.gaps(run.raw.ghost_gap), colour: 'other', dashed: true },
       { name: other, values: run.gaps(run.raw.gap), colour: 'opponent' },
     ], 40);
     this.find('.gap').hidden = !run.raw.gap.length;

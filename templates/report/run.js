@@ -1,5 +1,8 @@
 // Decodes a run of the page, and returns its state at any time.
 
+const read = (id) => JSON.parse(document.getElementById(id).textContent);
+const DRAWING = read('drawing'); // the names of the paints, and the limits of lines on the ground
+
 const sums = (list, count) => {
   const values = new Float64Array(count);
   let value = 0;
@@ -32,7 +35,8 @@ class Run {
     this.step = raw.step;
     this.frames = raw.frames;
     this.end = raw.end;
-    this.actors = raw.actors.map((actor, index) => ({ ...actor, index, way: wayOf(actor.way) }));
+    this.shapes = raw.shapes.map(shapeOf);
+    this.actors = raw.actors.map((actor, index) => ({ ...actor, index, way: wayOf(actor.way), shapes: actor.shapes.map(shapeOf) }));
     this.ego = this.actors[0];
     this.opponent = this.actors.find((actor) => actor.id === raw.opponent && actor.index > 0) || null;
     this.ghosts = raw.ghosts.map((ghost) => ({ of: ghost.of, way: wayOf(ghost.way) }));
@@ -96,7 +100,7 @@ class Run {
 
   colour(head, time) {
     const frame = this.nearest(time);
-    let colour = 'o';
+    let colour = 'off';
     for (let k = 0; k < head.colours.length && head.colours[k] <= frame; k += 2) colour = head.colours[k + 1];
     return colour;
   }

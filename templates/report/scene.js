@@ -1,12 +1,13 @@
 // The view from above, on a canvas.
 
-const NAMES = ['ground', 'road', 'mark', 'path', 'crossing', 'stop', 'building', 'edge', 'cycle', 'slippery', 'ego', 'opponent', 'others', 'label',
-  'halo', 'shade', 'forecast', 'contact', 'panel', 'line', 'ink', 'muted', 'accent'];
+// The colours of the page, and the paints of its pictures.
 const colours = () => {
   const style = getComputedStyle(document.documentElement);
-  return Object.fromEntries(NAMES.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  const value = (name) => style.getPropertyValue(`--${name}`).trim();
+  const named = (names, of) => Object.fromEntries(names.map((name) => [name, of(name)]));
+  return { ...named(['panel', 'line', 'ink', 'muted', 'accent'], value),
+    paints: named(DRAWING.paints, (name) => ({ fill: value(`p-${name}`), line: value(`p-${name}-line`) })) };
 };
-const SIGNAL = { r: '#e5342b', y: '#f2b200', u: '#f2b200', g: '#1fa34a', s: '#1fa34a', o: '#8a8f98' };
 const EYE_M = 1.6; // height of the ego's sensors, m: lower bodies hide nothing in this picture
 const REACH_M = 80;
 const RAYS = 540;
@@ -20,46 +21,42 @@ const lined = (lines, close) => {
   return path;
 };
 
-const LINES = ['marking', 'edge_line', 'stop_line'];
+// A shape as the report wrote it (see `report.drawing.data`), with its path.
+const shapeOf = (raw) => {
+  const rings = raw.rings.map(pointsOf);
+  return { ...raw, rings, path: lined(rings, raw.closed) };
+};
 
-// The shapes on the ground, by layer, as in all pictures of a road.
+// Draws a shape; `pixel`: its length in m.
+const drawShape = (ctx, shape, paint, pixel) => {
+  if (shape.closed && paint.fill) {
+    ctx.fillStyle = paint.fill;
+    ctx.fill(shape.path, 'evenodd');
+  }
+  if (!paint.line || !(shape.width || shape.width_m)) return;
+  const { limits } = DRAWING;
+  const share = shape.width_m / limits.line_m;
+  const width = Math.min(Math.max(limits.line_m, limits.thinnest_px * pixel), limits.thickest_px * pixel);
+  ctx.strokeStyle = paint.line;
+  ctx.lineWidth = shape.width_m ? share * width : shape.width * pixel;
+  ctx.setLineDash(shape.dash.map((length) => (shape.width_m ? Math.max(length, limits.least_dash_px * pixel) : length * pixel)));
+  ctx.stroke(shape.path);
+  ctx.setLineDash([]);
+};
+
+// The shapes on the ground, which are those of all pictures of a road.
 class Ground {
   constructor(raw) {
-    this.paths = {};
-    for (const [layer, shapes] of Object.entries(raw)) {
-      this.paths[layer] = lined(shapes.map(pointsOf), !LINES.includes(layer));
-    }
-    this.walls = raw.building.map(pointsOf)
+    this.shapes = raw.map(shapeOf);
+    this.walls = this.shapes.filter((shape) => shape.paint === 'building').flatMap((shape) => shape.rings)
       .flatMap((outline) => outline.map((point, k) => [...point, ...outline[(k + 1) % outline.length]]));
   }
 
-  draw(ctx, c, pixel) {
-    const fill = (layer, colour) => {
-      ctx.fillStyle = colour;
-      ctx.fill(this.paths[layer], 'evenodd');
-    };
-    const stroke = (layer, colour, width, dash) => {
-      ctx.strokeStyle = colour;
-      ctx.lineWidth = width;
-      ctx.setLineDash(dash);
-      ctx.stroke(this.paths[layer]);
-      ctx.setLineDash([]);
-    };
+  // Draws the ground; `more`: further shapes on it.
+  draw(ctx, c, pixel, more) {
     ctx.lineCap = 'butt';
     ctx.lineJoin = 'round';
-    fill('footway', c.path);
-    fill('road', c.road);
-    fill('cycleway', c.cycle);
-    fill('parking', c.road);
-    stroke('parking', c.mark, 0.12, []);
-    stroke('road', c.mark, 0.12, []);
-    fill('bus_stop', c.stop);
-    stroke('edge_line', c.mark, 0.15, []);
-    stroke('marking', c.mark, 0.12, [1.5, 1.5]);
-    fill('crossing', c.crossing);
-    stroke('stop_line', c.mark, 0.4, []);
-    fill('building', c.building);
-    stroke('building', c.edge, pixel, []);
+    for (const shape of [...this.shapes, ...more]) drawShape(ctx, shape, c.paints[shape.paint], pixel);
   }
 }
 
@@ -87,37 +84,23 @@ const sightOutline = (x, y, walls) => {
   return outline;
 };
 
-const boxPath = (points) => lined([points], true);
-
-const drawBody = (ctx, pose, actor, colour, { filled, dashed, pixel, halo }) => {
-  const [length, width] = actor.size;
-  const path = boxPath(corners(pose, length, width));
-  if (filled) {
-    ctx.fillStyle = colour;
-    ctx.fill(path);
-    ctx.strokeStyle = halo;
-    ctx.lineWidth = pixel;
-    ctx.stroke(path);
-    if (actor.kind !== 'obstacle' && actor.kind !== 'pedestrian') { // the windscreen shows which end is the front
-      const front = { ...pose, x: pose.x + Math.cos(pose.heading) * length * 0.2, y: pose.y + Math.sin(pose.heading) * length * 0.2 };
-      ctx.fillStyle = halo;
-      ctx.globalAlpha *= 0.55;
-      ctx.fill(boxPath(corners(front, length * 0.14, width * 0.76)));
-      ctx.globalAlpha /= 0.55;
+// Draws an actor's body at a pose: filled, or only its lines in the colour of its body.
+const drawBody = (ctx, pose, actor, c, { filled, dashed, pixel }) => {
+  ctx.save();
+  ctx.translate(pose.x, pose.y);
+  ctx.rotate(pose.heading);
+  for (const shape of actor.shapes) {
+    if (filled) {
+      drawShape(ctx, shape, c.paints[shape.paint], pixel);
+    } else {
+      ctx.strokeStyle = c.paints[actor.paint].fill;
+      ctx.lineWidth = 1.8 * pixel;
+      ctx.setLineDash(dashed ? [4 * pixel, 3 * pixel] : []);
+      ctx.stroke(shape.path);
     }
-    return;
   }
-  ctx.strokeStyle = colour;
-  ctx.lineWidth = 1.8 * pixel;
-  ctx.setLineDash(dashed ? [4 * pixel, 3 * pixel] : []);
-  ctx.stroke(path);
-  ctx.setLineDash([]);
-  if (actor.kind === 'obstacle' || actor.kind === 'pedestrian') return;
-  const nose = [0.5, 0.2].map((share) => [pose.x + Math.cos(pose.heading) * length * share, pose.y + Math.sin(pose.heading) * length * share]);
-  ctx.stroke(lined([nose]));
+  ctx.restore();
 };
-
-const colourOf = (run, actor, c) => (actor === run.ego ? c.ego : actor === run.opponent ? c.opponent : c.others);
 
 const drawTrail = (ctx, run, way, time, colour, pixel, dashed) => {
   ctx.strokeStyle = colour;
@@ -138,10 +121,10 @@ const drawTrail = (ctx, run, way, time, colour, pixel, dashed) => {
   ctx.globalAlpha = 1;
 };
 
-const drawSignals = (ctx, run, time, pixel) => {
+const drawSignals = (ctx, run, time, c, pixel) => {
   for (const head of run.signals) {
     const [[ax, ay], [bx, by]] = head.at;
-    const colour = SIGNAL[run.colour(head, time)] || SIGNAL.o;
+    const colour = c.paints[run.colour(head, time)].line;
     ctx.strokeStyle = colour;
     ctx.fillStyle = colour;
     ctx.lineWidth = Math.max(0.5, 3 * pixel);
@@ -169,18 +152,12 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
   const ctx = canvas.getContext('2d');
   ctx.setTransform(1, 0, 0, 1, 0, 0);
   ctx.globalAlpha = 1;
-  ctx.fillStyle = c.ground;
+  ctx.fillStyle = c.paints.grass.fill;
   ctx.fillRect(0, 0, canvas.width, canvas.height);
   const scale = view.scale * ratio;
   ctx.setTransform(scale, 0, 0, -scale, canvas.width / 2 - view.x * scale, canvas.height / 2 + view.y * scale);
   const pixel = 1 / view.scale;
-  ground.draw(ctx, c, pixel);
-  for (const [x, y, radius] of run.raw.slippery || []) {
-    ctx.fillStyle = c.slippery;
-    ctx.beginPath();
-    ctx.arc(x, y, radius, 0, 2 * Math.PI);
-    ctx.fill();
-  }
+  ground.draw(ctx, c, pixel, run.shapes);
 
   const ego = run.pose(run.ego.way, time);
   const poses = run.actors.map((actor) => run.pose(actor.way, time));
@@ -194,38 +171,36 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
     const hidden = lined([sightOutline(ego.x, ego.y, [...ground.walls, ...sides])], true);
     hidden.rect(view.x - reachX, view.y - reachY, 2 * reachX, 2 * reachY);
     ctx.save();
-    ctx.fillStyle = c.shade;
+    ctx.fillStyle = c.paints.shade.fill;
     ctx.fill(hidden, 'evenodd');
     ctx.restore();
   }
-  drawSignals(ctx, run, time, pixel);
-  drawTrail(ctx, run, run.ego.way, time, c.ego, pixel);
-  if (run.opponent) drawTrail(ctx, run, run.opponent.way, time, c.opponent, pixel);
+  drawSignals(ctx, run, time, c, pixel);
+  drawTrail(ctx, run, run.ego.way, time, c.paints.ego.fill, pixel);
+  if (run.opponent) drawTrail(ctx, run, run.opponent.way, time, c.paints.opponent.fill, pixel);
   if (show.ghosts) {
     for (const ghost of run.ghosts) {
       const actor = run.actors[ghost.of];
       const pose = run.pose(ghost.way, time);
-      if (actor === run.ego || actor === run.opponent) drawTrail(ctx, run, ghost.way, time, colourOf(run, actor, c), pixel, true);
+      if (actor === run.ego || actor === run.opponent) drawTrail(ctx, run, ghost.way, time, c.paints[actor.paint].fill, pixel, true);
       ctx.globalAlpha = 0.75;
-      if (pose) drawBody(ctx, pose, actor, colourOf(run, actor, c), { filled: false, dashed: true, pixel, halo: c.halo });
+      if (pose) drawBody(ctx, pose, actor, c, { filled: false, dashed: true, pixel });
       ctx.globalAlpha = 1;
     }
   }
   run.actors.forEach((actor, k) => {
     const pose = poses[k];
     if (pose && actor.kind === 'pedestrian') { // a person of 0.5 m is a few pixels wide: a disc makes it visible
-      ctx.globalAlpha = 0.25;
-      ctx.fillStyle = colourOf(run, actor, c);
+      ctx.fillStyle = c.paints[`${actor.paint}-halo`].fill;
       ctx.beginPath();
       ctx.arc(pose.x, pose.y, Math.max(0.8, 6 * pixel), 0, 7);
       ctx.fill();
-      ctx.globalAlpha = 1;
     }
-    if (pose) drawBody(ctx, pose, actor, colourOf(run, actor, c), { filled: run.seen(actor, time), dashed: false, pixel, halo: c.halo });
+    if (pose) drawBody(ctx, pose, actor, c, { filled: run.seen(actor, time), dashed: false, pixel });
   });
   if (ego && run.opponent && poses[run.opponent.index]) {
     const other = poses[run.opponent.index];
-    ctx.strokeStyle = c.opponent;
+    ctx.strokeStyle = c.paints.opponent.fill;
     ctx.lineWidth = 1.2 * pixel;
     ctx.globalAlpha = 0.8;
     ctx.setLineDash(run.seen(run.opponent, time) ? [] : [2 * pixel, 5 * pixel]);
@@ -235,7 +210,7 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
   }
   if (run.forecast && run.forecast.length > 2) {
     const [at, x, y] = run.forecast;
-    ctx.strokeStyle = c.forecast;
+    ctx.strokeStyle = c.paints.forecast.line;
     ctx.lineWidth = (Math.abs(at - time) < 0.3 ? 4 : 2) * pixel;
     ctx.beginPath();
     ctx.arc(x, y, Math.max(1.2, 9 * pixel), 0, 7);
@@ -244,8 +219,8 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
   if (run.contact && run.contact.length > 2) {
     const [at, x, y] = run.contact;
     const now = Math.abs(at - time) < 0.06;
-    ctx.fillStyle = c.contact;
-    ctx.strokeStyle = c.contact;
+    ctx.fillStyle = c.paints.contact.fill;
+    ctx.strokeStyle = c.paints.contact.line;
     ctx.lineWidth = 2 * pixel;
     ctx.beginPath();
     ctx.arc(x, y, (now ? 4 : 3) * pixel, 0, 7);
@@ -276,18 +251,18 @@ const drawLabels = (ctx, canvas, run, poses, view, ratio, c) => {
     const room = Math.hypot(...actor.size.slice(0, 2)) / 2 * view.scale;
     const y = height / 2 - (pose.y - view.y) * view.scale + (below ? room + 14 : -room - 6);
     ctx.lineWidth = 3;
-    ctx.strokeStyle = c.halo;
+    ctx.strokeStyle = c.paints.plate.fill;
     ctx.strokeText(text, x, y);
-    ctx.fillStyle = actor === run.ego ? c.ego : c.opponent;
+    ctx.fillStyle = c.paints[actor.paint].fill;
     ctx.fillText(text, x, y);
   }
   drawScale(ctx, height, view, c);
 };
 
 const drawScale = (ctx, height, view, c) => {
-  const metres = [2, 5, 10, 20, 50].find((m) => m * view.scale > 50) || 50;
-  ctx.strokeStyle = c.label;
-  ctx.fillStyle = c.label;
+  const metres = [2, 5, 10, 20, 50].find((m) => m * view.scale > 40) || 50;
+  ctx.strokeStyle = c.paints.ink.fill;
+  ctx.fillStyle = c.paints.ink.fill;
   ctx.lineWidth = 1.5;
   ctx.font = '11px system-ui, sans-serif';
   ctx.textAlign = 'left';

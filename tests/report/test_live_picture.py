@@ -111,8 +111,8 @@ def test_a_web_view_shows_marks_and_posts(browser: Any, small: Path, tmp_path: P
 
 def test_names_do_not_overlap_in_the_browser(browser: Any, scenarios: Path) -> None:
     """At the width of a phone and of a desk, with the letters that the browser has."""
+    from foresee_dsl.report.drawing.svg import svg_of
     from foresee_dsl.report.picture.draw import draw
-    from foresee_dsl.report.picture.svg import svg_of
 
     page, errors = opened(browser, scheme="dark")
     covered = (

@@ -15,7 +15,8 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.report.png import png_of_svg
+from foresee_dsl.report.drawing.palette import PAINTS
+from foresee_dsl.report.drawing.png import png_of_svg
 from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.page import Page
 from foresee_dsl.report.show.sources import ShownRun
@@ -107,7 +108,8 @@ def _image(shown: ShownRun) -> Any:
 
 def test_the_png_shows_ego_and_opponent_in_their_colours(shown: ShownRun) -> None:
     picture = np.asarray(_image(shown).convert("RGB"))
-    for colour in ((0x1F, 0x6F, 0xD6), (0xD7, 0x26, 0x3D)):
+    for role in ("ego", "opponent"):
+        colour = [int(PAINTS[role].fill[k : k + 2], 16) for k in (1, 3, 5)]
         assert (picture == colour).all(axis=2).sum() > 50
 
 

@@ -19,14 +19,14 @@ from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.report.ground import Layer, ground_of
+from foresee_dsl.report.drawing.ground import Layer, ground_of
+from foresee_dsl.report.drawing.labels import Box, Room
+from foresee_dsl.report.drawing.palette import PAINTS
+from foresee_dsl.report.drawing.png import png_of_svg
+from foresee_dsl.report.drawing.svg import svg_of
 from foresee_dsl.report.picture.answer import answer
 from foresee_dsl.report.picture.draw import Drawing, draw
-from foresee_dsl.report.picture.labels import Box, Room
-from foresee_dsl.report.picture.palette import PAINTS
 from foresee_dsl.report.picture.reading import read_subject
-from foresee_dsl.report.picture.svg import svg_of
-from foresee_dsl.report.png import png_of_svg
 
 FORESEE = Path(sys.executable).parent / "foresee"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -99,7 +99,7 @@ def parts(svg: str, kind: str) -> list[ET.Element]:
 
 def test_every_actor_is_where_it_starts_and_knows_its_text(drawings: dict[str, Drawing], scenarios: Path) -> None:
     for address, drawing in drawings.items():
-        frame = drawing.sheet.frame
+        frame = drawing.sheet.maps[0].frame
         case = load_test_case(str(scenarios / f"{address.partition('::')[0]}::{drawing.subject.case}"))
         placed = {actor.id: actor for actor in compile_test_case(case).scene.actors}
         named = [actor.name for actor in case.scenario.actors]
@@ -131,7 +131,7 @@ def test_names_cover_neither_each_other_nor_the_bodies(drawings: dict[str, Drawi
     covered = 0
     for drawing in drawings.values():
         boxes = []
-        for part in drawing.sheet.parts:
+        for part in drawing.sheet.maps[0].parts:
             for words in part.words:
                 px = {"text": 13.0, "small": 11.5}[words.size] * 1.45
                 width = 0.6 * px * len(words.text)
@@ -139,9 +139,8 @@ def test_names_cover_neither_each_other_nor_the_bodies(drawings: dict[str, Drawi
                 if not words.angle_deg:
                     boxes.append(Box(left, words.y - px / 2, left + width, words.y + px / 2))
         covered += sum(a.touches(b) for k, a in enumerate(boxes) for b in boxes[:k])
-        assert all(
-            box.inside(Box(-1, -1, drawing.sheet.frame.width + 1, drawing.sheet.frame.height + 1)) for box in boxes
-        )
+        frame = drawing.sheet.maps[0].frame
+        assert all(box.inside(Box(-1, -1, frame.width + 1, frame.height + 1)) for box in boxes)
     assert covered <= 1
 
 
@@ -181,15 +180,15 @@ def test_long_networks_are_cropped(scenarios: Path) -> None:
     near = draw(str(scenarios / "scenario7.foresee::r03"))
     whole = draw(str(scenarios / "scenario7.foresee::r03"), whole=True)
     town = draw(str(scenarios / "networks" / "town.foresee"))
-    assert near.sheet.frame.scale > 3 * whole.sheet.frame.scale
-    assert whole.sheet.frame.scale == pytest.approx(town.sheet.frame.scale, rel=0.1)
+    assert near.sheet.maps[0].frame.scale > 3 * whole.sheet.maps[0].frame.scale
+    assert whole.sheet.maps[0].frame.scale == pytest.approx(town.sheet.maps[0].frame.scale, rel=0.1)
     assert town.subject.bodies == () and len(parts(svg_of(town.sheet), "junction")) > 15
 
 
 def test_the_picture_stands_still_while_an_actor_moves_by_a_metre(small: Path) -> None:
     texts = [SMALL.replace("start at 30 m along three", f"start at {metres} m along three") for metres in (30, 31, 32)]
     drawings = [draw(str(small), {small: text}) for text in texts]
-    assert len({drawing.sheet.frame for drawing in drawings}) == 1
+    assert len({drawing.sheet.maps[0].frame for drawing in drawings}) == 1
     assert len({drawing.subject.bodies[1].middle for drawing in drawings}) == 3
 
 
@@ -304,7 +303,7 @@ def test_a_roundabout_on_the_way_is_shown_whole(tmp_path: Path) -> None:
     (tmp_path / "s.foresee").write_text(RING)
     drawing = draw(str(tmp_path / "s.foresee"))
     (ring,) = drawing.subject.network.rings.values()
-    left, bottom, right, top = drawing.sheet.frame.bounds
+    left, bottom, right, top = drawing.sheet.maps[0].frame.bounds
     low, high = np.min(ring.polygon, axis=0), np.max(ring.polygon, axis=0)
     assert left <= low[0] and bottom <= low[1] and right >= high[0] and top >= high[1]
 

@@ -81,7 +81,7 @@ def test_svg_is_whole_xml_and_names_who_is_who(trace: Trace, case: TestCase) -> 
     assert story.sentence in text
     assert "walker (pedestrian)" in text
     classes = {node.get("class") for node in root.iter()}
-    assert {"strip-ego", "strip-opponent", "strip-road", "strip-building"} <= classes
+    assert {"p-ego", "p-opponent", "p-road", "p-building"} <= classes
 
 
 def test_a_ghost_is_drawn_where_the_parent_s_ego_was(trace: Trace, case: TestCase) -> None:
@@ -97,7 +97,7 @@ def test_hostile_names_are_text_in_the_svg(trace: Trace, case: TestCase, name: s
     panels = tuple(replace(p, footprints=tuple(replace(f, actor=name) for f in p.footprints)) for p in strip.panels)
     text = svg_of([replace(strip, opponent=name, panels=panels)], name)
     root = ElementTree.fromstring(text)
-    drawn = {"svg", "title", "rect", "text", "tspan", "g", "path"}
+    drawn = {"svg", "title", "style", "rect", "text", "g", "path"}
     assert {node.tag.rpartition("}")[2] for node in root.iter()} <= drawn
     assert not [sign for sign in text if unicodedata.category(sign) in ("Cc", "Cf") and sign != "\n"]
     assert len(text) < 200_000

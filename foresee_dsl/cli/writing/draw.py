@@ -57,8 +57,8 @@ def draw(
         serve(address, svg=svg, whole=whole, port=port, allow_outside=allow_outside, say=_say)
         return
     from foresee_dsl.files import replacing, write_whole
+    from foresee_dsl.report.drawing.svg import svg_of
     from foresee_dsl.report.picture.draw import draw as drawing_of
-    from foresee_dsl.report.picture.svg import svg_of
 
     drawing = drawing_of(address, width=float(width), whole=whole, allow_outside=allow_outside)
     if str(svg) == "-":
@@ -68,7 +68,7 @@ def draw(
         write_whole(file, svg_of(drawing.sheet))
         _say(f"wrote {file}")
     if png is not None:
-        from foresee_dsl.report.png import png_of_svg
+        from foresee_dsl.report.drawing.png import png_of_svg
 
         data = png_of_svg(svg_of(drawing.sheet, scheme="dark" if dark else "light"))
         png.parent.mkdir(parents=True, exist_ok=True)

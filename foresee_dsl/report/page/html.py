@@ -10,10 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.files import data_folder, templates, write_whole
+from foresee_dsl.report.drawing.data import LIMITS
+from foresee_dsl.report.drawing.ground import Layer
+from foresee_dsl.report.drawing.palette import custom_properties
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import family_title, options_of
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.show.panels import Role
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -23,6 +27,14 @@ LONGEST = 2000
 """Maximum length of a text on the page, characters. Ours: the reasons of drivers that raise are half as long."""
 SCRIPTS = ("run.js", "scene.js", "curves.js", "player.js", "page.js")
 """The parts of the page's script, in the order in which they are joined."""
+PAINTS = (
+    *("grass", "plate", "ink", "shade", "forecast", "contact", "green", "amber", "red", "off"),
+    *(layer.value for layer in Layer),
+    *(role.value for role in Role),
+    *(f"{role}-halo" for role in Role if role is not Role.GHOST),
+)
+"""The paints with which the page's canvas draws."""
+_DRAWING = {"paints": PAINTS, "limits": LIMITS}
 
 
 def write_report(folders: Sequence[Path], file: Path) -> Contents:
@@ -40,7 +52,12 @@ def write_report(folders: Sequence[Path], file: Path) -> Contents:
 
 def rendered(contents: Contents, reader: Reader) -> str:
     """Return the page as HTML; names and reasons are escaped, so that they are shown as text."""
-    style, script = _source("page.css"), "\n".join(map(_source, SCRIPTS))
+    style = (
+        templates("report", markup=False)
+        .get_template("page.css.j2")
+        .render(light=custom_properties(PAINTS), dark=custom_properties(PAINTS, dark=True))
+    )
+    script = "\n".join(map(_source, SCRIPTS))
     script = f"(() => {{\n'use strict';\n{script}\n}})();\n"
     findings = contents.findings
     filters = {
@@ -60,7 +77,10 @@ def rendered(contents: Contents, reader: Reader) -> str:
         style_hash=_hash(style),
         script_hash=_hash(script),
         family_title=family_title,
-        data={name: _data(value) for name, value in {**reader.roads.as_dict(), **reader.playbacks}.items()},
+        data={
+            name: _data(value)
+            for name, value in {"drawing": _DRAWING, **reader.roads.as_dict(), **reader.playbacks}.items()
+        },
     )
 
 
@@ -71,7 +91,7 @@ def _templates() -> Environment:
     return templates("report").overlay(finalize=lambda value: safe(value, LONGEST) if type(value) is str else value)
 
 
-def _data(value: dict[str, Any]) -> Markup:
+def _data(value: object) -> Markup:
     """Return JSON for a script element; texts in it cannot end the element."""
     from jinja2.utils import htmlsafe_json_dumps
 

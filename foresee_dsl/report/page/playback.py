@@ -13,9 +13,13 @@ from numpy.typing import NDArray
 from foresee_dsl.compile.bundle import Signal, SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
-from foresee_dsl.kernels.boxes import pairwise_box_distance
-from foresee_dsl.report.page.numbers import CM, MRAD, deltas, line, toggles
+from foresee_dsl.kernels.boxes import corners, pairwise_box_distance
+from foresee_dsl.report.drawing.data import CM, as_data, line
+from foresee_dsl.report.drawing.ground import with_patches
+from foresee_dsl.report.drawing.shapes import Shape, body_shapes, ground_shapes
+from foresee_dsl.report.show.panels import Role, role_of
 from foresee_dsl.simulate.sensing.line_of_sight import sight_of
+from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 NEAR_M = 90.0
@@ -26,6 +30,9 @@ LONG_RUN_FRAMES = 400
 """Of a longer run (over 20 s) only every second frame is kept. Ours: the player interpolates positions."""
 APART_M = 0.3
 """An actor that is farther than this from its place in the parent's run gets a ghost, m. Ours: a visible distance."""
+
+MRAD = 1000.0
+"""Headings are rounded to 1 mrad (an error of 3 mm at a bus's bumper, 6 m from its centre), speeds to 1 cm/s."""
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -71,11 +78,14 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
                 "kind": trace.actors[k].kind,
                 "model": trace.actors[k].model,
                 "size": [trace.actors[k].length_m, trace.actors[k].width_m, round(heights[k], 2)],
+                "paint": (role := role_of(trace, k, marks.opponent)).value,
+                "shapes": as_data(_body(trace, k, role)),
                 "way": _way(trace.states[frames, k]),
                 "seen": toggles(seen[:, k]),
             }
             for k in columns
         ],
+        "shapes": as_data(ground_shapes(with_patches({}, bundle.scene.slippery))),
         "opponent": marks.opponent,
         "signals": signal_heads(trace, bundle, frames),
         "gap": _gap(trace, frames, marks.opponent),
@@ -85,8 +95,6 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
         "ghost_gap": [],
         "differs": None,
     }
-    if bundle.scene.slippery:
-        run["slippery"] = [[round(p.x, 2), round(p.y, 2), round(p.radius_m, 2)] for p in bundle.scene.slippery]
     if marks.contact_s is not None:
         run["contact"] = [marks.contact_s, *([round(v, 2) for v in marks.contact] if marks.contact else [])]
     if parent is not None:
@@ -95,6 +103,13 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
         source = parent or Parent(trace, 0.0)
         run["forecast"] = [round(marks.forecast_s, 2), *_place_at(source, marks.forecast_s, marks.forecast_with)]
     return run
+
+
+def _body(trace: Trace, actor: int, role: Role) -> tuple[Shape, ...]:
+    """Return the shapes of an actor around its middle, with its front to the right."""
+    info = trace.actors[actor]
+    outline = corners(np.array((0.0, 0.0, 0.0, info.length_m, info.width_m)))
+    return body_shapes(outline, info.kind, role.value)
 
 
 def shown_frames(count: int) -> IntArray:
@@ -130,6 +145,18 @@ def _way(states: FloatArray) -> list[list[Any]]:
 
 def _short(values: list[int]) -> list[int]:
     return values if any(values[1:]) else values[:1]
+
+
+def deltas(values: NDArray[np.float64], per_unit: float) -> list[int]:
+    """Return the first value and then the differences, in units of 1 / `per_unit`; rounding errors do not add up."""
+    whole = np.rint(values * per_unit).astype(np.int64)
+    return [int(v) for v in np.diff(whole, prepend=0)]
+
+
+def toggles(flags: NDArray[np.bool_]) -> list[int]:
+    """Return the indices at which a flag changes; it is false before the first."""
+    changes = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0))
+    return [int(k) for k in changes]
 
 
 def _seen(trace: Trace, bundle: SumoBundle, frames: IntArray) -> NDArray[np.bool_]:
@@ -187,9 +214,9 @@ def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
 
 
 def signal_heads(trace: Trace, bundle: SumoBundle, frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Return the signal heads near the ego, each with a line `at` the road, cm, and `colours`: frame, letter, frame...
+    """Return the signal heads near the ego, each with a line `at` the road, cm, and `colours`: frame, colour, frame...
 
-    A letter is SUMO's in lower case: r, y, g, u (red and yellow), o (off). A frame is an index into `frames`.
+    A colour is the name of a paint. A frame is an index into `frames`.
     """
     track = trace.states[:, 0, [X, Y]]
     heads = []
@@ -212,7 +239,7 @@ def _states(trace: Trace, column: int, signal: Signal, frames: NDArray[np.int64]
     for frame in frames:
         stage = names[trace.stages[frame, column]]
         phase, _ = signal.phase_at(stage, float(trace.elapsed[frame, column]))
-        states.append(signal.phases[phase].state.lower())
+        states.append(signal.phases[phase].state)
     return states
 
 
@@ -220,7 +247,7 @@ def _changes(states: list[str], link: int) -> list[int | str]:
     changes: list[int | str] = []
     before = ""
     for k, state in enumerate(states):
-        colour = state[link] if link < len(state) else "o"
+        colour = colour_shown(state, link) if link < len(state) else "off"
         if colour != before:
             changes += [k, colour]
             before = colour

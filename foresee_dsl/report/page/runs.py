@@ -22,7 +22,9 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.report.page.numbers import line
+from foresee_dsl.report.drawing.data import as_data
+from foresee_dsl.report.drawing.ground import ground_of
+from foresee_dsl.report.drawing.shapes import ground_shapes
 from foresee_dsl.report.page.playback import Marks, Parent, playback
 from foresee_dsl.report.page.recorded import Anticipation, Minimised, Preventability, Reference
 from foresee_dsl.report.strip import strip_svg
@@ -133,17 +135,15 @@ class Roads:
         cells.update((int(x), int(y)) for x, y in np.unique(np.floor(present / AROUND_M), axis=0))
         return f"roads-{list(self._networks).index(id(network))}"
 
-    def as_dict(self) -> dict[str, dict[str, Any]]:
-        """Return each network's geometry for the page, by its id."""
+    def as_dict(self) -> dict[str, list[dict[str, Any]]]:
+        """Return each network's shapes for the page, by its id."""
         return {
             f"roads-{k}": _geometry(network, self._cells[key])
             for k, (key, network) in enumerate(self._networks.items())
         }
 
 
-def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> dict[str, Any]:
-    from foresee_dsl.report.ground import LINES, Layer, ground_of, lines_of, rings_of, zebra
-
+def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> list[dict[str, Any]]:
     near = {(x + i, y + j) for x, y in cells for i in (-1, 0, 1) for j in (-1, 0, 1)}
 
     def is_near(points: Sequence[Sequence[float]], wide_m: float) -> bool:
@@ -156,13 +156,7 @@ def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> dict[str, An
         right, top = np.floor(high / AROUND_M).astype(int)
         return any((x, y) in near for x in range(left, right + 1) for y in range(bottom, top + 1))
 
-    ground = ground_of(network, is_near)
-    layers: dict[str, Any] = {}
-    for layer, shape in ground.items():
-        finer = zebra(shape) if layer is Layer.CROSSING else shape.simplify(TOLERANCE_M)
-        parts = lines_of(finer) if layer in LINES else rings_of(finer)
-        layers[layer.value] = [line(part.tolist()) for part in parts]
-    return layers
+    return as_data(ground_shapes(ground_of(network, is_near), tolerance_m=TOLERANCE_M))
 
 
 @dataclass

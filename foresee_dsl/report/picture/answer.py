@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
-from foresee_dsl.files import data_folder, rendered
+from foresee_dsl.files import data_folder, rendered, templates
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.project.addresses import absolute
+from foresee_dsl.report.drawing.palette import PAINTS
+from foresee_dsl.report.drawing.svg import style_of, svg_of
 from foresee_dsl.report.picture.draw import Drawing, draw
 from foresee_dsl.report.picture.subject import Mistake
-from foresee_dsl.report.picture.svg import style_of, svg_of
 
 NARROWEST, WIDEST = 280.0, 2400.0
 """Smallest and largest width of a picture, px: of a small phone and of a large screen (ours)."""
@@ -92,5 +93,5 @@ def page_of(nonce: str, *, title: str, connect: str) -> str:
         title=title,
         connect=connect,
         script=(folder / "page.js").read_text(encoding="utf-8"),
-        style=(folder / "page.css").read_text(encoding="utf-8"),
+        style=templates("draw", markup=False).get_template("page.css.j2").render(paints=PAINTS),
     )

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.report.ground import Bounds
+from foresee_dsl.report.drawing.sheet import Frame
 from foresee_dsl.report.picture.subject import FloatArray, Subject, Way
 
 MARGIN_M, MARGIN_SHARE = 12.0, 0.06
@@ -22,31 +21,6 @@ FLATTEST, TALLEST = 0.5, 1.1
 """Smallest and largest ratio of height to width. Ours: both fit a screen beside a text, and an upright phone."""
 _ZONE_REACH_M = 60.0
 """A trigger place with a larger side need not be wholly in the picture, m (ours)."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A map of `width` by `height` pixels, its left and top sides in the world, m, and its `scale`, pixels per m."""
-
-    width: float
-    height: float
-    left: float
-    top: float
-    scale: float
-
-    @property
-    def bounds(self) -> Bounds:
-        """Left, bottom, right and top, m."""
-        wide, high = self.width / self.scale, self.height / self.scale
-        return self.left, self.top - high, self.left + wide, self.top
-
-    def pixels(self, points: FloatArray) -> FloatArray:
-        """Return [N, 2] points of the world in pixels, y downwards."""
-        return (points - (self.left, self.top)) * (self.scale, -self.scale)
-
-    def point(self, x: float, y: float) -> tuple[float, float]:
-        """Return a point of the world in pixels."""
-        return (x - self.left) * self.scale, (self.top - y) * self.scale
 
 
 def frame_of(subject: Subject, width: float, *, whole: bool) -> Frame:

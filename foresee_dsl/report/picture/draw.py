@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from foresee_dsl.report.drawing.sheet import Sheet
 from foresee_dsl.report.picture.reading import read_subject
-from foresee_dsl.report.picture.sheet import FILE_SIZES, LIVE_SIZES, WIDTH, Sheet, sheet_of
+from foresee_dsl.report.picture.sheet import FILE_SIZES, LIVE_SIZES, WIDTH, sheet_of
 from foresee_dsl.report.picture.subject import Mistake, Subject
 
 

@@ -14,6 +14,7 @@ from foresee_dsl.compile.compiler import Sketch, network_of, sketch_case
 from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import distance
+from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.errors import InputError
 from foresee_dsl.helps import Help
 from foresee_dsl.language import model as m
@@ -22,9 +23,9 @@ from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
-from foresee_dsl.report.ground import stop_line
+from foresee_dsl.report.drawing.ground import stop_line
+from foresee_dsl.report.drawing.sheet import TextPlace
 from foresee_dsl.report.picture.subject import (
-    SIGNAL_COLOURS,
     TONES,
     Body,
     FloatArray,
@@ -32,14 +33,13 @@ from foresee_dsl.report.picture.subject import (
     Mistake,
     Name,
     Patch,
-    SignalColour,
     Subject,
-    TextPlace,
     Tone,
     Way,
 )
 from foresee_dsl.report.picture.text_places import TextPlaces, place_of
 from foresee_dsl.report.picture.zones import where_is, zones_of
+from foresee_dsl.simulate.signals import colour_shown
 
 ALONE_M = 60.0
 """The first part of a route that should be visible if it does not meet another route, m. Ours: 4 s at 50 km/h."""
@@ -53,14 +53,8 @@ _STEP_M = 2.0
 """Distance between the drawn points of a route, m. Ours: in a bend of 10 m radius the line is 5 cm off."""
 _PART = re.compile(r"(_back)?(#[0-9]+)?$")
 """Suffixes that netconvert and the language add to a road's name."""
-_COLOURS: Mapping[str, SignalColour] = {
-    "G": "green",
-    "g": "green",
-    "y": "amber",
-    "Y": "amber",
-    "u": "amber",
-    "r": "red",
-}
+_BEST_FIRST: tuple[SignalColour, ...] = ("green", "amber", "red", "off")
+"""Order in which a lane with several movements shows one of their colours."""
 
 
 def read_subject(address: str, overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True) -> Subject:
@@ -337,11 +331,11 @@ def _heads(
     for movement in network.movements:
         state = states.get(movement.tls or "")
         if state is not None and 0 <= movement.link < len(state):
-            colours_of.setdefault(movement.from_lane, []).append(_COLOURS.get(state[movement.link], "off"))
+            colours_of.setdefault(movement.from_lane, []).append(colour_shown(state, movement.link))
     for lane_id, colours in colours_of.items():
         lane = network.lanes.get(lane_id)
         if lane is not None and not lane.internal and "car" in lane.kinds:
-            yield Head(stop_line(lane), next(colour for colour in SIGNAL_COLOURS if colour in colours))
+            yield Head(stop_line(lane), next(colour for colour in _BEST_FIRST if colour in colours))
 
 
 def _stops(model: m.Network | Path, network: RoadNetwork) -> Iterator[Name]:

@@ -12,27 +12,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from foresee_dsl.compile.roads.network import RoadNetwork
+    from foresee_dsl.drivers.protocol import SignalColour
+    from foresee_dsl.report.drawing.sheet import TextPlace
 
 FloatArray = NDArray[np.float64]
 
 Tone = Literal["ego", "a0", "a1", "a2", "a3", "a4", "a5", "thing", "traffic"]
 """A colour: of the ego, one of six for other actors in turn, of standing things, or of background traffic."""
 TONES: tuple[Tone, ...] = ("a0", "a1", "a2", "a3", "a4", "a5")
-
-
-SignalColour = Literal["green", "amber", "red", "off"]
-"""The colour of a signal."""
-SIGNAL_COLOURS: tuple[SignalColour, ...] = ("green", "amber", "red", "off")
-
-
-@dataclass(frozen=True)
-class TextPlace:
-    """The place of an item in a text: absolute path, first line and column, last line (counted from 1)."""
-
-    path: Path
-    line: int
-    column: int
-    end_line: int
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.report.picture.subject import TextPlace
+from foresee_dsl.report.drawing.sheet import TextPlace
 
 
 class TextPlaces:

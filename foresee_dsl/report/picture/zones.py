@@ -16,7 +16,8 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
-from foresee_dsl.report.picture.subject import FloatArray, TextPlace, Zone
+from foresee_dsl.report.drawing.sheet import TextPlace
+from foresee_dsl.report.picture.subject import FloatArray, Zone
 from foresee_dsl.report.picture.text_places import TextPlaces
 
 if TYPE_CHECKING:

@@ -13,7 +13,10 @@ import shapely
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.boxes import corners
-from foresee_dsl.report.ground import Bounds, FloatArray, Ground, Layer, ground_of, with_patches, within
+from foresee_dsl.report.drawing.ground import Bounds, FloatArray, Ground, Layer, ground_of, with_patches, within
+from foresee_dsl.report.drawing.shapes import body_shapes, ghost_shape, ground_shapes
+from foresee_dsl.report.drawing.sheet import Part
+from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.measures import Measures
 from foresee_dsl.report.show.moments import Snapshot
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
@@ -32,12 +35,17 @@ TOGETHER_M = 80.0
 AHEAD_SHARE = 0.2
 """Without an opponent, the ego is this share of the window's side behind its middle, so that more of the road ahead is
 visible (ours)."""
+_LONGEST_TITLE = 60
+"""Maximum length of an actor's name in a tooltip, characters."""
 PARKED_MPS = 0.1
 """An actor that is never faster than this is parked or an obstacle, m/s."""
 
 
 class Role(StrEnum):
-    """Roles of footprints, in the order of drawing; a ghost is an actor's footprint in the parent's run."""
+    """Roles of footprints, in the order of drawing; a ghost is an actor's footprint in the parent's run.
+
+    They are also the names of the footprints' paints.
+    """
 
     PARKED = "parked"
     OTHER = "other"
@@ -183,6 +191,21 @@ def strip_panels(
     )
 
 
+def panel_parts(panel: Panel, px_per_m: float = math.inf, *, bars: bool = True) -> tuple[Part, ...]:
+    """Return the parts of a panel from back to front, m; `px_per_m`, `bars`: see `body_shapes` and `ground_shapes`."""
+    ground = (Part(shape.paint, (shape,)) for shape in ground_shapes(panel.ground, bars=bars))
+    # Pedestrians are drawn last, because at a contact the ego would cover them.
+    bodies = sorted(panel.footprints, key=lambda footprint: footprint.kind == "pedestrian")
+    return (*ground, *(_body(footprint, px_per_m) for footprint in bodies))
+
+
+def _body(footprint: Footprint, px_per_m: float) -> Part:
+    role, title = footprint.role, shortened(footprint.actor, _LONGEST_TITLE)
+    if role is Role.GHOST:
+        return Part(role.value, (ghost_shape(footprint.corners),), title=title)
+    return Part(role.value, body_shapes(footprint.corners, footprint.kind, role.value, px_per_m), title=title)
+
+
 def windows_around(
     trace: Trace, bundle: SumoBundle, opponent: str, moments: Sequence[Snapshot], up: Up
 ) -> tuple[Window, ...]:
@@ -230,8 +253,8 @@ def _window(trace: Trace, opponent: str, frame: int, turn: float) -> Window:
 def _footprints(trace: Trace, opponent: str, frame: int, window: Window, ghost: Trace | None) -> list[Footprint]:
     footprints = [
         footprint
-        for k, info in enumerate(trace.actors)
-        if (footprint := _footprint(trace, k, frame, window, _role(trace, k, opponent, info.id))) is not None
+        for k in range(len(trace.actors))
+        if (footprint := _footprint(trace, k, frame, window, role_of(trace, k, opponent))) is not None
     ]
     if ghost is not None and frame < ghost.frames:
         ids = [info.id for info in ghost.actors]
@@ -244,10 +267,11 @@ def _footprints(trace: Trace, opponent: str, frame: int, window: Window, ghost: 
     return sorted(footprints, key=lambda footprint: order.index(footprint.role))
 
 
-def _role(trace: Trace, actor: int, opponent: str, name: str) -> Role:
+def role_of(trace: Trace, actor: int, opponent: str) -> Role:
+    """Return the role of the actor in a column of a trace; `opponent`: id of the opponent, "" for none."""
     if actor == 0:
         return Role.EGO
-    if name == opponent:
+    if trace.actors[actor].id == opponent:
         return Role.OPPONENT
     speeds = trace.states[:, actor, SPEED]
     return Role.OTHER if np.nanmax(speeds, initial=0.0) > PARKED_MPS else Role.PARKED

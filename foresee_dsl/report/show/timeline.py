@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
+from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.measures import BoolArray, FloatArray, Measures
 from foresee_dsl.report.show.moments import STANDS_MPS, Snapshot
@@ -23,7 +24,7 @@ LEAST_MPS2 = 0.5
 """A line of an acceleration that never exceeds this is left out, m/s^2. Ours: half of the gentlest braking."""
 GAP_MOST_M = 50.0
 """Larger gaps have the full bar, m."""
-_EGO, _OTHER = "blue", "red"
+_EGO, _OTHER = PAINTS["ego"].terminal, PAINTS["opponent"].terminal
 _WAS = "  in its parent"
 
 
@@ -64,7 +65,7 @@ def timeline(
     yield Text(f"{'':<{_LABEL}} {scale.seconds()}", style="dim")
 
 
-_LAMPS = {"red": ("r", "red"), "amber": ("a", "yellow"), "green": ("g", "green"), "": ("·", "dim")}
+_LAMPS = {colour: (colour[0], PAINTS[colour].terminal) for colour in ("red", "amber", "green")} | {"": ("·", "dim")}
 
 
 def _signal_line(colours: Sequence[str], columns: int) -> Text:

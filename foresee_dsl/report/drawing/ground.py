@@ -1,4 +1,4 @@
-"""The ground of a road network as layers of shapes, m: the drawing that all pictures share."""
+"""The ground of a road network as layers of areas and lines, m."""
 
 from __future__ import annotations
 

@@ -1,0 +1,57 @@
+"""A sheet as an SVG document, either complete or for a page that defines the colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from foresee_dsl.compile.templates import number
+from foresee_dsl.files import rendered, templates
+from foresee_dsl.report.drawing.palette import PAINTS
+from foresee_dsl.report.drawing.shapes import Shape
+from foresee_dsl.report.drawing.sheet import Frame, Part, Sheet
+
+Scheme = Literal["", "light", "dark"]
+_ALWAYS = ("paper", "grass", "frame")
+"""Paints of every sheet and map."""
+
+
+def svg_of(sheet: Sheet, *, styled: bool = True, scheme: Scheme = "") -> str:
+    """Return a sheet as SVG; without `styled` the document does not define its colours (`style_of` returns them).
+
+    `scheme`: light or dark colours; "": the scheme that the viewer prefers.
+    """
+    return rendered(
+        "draw/picture.svg",
+        sheet=sheet,
+        scheme=scheme,
+        style=style_of(sheet, scheme) if styled else "",
+        path=_path,
+        number=number,
+    )
+
+
+def style_of(sheet: Sheet, scheme: Scheme = "") -> str:
+    """Return the colours and letter sizes of a sheet as CSS, for light and dark surroundings and for phones."""
+    sizes = {"text": sheet.sizes.text, "small": sheet.sizes.small, "title": sheet.sizes.title}
+    names = {*_ALWAYS, *_paints(sheet)}
+    paints = {name: paint for name, paint in PAINTS.items() if name in names}
+    template = templates("draw", markup=False).get_template("picture.css.j2")
+    return template.render(
+        paints=paints, every=PAINTS, scheme=scheme, sizes=sizes, room=sheet.sizes.room, number=number
+    )
+
+
+def _paints(sheet: Sheet) -> Iterator[str]:
+    parts: list[Part] = [*sheet.around, *(part for map_ in sheet.maps for part in map_.parts)]
+    for part in parts:
+        yield from (shape.paint for shape in part.shapes)
+        yield from (words.paint for words in part.words)
+
+
+def _path(shape: Shape, frame: Frame | None) -> str:
+    """Return a shape as an SVG path, rounded to tenths of a pixel; a shape of a map lies in its frame."""
+    end = "Z" if shape.closed else ""
+    rings = (frame.pixels(ring) if frame is not None else ring for ring in shape.rings)
+    points = (" ".join(f"{number(x, 1)} {number(y, 1)}" for x, y in ring.tolist()) for ring in rings)
+    return "".join(f"M{ring}{end}" for ring in points)
