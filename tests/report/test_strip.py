@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,7 +14,12 @@ import pytest
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.kernels.conditions import box_distance
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.report.show.panels import Role, Strip
+from foresee_dsl.report.drawing.data import as_data
+from foresee_dsl.report.drawing.ground import ground_of
+from foresee_dsl.report.drawing.shapes import ground_shapes
+from foresee_dsl.report.page.html import PAINTS as PAINTS_OF_PAGE
+from foresee_dsl.report.page.playback import Marks, playback
+from foresee_dsl.report.show.panels import Role, Strip, panel_parts
 from foresee_dsl.report.strip import make_strip, strip_svg, svg_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace
@@ -89,6 +96,21 @@ def test_a_ghost_is_drawn_where_the_parent_s_ego_was(trace: Trace, case: TestCas
         f for panel in make_strip(trace, case, ghost=trace).panels for f in panel.footprints if f.role is Role.GHOST
     ]
     assert {ghost.actor for ghost in ghosts} == {"ego", "walker"}
+
+
+def test_the_page_draws_the_same_shapes_with_the_same_paints(strip: Strip, trace: Trace, case: TestCase) -> None:
+    bundle = compile_test_case(case)
+    drawn = as_data(ground_shapes(ground_of(bundle.network, lambda _points, _wide_m: True)))
+    on_strip = {shape.paint for panel in strip.panels for part in panel_parts(panel) for shape in part.shapes}
+    bodies = {actor["paint"] for actor in playback(trace, bundle, Marks(opponent="walker"))["actors"]}
+    assert on_strip - {"plate"} <= {shape["paint"] for shape in drawn} | bodies
+    assert bodies == {"ego", "opponent", "parked"} and on_strip <= set(PAINTS_OF_PAGE)
+
+
+def test_no_picture_has_colours_of_its_own(root: Path) -> None:
+    files = [*(root / "templates" / "report").glob("*.js"), *(root / "foresee_dsl" / "report").rglob("*.py")]
+    own = {file.name for file in files if re.search(r"#[0-9a-fA-F]{6}\b", file.read_text(encoding="utf-8"))}
+    assert own == {"palette.py"}
 
 
 @pytest.mark.parametrize("name", ["<script>alert(1)</script>", '"><b>', "\x1b[31mred", "\u202eturned", "w" * 10_000])
