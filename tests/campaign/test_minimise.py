@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 import shutil
 from collections.abc import Iterable
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 from click.testing import Result
+from lxml import html
+from rich.console import Console
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
@@ -21,6 +27,11 @@ from foresee_dsl.cli import app
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
+from foresee_dsl.report.page.html import write_report
+from foresee_dsl.report.page.markdown import write_markdown
+from foresee_dsl.report.terminal.campaign import print_campaign
+from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.story import tell
 from tests.support import command
 from tests.support.bad_driver import install
 from tests.support.first_project import checked
@@ -67,6 +78,89 @@ def test_each_finding_has_a_folder_with_its_minimised_files(done: Path, names: l
         assert small["reason"].partition(" at ")[0] == case.mutant.origin.found.partition(" at ")[0]  # type: ignore[union-attr]
         assert (out / small["file"]).with_suffix(".npz").is_file()
     assert not check_paths([str(out / "findings")]).diagnostics
+
+
+def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: Path) -> None:
+    """Terminal, page, Markdown, review, `keep` and the file say the same words and numbers: those of the run's trace.
+
+    The run as found, of which some differ, is the second one on the page.
+    """
+    shutil.copytree(done / "out" / "store", tmp_path / "store")
+    out, files = done / "out4", [done / "crosser.foresee", done / "street.foresee"]
+    result, heard = campaign(files, out, replace(SETTINGS, against=("pdm",)), store=tmp_path / "store")
+    assert set(heard.kinds) == {"reference", "minimised_reference"}
+    page_file, markdown_file = tmp_path / "report.html", tmp_path / "report.md"
+    contents = write_report([out], page_file)
+    write_markdown([out], markdown_file)
+    page, markdown = html.document_fromstring(page_file.read_text()), unescape(markdown_file.read_text())
+    console = Console(record=True, width=1000, file=io.StringIO(), highlight=False)
+    print_campaign(console, result, out)
+    terminal = console.export_text()
+    listed = {finding["name"]: finding for finding in published(out)["json"]["findings"]}
+    assert len(result.findings) == len(contents.findings) > 1
+    different = 0
+    for finding, entry in zip(result.findings, contents.findings, strict=True):
+        file = out / finding.run_file
+        assert entry.name == finding.name and file.parent.parent == out / "findings"
+        case, trace = load_test_case(str(file)), Trace.load(file.with_suffix(".npz"))
+        story, reason = tell(trace, case), str(trace.meta["reason"])
+        answers = [(judgement.name, str(judgement.answer), judgement.why) for judgement in finding.judgements]
+        assert len(answers) == 2 and finding.references
+        different += story.sentence != finding.story_as_found.sentence
+
+        def text(node: html.HtmlElement) -> str:
+            return " ".join(node.text_content().split())
+
+        (article,) = page.xpath(f"//article[@id='finding-{entry.anchor}']")
+        (item,) = page.xpath(f"//li[a/@href='#finding-{entry.anchor}']")
+        first, second, *_ = article.xpath(".//section")
+        chips = [text(chip) for chip in article.xpath(".//p[@class='chips']/span")]
+        assert [text(article.xpath(".//h2")[0]), text(item.xpath(".//span[@class='what']")[0])] == [story.sentence] * 2
+        assert chips[0].startswith(finding.verdict.value) and chips[1] == story.contact.value
+        assert chips[2:4] == [f"R157: {answers[0][1]}", f"anticipating: {answers[1][1]}"]
+        said = [text(node) for node in first.xpath(".//p|.//li")]
+        assert [line for line in said if line.endswith(answers[0][2])] == [": ".join(answers[0])]
+        assert [line.lower() for line in said if line.endswith(answers[1][2])] == [": ".join(answers[1]).lower()]
+        assert [text(node) for node in first.xpath("./p[@class='ended']")] == [reason]
+        moments = [f"{moment.time_s:.2f} s{moment.text}" for moment in story.moments]
+        assert [text(node) for node in first.xpath("./ol[@class='moments']/li")] == moments
+        changes = [text(node) for node in first.xpath("./ul[@class='changes']/li")]
+        assert changes == [f"change {change}" for change in listed[finding.name]["minimised"]["changed"]]
+        references = [text(node) for node in first.xpath("./ul[@class='references']/li")]
+        for line, run in zip(references, finding.references, strict=True):
+            assert line.startswith(run.driver) and (", ".join(run.how) if run.passes else run.reason) in line
+        assert str(file) in unquote(text(first.xpath(".//div[@class='command']/code")[0]))
+        (played,) = page.xpath(f"//script[@id='{first.get('data-run')}']")
+        assert json.loads(played.text)["moments"] == [[round(m.time_s, 3), m.text] for m in story.moments]
+        assert text(second.xpath("./p[@class='run-title']")[0]) == finding.story_as_found.sentence
+        assert text(second.xpath("./p[@class='ended']")[0]) == finding.representative.reason
+
+        blocks = [block for block in terminal.split("\n\n") if story.sentence in block]
+        assert len(blocks) == 1 and f"{finding.verdict.value}, {story.contact.value}" in blocks[0]
+        sections = [part for part in markdown.split("### ")[1:] if f"`{finding.name}`" in part.split("\n\n")[1]]
+        assert len(sections) == 1 and sections[0].startswith(f"{finding.verdict.value} {story.sentence}")
+        review = " ".join(foresee("review", finding.name, "--campaign", out).stdout.split())
+        assert f"{finding.verdict.value}, {story.contact.value}, {answers[0][1]} {story.sentence} " in review
+        for answer in answers:
+            assert ": ".join(answer) in blocks[0] and ": ".join(answer) in review
+            assert f"{answer[0]}: **{answer[1]}**: {answer[2]}" in sections[0]
+        for run in finding.references:
+            assert run.reason in blocks[0] + review or run.sentence in blocks[0]
+
+        written = file.read_text()
+        assert re.findall(r"^  # (.*)\n  change ", written, re.MULTILINE) == [story.sentence]
+        assert case.mutant is not None and case.mutant.origin is not None
+        origin = case.mutant.origin
+        assert (origin.found, origin.preventable, origin.anticipating) == (
+            reason,
+            *(judgement.origin[1] if judgement.origin else None for judgement in finding.judgements),
+        )
+        kept = foresee("keep", finding.name, "--campaign", out, "--to", tmp_path / "suite").stdout
+        assert kept.splitlines()[1].strip() == story.sentence
+        copy = (tmp_path / "suite" / file.name).read_text()
+        assert story.sentence in copy and story.sentence in (tmp_path / "suite" / "README.md").read_text()
+        assert copy.partition("origin {")[2] == written.partition("origin {")[2]
+    assert different
 
 
 def test_the_minimised_files_go_through_every_command(done: Path, names: list[str], tmp_path: Path) -> None:

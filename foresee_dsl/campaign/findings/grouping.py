@@ -39,8 +39,10 @@ class Outcomes(Protocol):
 class Finding:
     """Failures with the same story.
 
+    All statements about a finding are about one run, `run`: that of the minimised representative, if it fails too.
+
     Attributes:
-        name: of the representative, the simplest of the failures. story: of the representative.
+        name: of the representative, the simplest of the failures. story_as_found: of the representative, unreduced.
         siblings, sibling_files: names and files of the others, sorted.
         test_case: address of the representative's test case. family: of all failures.
         file: of the representative: a mutant's relative to the campaign's folder, a test case's address.
@@ -51,7 +53,7 @@ class Finding:
     """
 
     name: str
-    story: Story
+    story_as_found: Story
     representative: Failure
     siblings: tuple[str, ...]
     sibling_files: tuple[str, ...]
@@ -90,35 +92,55 @@ class Finding:
         }
 
     @property
-    def references(self) -> tuple[ReferenceRun, ...]:
-        """Runs of reference drivers with the displayed mutant: the minimised representative if any, else the
-        original."""
-        return (self.minimised and self.minimised.child.references) or self.representative.references
+    def reduced(self) -> Minimised | None:
+        """The minimised representative, if it fails; None if there is none, or minimising it broke."""
+        small = self.minimised
+        return small if small is not None and small.child.story is not None else None
+
+    @property
+    def run(self) -> Failure:
+        """The run of which all statements about the finding speak."""
+        return self.reduced.child if self.reduced is not None else self.representative
+
+    @property
+    def run_file(self) -> str:
+        """File of `run`; see `file`."""
+        return self.reduced.file if self.reduced is not None else self.file
+
+    @property
+    def story(self) -> Story:
+        """What happens in `run`."""
+        return self.run.story or self.story_as_found
+
+    @property
+    def verdict(self) -> Verdict:
+        """How `run` ended."""
+        return self.run.verdict
 
     @property
     def judgements(self) -> tuple[AnyJudgement, ...]:
-        """The judges' answers about the displayed mutant, as for `references`."""
-        return (self.minimised and self.minimised.child.judgements) or self.representative.judgements
+        """The judges' answers about `run`."""
+        return self.run.judgements
+
+    @property
+    def references(self) -> tuple[ReferenceRun, ...]:
+        """Runs of reference drivers in the test case of `run`."""
+        return self.run.references
+
+    @property
+    def preventability(self) -> Preventability | None:
+        """Answer of the careful driver of UN Regulation 157 about `run`."""
+        return self.run.preventability
+
+    @property
+    def anticipation(self) -> Anticipation | None:
+        """Answer of the anticipating driver about `run`."""
+        return self.run.anticipation
 
     @property
     def avoidable(self) -> bool:
         """Whether a judge, or a reference driver for any of its failures, states that it could have been avoided."""
         return any(judgement.avoids for judgement in self.judgements) or bool(self.avoided)
-
-    @property
-    def verdict(self) -> Verdict:
-        """Verdict of the representative."""
-        return self.representative.verdict
-
-    @property
-    def preventability(self) -> Preventability | None:
-        """Answer of the careful driver of UN Regulation 157."""
-        return (self.minimised and self.minimised.child.preventability) or self.representative.preventability
-
-    @property
-    def anticipation(self) -> Anticipation | None:
-        """Answer of the anticipating driver."""
-        return (self.minimised and self.minimised.child.anticipation) or self.representative.anticipation
 
     @property
     def count(self) -> int:
@@ -160,7 +182,7 @@ def _finding(group: list[_FailureStory]) -> Finding:
     others.sort(key=lambda failure: failure.name)
     return Finding(
         name=first.name,
-        story=first.story,
+        story_as_found=first.story,
         representative=first.failure,
         siblings=tuple(failure.name for failure in others),
         sibling_files=tuple(failure.file for failure in others),

@@ -10,7 +10,16 @@ from pathlib import Path
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.findings.grouping import case_file_name
 from foresee_dsl.report.page.entries import FindingEntry, Source
-from foresee_dsl.report.page.recorded import Campaign, CaseRun, Child, ClipRun, Finding, read_campaign_folder
+from foresee_dsl.report.page.recorded import (
+    Anticipation,
+    Campaign,
+    CaseRun,
+    Child,
+    ClipRun,
+    Finding,
+    Preventability,
+    read_campaign_folder,
+)
 from foresee_dsl.report.page.runs import Outcome, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview
 from foresee_dsl.report.verdicts import counted
@@ -131,10 +140,13 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
         if (small := _minimised(source, record, outcomes[0])) is not None:
             outcomes.insert(0, small)
         runs = tuple(map(reader.read, outcomes))
+        # Earlier versions wrote the sentence of the unreduced run into the finding.
+        reduced = small.minimised if small is not None else None
+        sentence = (reduced and reduced.sentence) or record.sentence
         answer = record.preventability or Preventable.UNKNOWN.value
         yield FindingEntry(
             key=f"{source.campaign.driver}-{record.name}" if several else record.name,
-            title=record.sentence,
+            title=sentence,
             class_=record.class_ or runs[0].class_,
             verdict=record.verdict,
             label=runs[0].label,
@@ -149,17 +161,23 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
 
 
 def _minimised(source: Source, record: Finding, outcome: Outcome) -> Outcome | None:
-    """Return the run of a finding's minimised mutant; None if there is none or its file is gone."""
+    """Return the run of a finding's minimised mutant; None if there is none, it does not fail, or its file is gone."""
     small = record.minimised
     file = source.folder / small.file if small is not None else None
-    if small is None or file is None or not file.is_file():
+    if small is None or file is None or not small.sentence or not file.is_file():
         return None
     return replace(
         outcome,
         address=file.as_posix(),
         reason=small.reason,
         trace=file.with_suffix(".npz"),
-        references=small.references or outcome.references,
+        preventability=Preventability(verdict=record.preventability, why=record.why or "")
+        if record.preventability
+        else None,
+        anticipation=Anticipation(answer=record.anticipation, why=record.anticipation_why or "")
+        if record.anticipation
+        else None,
+        references=small.references,
         minimised=small,
         unreduced=Path(outcome.address),
     )

@@ -116,6 +116,7 @@ class Minimised(_Part):
 
     file: str
     reason: str = ""
+    sentence: str | None = None
     preventability: str | None = None
     anticipation: str | None = None
     references: tuple[Reference, ...] = ()
@@ -135,7 +136,9 @@ class Finding(_Part):
     siblings: tuple[str, ...] = ()
     sibling_files: tuple[str, ...] = ()
     preventability: str | None = None
+    why: str | None = None
     anticipation: str | None = None
+    anticipation_why: str | None = None
     minimised: Minimised | None = None
 
 

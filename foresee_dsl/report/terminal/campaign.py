@@ -157,13 +157,13 @@ def _print_finding(console: Console, number: int, finding: Finding, out: Path) -
     for judgement in finding.judgements:
         words = f"{judgement.name}: ", (str(judgement.answer), "bold"), f": {safe(judgement.why, WHOLE)}"
         console.print(_indented(Text.assemble(*words)))
-    if finding.avoided is not None:
+    if finding.references:
         console.print(_indented(Text(_who_avoids(finding))))
     _print_path(console, "    ", file_of(finding, out))
 
 
 def _who_avoids(finding: Finding) -> str:
-    """Return in words which other drivers avoid the representative's failure, and how."""
+    """Return in words which other drivers avoid the failure of the finding's run, and how."""
     runs = finding.references
     avoiding = [run.sentence for run in runs if run.passes]
     if not avoiding:
@@ -173,10 +173,10 @@ def _who_avoids(finding: Finding) -> str:
 
 
 def file_of(finding: Finding, out: Path) -> Path | str:
-    """Return the file of a finding to open: its minimised file, else its own; for a test case its address."""
+    """Return the file of a finding's run; for a test case its address."""
     if isinstance(finding.representative, SeedOutcome):
         return finding.file
-    return out / (finding.minimised or finding).file
+    return out / finding.run_file
 
 
 def _print_others(console: Console, result: CampaignResult, findings: list[Finding], out: Path) -> None:
