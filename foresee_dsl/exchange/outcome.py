@@ -8,7 +8,6 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,22 +19,6 @@ if TYPE_CHECKING:
 
 class ExchangeError(ForeseeError):
     """A foreign file cannot be read, or cannot be written with these options; the message names the file and a fix."""
-
-
-class SourceError(ExchangeError):
-    """The foreign file itself is at fault: incomplete, contradictory, or of another kind."""
-
-
-class NotExpressed(Exception):  # noqa: N818 - not an error: it is counted and reported
-    """A part of the source has no counterpart in the other format; the text describes it for the report."""
-
-
-class Coordinates(StrEnum):
-    """Handedness of world positions."""
-
-    auto = "auto"
-    right = "right-handed"
-    left = "left-handed"
 
 
 @dataclass(frozen=True)

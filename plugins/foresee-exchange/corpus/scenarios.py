@@ -10,7 +10,7 @@ from pathlib import Path
 
 from foresee_exchange.openscenario.reading import importer
 from foresee_exchange.openscenario.reading.entities import Entity, read_participants
-from foresee_exchange.openscenario.reading.losses import Losses
+from foresee_exchange.openscenario.reading.losses import Losses, SourceError
 from foresee_exchange.openscenario.reading.source import Source, read_source
 
 from corpus.player import play
@@ -18,7 +18,7 @@ from corpus.rows import Outcome, Row
 from corpus.steady import SteadyDriver, steady_copy
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.exchange.outcome import Imported, SourceError
+from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.language.model import End, Expect, Quantity, Scenario, When
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases

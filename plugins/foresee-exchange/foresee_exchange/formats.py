@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from foresee_dsl.exchange.outcome import Coordinates, Imported
+from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.exchange.protocol import AllowOutside, Option, OutFolder, Tell
+from foresee_exchange.openscenario.reading.losses import Coordinates
 
 if TYPE_CHECKING:
     from foresee_exchange.maps.cutting import Part

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 from foresee_exchange.openscenario.reading import importer
+from foresee_exchange.openscenario.reading.losses import SourceError
 from foresee_exchange.openscenario.reading.roads import RoadPlace, Roads
-from foresee_exchange.openscenario.reading.ways.lane_ahead import lane_ahead
+from foresee_exchange.openscenario.reading.ways.held_up import lane_ahead
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.exchange.outcome import SourceError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import SPEED, X, Y

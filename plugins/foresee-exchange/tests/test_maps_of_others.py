@@ -10,8 +10,7 @@ from xml.etree.ElementTree import SubElement
 
 import pytest
 from foresee_exchange.maps import opendrive, osm, sumo
-from foresee_exchange.maps.osm import drives_on_the_left, read_osm
-from foresee_exchange.maps.osm_crossings import crossings_of
+from foresee_exchange.maps.osm import crossings_of, drives_on_the_left, read_osm
 
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign.networks import foreign_net

@@ -9,12 +9,13 @@ from xml.etree import ElementTree
 
 import pytest
 from foresee_exchange.openscenario.reading import importer
+from foresee_exchange.openscenario.reading.losses import NotExpressed
 from foresee_exchange.openscenario.reading.places import Places
 from foresee_exchange.openscenario.reading.roads import Roads
 from foresee_exchange.openscenario.reading.ways.curves import vertices
 from foresee_exchange.openscenario.reading.ways.trajectories import read_trajectory
 
-from foresee_dsl.exchange.outcome import Imported, NotExpressed
+from foresee_dsl.exchange.outcome import Imported
 from tests.support import openscenario_files as osc
 from tests.support.openscenario_files import BY_VALUE, GLOBAL, OF_ENTITY, POSITIONS, PRIVATE, SHAPES
 

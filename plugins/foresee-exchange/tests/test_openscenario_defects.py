@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 from foresee_exchange.openscenario.reading import importer
 from foresee_exchange.openscenario.reading.expressions import value_of
+from foresee_exchange.openscenario.reading.losses import Coordinates, NotExpressed, SourceError
 from foresee_exchange.openscenario.reading.places import Places
 from foresee_exchange.openscenario.reading.roads import Roads
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.cli import app
-from foresee_dsl.exchange.outcome import Coordinates, Imported, NotExpressed, SourceError
+from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model import Quantity, Scenario, When
 from foresee_dsl.language.printer import print_item

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 from foresee_exchange.openscenario.reading import importer
+from foresee_exchange.openscenario.reading.losses import SourceError
 
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, SourceError
+from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_item

@@ -8,12 +8,11 @@ from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_exchange.naming import number, quantity
 from foresee_exchange.openscenario.reading.conditions import Step
-from foresee_exchange.openscenario.reading.entity_state import EntityState
-from foresee_exchange.openscenario.reading.losses import Losses
+from foresee_exchange.openscenario.reading.entities import EntityState
+from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places, lane_beside
 from foresee_exchange.openscenario.reading.relations import (
     RELATED,

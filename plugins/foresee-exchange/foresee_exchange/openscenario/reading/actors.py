@@ -16,19 +16,16 @@ from foresee_dsl.compile.placement.checks import NEAR_ROAD_M
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
-from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_exchange.naming import number, quantity
 from foresee_exchange.openscenario.reading.actions import from_the_start, speed_changes
 from foresee_exchange.openscenario.reading.conditions import Way
-from foresee_exchange.openscenario.reading.entities import Entity
-from foresee_exchange.openscenario.reading.entity_state import EntityState
-from foresee_exchange.openscenario.reading.losses import Losses
+from foresee_exchange.openscenario.reading.entities import Entity, EntityState
+from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places, point_of
 from foresee_exchange.openscenario.reading.source import Source
 from foresee_exchange.openscenario.reading.ways import trajectories as tracks
-from foresee_exchange.openscenario.reading.ways.held_up import held_by_tyres, path_along, way_on
-from foresee_exchange.openscenario.reading.ways.lane_ahead import lane_ahead
+from foresee_exchange.openscenario.reading.ways.held_up import held_by_tyres, lane_ahead, path_along, way_on
 
 _WALK_M = 60.0
 """Length of a pedestrian's straight path if the file has none, m (ours: the usual run of a minute at 1 m/s)."""

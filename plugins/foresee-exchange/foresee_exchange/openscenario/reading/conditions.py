@@ -11,14 +11,13 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.compile.placement.statements import WHEELS
-from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_exchange.naming import number, quantity
 from foresee_exchange.openscenario.reading.beginnings import Beginning, holds_at_start
 from foresee_exchange.openscenario.reading.entities import Entity
-from foresee_exchange.openscenario.reading.losses import Losses
+from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places
 
 Op = Literal["<", "<=", ">", ">="]

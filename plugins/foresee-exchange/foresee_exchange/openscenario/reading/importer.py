@@ -13,14 +13,7 @@ from pathlib import Path
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign.networks import SUFFIXES
 from foresee_dsl.errors import Diagnostic
-from foresee_dsl.exchange.outcome import (
-    Coordinates,
-    ExchangeError,
-    Imported,
-    SourceError,
-    import_together,
-    write_text,
-)
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_exchange.naming import name_of
@@ -30,7 +23,7 @@ from foresee_exchange.openscenario.reading.entities import (
     read_participants,
     strengthened,
 )
-from foresee_exchange.openscenario.reading.losses import Losses
+from foresee_exchange.openscenario.reading.losses import Coordinates, Losses, SourceError
 from foresee_exchange.openscenario.reading.scenario_reader import NowhereError, ScenarioReader
 from foresee_exchange.openscenario.reading.source import Source, declared_names, network_file, read_source
 from foresee_exchange.openscenario.reading.variations.distributions import (

@@ -1,11 +1,29 @@
-"""Parts of a file that an import cannot take over: counted for the report, with a comment at their place."""
+"""What an import of OpenSCENARIO cannot take over: errors, and counted parts with a comment at their place."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from enum import StrEnum
 
+from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_exchange.naming import sentence
+
+
+class SourceError(ExchangeError):
+    """The foreign file itself is at fault: incomplete, contradictory, or of another kind."""
+
+
+class NotExpressed(Exception):  # noqa: N818 - not an error: it is counted and reported
+    """A part of the source has no counterpart in the other format; the text describes it for the report."""
+
+
+class Coordinates(StrEnum):
+    """Handedness of world positions."""
+
+    auto = "auto"
+    right = "right-handed"
+    left = "left-handed"
 
 
 @dataclass

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence, Set
+import re
+from collections.abc import Iterable, Iterator, Sequence, Set
 from functools import lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -13,11 +14,7 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.exchange.outcome import (
-    Coordinates,
-    NotExpressed,
-    SourceError,
-)
+from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language import model as m
 from foresee_exchange.naming import number, quantity, sentence
 from foresee_exchange.openscenario.reading.actions import ROUTING, TriggerBuilder
@@ -25,13 +22,12 @@ from foresee_exchange.openscenario.reading.actors import ActorBuilder, trajector
 from foresee_exchange.openscenario.reading.beginnings import Beginning
 from foresee_exchange.openscenario.reading.conditions import ConditionReader
 from foresee_exchange.openscenario.reading.entities import (
+    EntityState,
     Participants,
     Requirements,
 )
-from foresee_exchange.openscenario.reading.entity_state import EntityState
-from foresee_exchange.openscenario.reading.handedness import is_left_handed
 from foresee_exchange.openscenario.reading.inits import Inits
-from foresee_exchange.openscenario.reading.losses import Losses
+from foresee_exchange.openscenario.reading.losses import Coordinates, Losses, NotExpressed, SourceError
 from foresee_exchange.openscenario.reading.places import Places, positions_of
 from foresee_exchange.openscenario.reading.roads import Roads
 from foresee_exchange.openscenario.reading.source import Source
@@ -45,9 +41,14 @@ from foresee_exchange.openscenario.reading.storyboard import (
     used_names,
 )
 from foresee_exchange.openscenario.reading.ways.curves import vertices
+from foresee_exchange.openscenario.reading.ways.trajectories import nearest
 
 _END_S = 60.0
 """Duration if the file has none, s (the language's own default)."""
+_SAYS_SO = re.compile(r"\s*CARLA\s*:", re.IGNORECASE)
+_ENOUGH = 2
+"""Number of vehicles that decide without a hint: a single one may be on the wrong side on purpose (ours)."""
+_TOWN = re.compile(r"(^|[/\\])Town\d\d", re.IGNORECASE)
 
 
 class NowhereError(SourceError):
@@ -321,3 +322,41 @@ def _end_s(source: Source, losses: Losses) -> float:
             losses.leave("conditions that end the storyboard (the run goes on)")
     positive = [t for t in times if t > 0]
     return min(positive) if positive else _END_S
+
+
+def is_left_handed(
+    source: Source, positions: Iterable[Element], network: RoadNetwork, wanted: Coordinates
+) -> tuple[bool, str]:
+    """Return whether a file's world positions are left-handed, and the reason (empty if they are not).
+
+    `positions` are those of its vehicles. CARLA's scenario_runner takes coordinates as left-handed if the description
+    begins with `CARLA:`. Otherwise they are left-handed if all vehicles stand on lanes only when mirrored (for a CARLA
+    town: if more do than unmirrored).
+    """
+    if wanted is not Coordinates.auto:
+        return wanted is Coordinates.left, "as asked for" if wanted is Coordinates.left else ""
+    if _SAYS_SO.match(source.description):
+        return True, "the file's description says CARLA"
+    logic = source.root.find("RoadNetwork/LogicFile")
+    town = logic is not None and _TOWN.search(logic.get("filepath", "")) is not None
+    poses = [pose for position in positions if (pose := _world(position)) is not None]
+    plain, mirrored = (sum(_fits(network, pose, side) for pose in poses) for side in (1.0, -1.0))
+    decided = plain < mirrored if town else plain == 0 and len(poses) >= _ENOUGH
+    if mirrored == len(poses) > 0 and decided:
+        return True, "only then do its actors stand on lanes"
+    return False, ""
+
+
+def _world(position: Element) -> Pose | None:
+    kind = position.find("WorldPosition")
+    try:
+        return None if kind is None else Pose(number(kind, "x"), number(kind, "y"), number(kind, "h", math.nan))
+    except ExchangeError:
+        return None
+
+
+def _fits(network: RoadNetwork, pose: Pose, side: float) -> bool:
+    """Return whether a pose is on a lane, and in its direction if it has one; `side` -1 mirrors it."""
+    if math.isnan(pose.heading_rad):
+        return network.nearest_lane(pose.x, pose.y * side, None, "car", 3.0) is not None
+    return nearest(network, Pose(pose.x, pose.y * side, pose.heading_rad * side), "car") is not None

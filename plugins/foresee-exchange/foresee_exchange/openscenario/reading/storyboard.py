@@ -6,12 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
-from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
 from foresee_exchange.naming import number
 from foresee_exchange.openscenario.reading.conditions import ConditionReader, NeverStarts, Step
-from foresee_exchange.openscenario.reading.losses import Losses
+from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.source import Source
 
 _AT_START = ("startTransition", "runningState")

@@ -12,8 +12,9 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 import numpy as np
 
 from foresee_dsl.compile.nets.safe_xml import parse_xml
-from foresee_dsl.exchange.outcome import ExchangeError, SourceError
+from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_exchange.naming import number
+from foresee_exchange.openscenario.reading.losses import SourceError
 from foresee_exchange.openscenario.reading.source import WHAT, Source, project_roots
 
 MOST_SETS = 10_000

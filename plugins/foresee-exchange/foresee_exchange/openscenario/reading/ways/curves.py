@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_exchange.naming import number
+from foresee_exchange.openscenario.reading.losses import NotExpressed
 from foresee_exchange.openscenario.reading.places import Places
 
 _STEP_M = 0.5

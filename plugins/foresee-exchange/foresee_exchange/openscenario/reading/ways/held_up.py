@@ -1,9 +1,9 @@
-"""Vehicles that follow their lanes as a path at constant speed, as a default controller does."""
+"""Vehicles that follow their lanes as a path at constant speed, as a default controller does, and the lane ahead."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import shapely
@@ -16,8 +16,11 @@ from foresee_dsl.compile.roads.polyline import XY, line_of
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
+from foresee_dsl.errors import CompileError
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
+from foresee_exchange.openscenario.reading.losses import SourceError
+from foresee_exchange.openscenario.reading.roads import RoadPlace, Roads, linked_lane
 from foresee_exchange.openscenario.reading.ways.trajectories import nearest, straight_on
 
 _LOOKS_S = 20.0
@@ -29,6 +32,9 @@ _NEAR_S = 1.5
 """An actor within this time ahead that is not faster holds a vehicle up, s (ours: SUMO's gap of 1 s plus half)."""
 _STRAIGHT_M = 0.02
 """Largest distance between a path and a point that it leaves out, m (ours)."""
+_STEP_M = 1.0
+"""Sampling distance of lanes, m (ours: within 0.02 m of a bend of 10 m radius)."""
+_MOST_ROADS = 1000
 
 
 def path_along(
@@ -110,3 +116,45 @@ def _along(line: RouteLine, start: Pose) -> list[XY]:
         return []
     kept = shapely.simplify(shapely.LineString([(start.x, start.y), *points]), _STRAIGHT_M)
     return [(float(x), float(y)) for x, y in np.asarray(kept.coords)]
+
+
+def lane_ahead(roads: Roads, place: RoadPlace, length_m: float, *, onward: bool) -> list[Pose]:
+    """Return the poses of a lane from a place on, at the place's lateral offset, straight on at junctions.
+
+    `onward`: in the road's direction, whatever the direction of traffic; otherwise against it.
+    """
+    poses: list[Pose] = []
+    road, lane, begin, offset = place.road, place.lane, place.s, place.offset
+    try:
+        for _ in range(_MOST_ROADS):
+            for s, there in _lengths_along(roads, road, lane, begin, onward=onward):
+                pose, lane = roads.on_lane(road, there, s, offset), there
+                poses.append(pose if onward else Pose(pose.x, pose.y, pose.heading_rad + math.pi))
+                if len(poses) * _STEP_M > length_m:
+                    return poses
+            step = roads.lane_behind(road, lane, onward=onward) if lane else None
+            if step is None:
+                break
+            offset = -offset if step[2] != onward else offset
+            road, lane, onward = step
+            begin = 0.0 if onward else roads.length(road)
+    except (CompileError, SourceError):
+        pass  # the lane ends, or the map is incomplete
+    return poses
+
+
+def _lengths_along(roads: Roads, road: str, lane: int, begin: float, *, onward: bool) -> Iterator[tuple[float, int]]:
+    """Yield lengths along a road in a direction, each with the lane there, which begins as `lane`."""
+    sections = roads.lane_sections(road)
+    for k, (first, last, section) in enumerate(sections if onward else reversed(sections)):
+        begun = begin < last if onward else begin > first
+        if not begun and k < len(sections) - 1:
+            continue
+        low, high = (max(first, begin), last) if onward else (min(last, begin), first)
+        steps = max(math.floor(abs(high - low) / _STEP_M), 0)
+        for step in range(steps + 1):
+            yield low + step * _STEP_M * (1 if onward else -1), lane
+        if k < len(sections) - 1:
+            lane = linked_lane(section, lane, onward=onward)
+            if not lane:
+                return

@@ -9,13 +9,12 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_dsl.simulate.actors.bend_speeds import TURNS_WITH
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 from foresee_exchange.naming import quantity
-from foresee_exchange.openscenario.reading.entity_state import EntityState
-from foresee_exchange.openscenario.reading.losses import Losses
+from foresee_exchange.openscenario.reading.entities import EntityState
+from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places
 from foresee_exchange.openscenario.reading.ways import trajectories as tracks
 
