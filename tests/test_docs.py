@@ -193,6 +193,15 @@ def test_the_steps_that_are_shown_come_to_their_end(project: Path) -> None:
     assert f"{shown.text}  (by {shown.margin:.2f} {shown.unit})" in LANGUAGE
 
 
+def test_the_review_of_the_mutant_that_is_shown(project: Path) -> None:
+    page = (DOCS / "guide" / "review.md").read_text(encoding="utf-8")
+    done = CliRunner().invoke(app, ["diff", str(project / "rude_p1_m1.foresee")])
+    shown = page.partition("$ foresee diff rude_p1_m1.foresee\n")[2].partition("```")[0]
+    assert done.output.strip() == shown.strip()
+    pins = [re.findall(r"sha256:\w+", SNIPPETS[name][0])[0] for name in ("rude_p1", "rude_p1_m1")]
+    assert re.findall(r"pin (sha256:\w+) =>", page) == pins
+
+
 def test_cases_are_drawn_as_the_page_shows(project: Path) -> None:
     shown = LANGUAGE.partition("### What cases reach")[2]
     done = CliRunner().invoke(app, ["sample", str(project / "drawn.foresee")])
