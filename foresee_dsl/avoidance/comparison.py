@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y
-from foresee_dsl.story.ego import BRAKES_FOR_S, BRAKES_MPS2, EASES_S
+from foresee_dsl.story.ego import BRAKES_FOR_S, EASES_S, EGO_BRAKES_MPS2
 from foresee_dsl.story.facts import spans
 from foresee_dsl.story.wording import metres
 
@@ -49,7 +49,7 @@ def _braking(failed: Trace, passed: Trace) -> str:
 
 def _braking_from(trace: Trace, end: int) -> int | None:
     """Return the first frame of the ego's last braking up to a frame; None if it does not brake."""
-    braking = spans(trace.states[: end + 1, 0, ACCELERATION] < -BRAKES_MPS2, BRAKES_FOR_S, EASES_S)
+    braking = spans(trace.states[: end + 1, 0, ACCELERATION] < -EGO_BRAKES_MPS2, BRAKES_FOR_S, EASES_S)
     return braking[-1][0] if braking else None
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.roads import SlipperyGround
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEER, STEP_S, Trace, X, Y
 

@@ -12,7 +12,6 @@ from typing import Any
 from foresee_dsl import __version__
 from foresee_dsl.campaign.execution.processes import end_below_this
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.placement.scene import DEFAULT_END_S
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.external.process import kept_programs
 from foresee_dsl.drivers.kept import forget, nothing_kept, one_run
@@ -21,6 +20,7 @@ from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, 
 from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.model import End, Origin, Quantity
+from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.printed import printed_here

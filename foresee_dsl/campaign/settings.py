@@ -98,7 +98,7 @@ class Limits:
 
     Attributes:
         deadline_s: wall time of a run; None: `drivers.deadlines.STEADY_S` plus `SLOWEST` times the simulated time.
-        step_s: wall time of a driver's step; None: `drivers.deadlines.STEP_S`.
+        step_s: wall time of a driver's step; None: `drivers.deadlines.STEP_WALL_S`.
         memory_mb: memory of a worker.
         budget_s: wall time of the campaign after which no step begins; None: no limit.
     """

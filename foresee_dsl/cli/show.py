@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foresee_dsl.cli.options import common
+from foresee_dsl.cli.options.common import WIDEST
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 _BOTH_WIDE = 110
 """Terminal width in columns from which two moments each of a mutant and its parent fit side by side."""
-_WIDEST = 160
-"""Maximum width in columns: wider strips are not easier to read."""
 
 
 class Picture(StrEnum):
@@ -159,7 +158,7 @@ def _page(run: ShownRun, wish: Wish, up: UpSide, moments: int | None, width: int
 
 
 def _print_page(console: Console, page: Page, picture: Picture) -> None:
-    width, wrap = min(console.width, _WIDEST), console.is_terminal
+    width, wrap = min(console.width, WIDEST), console.is_terminal
     sent = _as_picture(page.strips, picture)
     for line in page.head(width, wrap=wrap) if sent else page.lines(width, wrap=wrap):
         console.print(line, soft_wrap=True)
@@ -189,7 +188,7 @@ def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: flo
     if by_keys:
         walk(console, Walk(page, steps))
         return
-    width = min(console.width, _WIDEST)
+    width = min(console.width, WIDEST)
     for line in page.head(width, wrap=False):
         console.print(line, soft_wrap=True)
     for run_step in steps:

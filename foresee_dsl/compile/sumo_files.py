@@ -14,6 +14,7 @@ from foresee_dsl.compile.nets.signals import write_programs
 from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.compile.templates import number, render, rendered
+from foresee_dsl.kernels.constants import STEP_S
 
 GHOST = "ghost"
 """Vehicle type of the stand-ins for actors that SUMO does not drive."""
@@ -52,8 +53,6 @@ _SUBLANES: Mapping[str, float] = MappingProxyType(
         "lcMaxSpeedLatFactor": 0.25,  # of its speed, as for our lane changes
     }
 )
-STEP_S = 0.05
-"""20 steps a second, as in the paper (section 4.2)."""
 
 
 def types_of(models: Iterable[ModelSpec], passing: Collection[str] = ()) -> str:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from foresee_dsl.errors import DriverError
 
-STEP_S = 10.0
+STEP_WALL_S = 10.0
 """Wall time of a step, s. Ours: 270 times the slowest measured step. The driver `external` has a shorter limit."""
 RESET_S = 60.0
 """Wall time of the reset and of the first step, in which a driver may load weights or compile functions, s. Ours: 900
@@ -32,7 +32,7 @@ class Deadlines:
     """Limits of wall time.
 
     Attributes:
-        step_s: of a step; None: FORESEE_STEP_DEADLINE_S, or `STEP_S`.
+        step_s: of a step; None: FORESEE_STEP_DEADLINE_S, or `STEP_WALL_S`.
         run_s: of a whole run; None: `STEADY_S` plus `SLOWEST` times the simulated time.
     """
 
@@ -42,7 +42,7 @@ class Deadlines:
     @property
     def for_step_s(self) -> float:
         """The wall time of a step, s."""
-        return seconds_of(STEP_VARIABLE, STEP_S) if self.step_s is None else self.step_s
+        return seconds_of(STEP_VARIABLE, STEP_WALL_S) if self.step_s is None else self.step_s
 
     @property
     def for_reset_s(self) -> float:

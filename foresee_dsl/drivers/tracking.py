@@ -229,7 +229,7 @@ class Tracker:
     def _drop(self, measured_s: float) -> None:
         """Drop the objects that have not been seen for too long."""
         lost_s = measured_s - self._sightings["last_s"]
-        keep = lost_s <= np.where(self._state[:, kernel.SPEED] < kernel.STANDS_MPS, STANDING_COAST_S, COAST_S)
+        keep = lost_s <= np.where(self._state[:, kernel.SPEED] < kernel.SMOOTHED_STANDS_MPS, STANDING_COAST_S, COAST_S)
         self._state, self._sightings = self._state[keep], self._sightings[keep]
         rows = np.flatnonzero(keep).tolist()
         self._numbers, self._kinds = [self._numbers[k] for k in rows], [self._kinds[k] for k in rows]

@@ -20,13 +20,12 @@ from foresee_dsl.forecast.geometry import (
 )
 from foresee_dsl.forecast.protocol import Group, RiskyPoint
 from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS, ForeseeSettings
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _GROUPS: tuple[Group, ...] = ("critical crossing", "crossing", "critical")
 """Ours (the paper prints no order): an actor that crosses close by is nearer to a collision than one that crosses
 elsewhere, and both are nearer than one that stays beside the ego's path."""
-_STANDS_MPS = 0.1
-"""Speed below which an actor stands, m/s: the usual threshold of a halt in SUMO's outputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +94,7 @@ class _PerturbedEgo:
         # trajectory.
         steps = np.diff(recorded[:, [X, Y]], axis=0)
         extra = self.errors[:, :1] * (s.longitudinal_error_m / span_s) * STEP_S
-        moves = recorded[:-1, SPEED] > _STANDS_MPS
+        moves = recorded[:-1, SPEED] > STANDS_MPS
         heading = recorded[:-1, HEADING]
         dx = steps[:, 0] + extra * moves * np.cos(heading)
         dy = steps[:, 1] + extra * moves * np.sin(heading)
@@ -225,7 +224,7 @@ def passes(trace: Trace, encounter: CloseEncounter, *, crossing: bool = False) -
     For a crossing actor the clause says `ahead of` or `behind` if that holds, even when the actor is farther to the
     side."""
     state = trace.states[encounter.frame, encounter.actor]
-    verb = "passes" if state[SPEED] > _STANDS_MPS else "stands"
+    verb = "passes" if state[SPEED] > STANDS_MPS else "stands"
     place = f"{encounter.distance_m:.1f} m {_side(trace, encounter, crossing=crossing)} the ego"
     return f"{trace.actors[encounter.actor].id} {verb} {place} at {trace.time_s[encounter.frame]:.2f} s"
 

@@ -12,6 +12,7 @@ import numpy as np
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.bicycle import STATES
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, place_at, speed_at
 from foresee_dsl.kernels.records import array_of
 
@@ -23,8 +24,6 @@ CELL_M = 0.5
 STEPS_OUT_M = 1.0
 """Length of path before the road within which SUMO's drivers see a pedestrian who is about to step on it, m. Ours: one
 pace."""
-STANDS_MPS = 0.1
-"""Speed below which an actor stands, m/s; SUMO's threshold for a halting vehicle."""
 NO_LANE, OFF_ROAD, UNKNOWN = -1, -2, -3
 """Values instead of a lane's number: on the road but off all lanes; off the road; not looked up yet."""
 

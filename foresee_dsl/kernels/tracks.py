@@ -14,7 +14,7 @@ from foresee_dsl.kernels.records import array_of, dtype_of
 DOUBT_MPS = 0.2
 """Speed with which each side of a moving object grows while it is not seen, m/s. Ours: in 1.5 s it grows by the
 distance that a constant acceleration of 0.3 m/s^2 adds."""
-STANDS_MPS = 0.25
+SMOOTHED_STANDS_MPS = 0.25
 """Smoothed speed below which an object stands, m/s. Ours: more than three times the noise of a smoothed speed."""
 SPEED_NOISE_MPS = 0.15
 HEADING_NOISE_RAD = math.radians(2.0)
@@ -100,7 +100,7 @@ def move(state: FloatArray, dt: float) -> None:
         speed, turned = state[a, SPEED], state[a, YAW_RATE] * dt
         after = max(speed + state[a, ACCELERATION] * dt, 0.0)
         # A measured speed is never negative, so its noise would make standing objects drift forwards.
-        distance = 0.0 if speed < STANDS_MPS else (speed + after) * (dt / 2)
+        distance = 0.0 if speed < SMOOTHED_STANDS_MPS else (speed + after) * (dt / 2)
         middle = state[a, HEADING] + turned / 2
         state[a, X] += distance * math.cos(middle)
         state[a, Y] += distance * math.sin(middle)
@@ -124,7 +124,7 @@ def present(state: FloatArray, sightings: Records, time_s: float, measured_s: fl
         track["acceleration"], track["yaw_rate"] = state[a, ACCELERATION], state[a, YAW_RATE]
         lost_s = time_s - last_s if some_lost and last_s < measured_s else 0.0
         track["lost_s"], track["kind"] = lost_s, sightings[a]["kind"]
-        if track["speed"] < STANDS_MPS:
+        if track["speed"] < SMOOTHED_STANDS_MPS:
             track["speed"], track["acceleration"] = 0.0, 0.0
         else:
             track["length"] += 2 * DOUBT_MPS * lost_s
@@ -168,7 +168,7 @@ def correct(
         seen["last_s"] = scan["measured_s"]
         away = math.hypot(measured[n, X] - scan["ego_x"], measured[n, Y] - scan["ego_y"])
         place = max(min(int(away * (1 / BIN_M)), BINS - 1), 0)
-        mode = WALKS if seen["kind"] == PEDESTRIAN else STANDS if row[SPEED] < STANDS_MPS else DRIVES
+        mode = WALKS if seen["kind"] == PEDESTRIAN else STANDS if row[SPEED] < SMOOTHED_STANDS_MPS else DRIVES
         for column in range(SPEED + 1):
             if abs(off[column]) > _JUMPS[column, mode, place]:
                 count = 0

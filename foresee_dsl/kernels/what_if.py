@@ -17,16 +17,15 @@ from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.bicycle import Record
 from foresee_dsl.kernels.boxes import Box, apart, overlap
 from foresee_dsl.kernels.compiling import CUBE, TABLE, compiled, inner
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.records import array_of
 
-STEP_S = 0.1
+ROLLOUT_STEP_S = 0.1
 """Time step of the roll-out, s. Ours: a pedestrian moves 0.1 m in it; it halves the time of single frames."""
 FRAMES = 2.0
 """Number of recorded frames per step."""
-STANDS_MPS = 0.5
+LEAST_PACE_MPS = 0.5
 """Lowest speed in the computation of braking, m/s. Ours: a pedestrian's slowest steps."""
-HALTS_MPS = 0.1
-"""Speed below which an actor waits, m/s (SUMO's threshold)."""
 SLACK_M = 0.3
 """Width that is added to the ego's body for the corridor that it keeps free, m. Ours: the distance that drivers leave
 to standing people."""
@@ -155,7 +154,7 @@ def _pose(track: FloatArray, clock: float) -> tuple[float, float, float]:
 def _mps(track: FloatArray, clock: float) -> float:
     """Return the recorded speed at a clock, m/s."""
     k = min(max(int(clock), 0), track.shape[0] - 1)
-    return float(track[k, 3] * FRAMES / STEP_S)
+    return float(track[k, 3] * FRAMES / ROLLOUT_STEP_S)
 
 
 @inner
@@ -179,30 +178,30 @@ def _paced(pace: float, track: FloatArray, now: _Moves) -> float:
     """Return the share of the recorded speed one step later: an actor does not wait shorter or accelerate faster than
     recorded."""
     mps, later = _mps(track, now.clock), _mps(track, now.clock + FRAMES)
-    if later < HALTS_MPS:
+    if later < STANDS_MPS:
         return 1.0
-    reached = now.share * mps + max(GAINS_MPS2 * STEP_S, later - mps)
+    reached = now.share * mps + max(GAINS_MPS2 * ROLLOUT_STEP_S, later - mps)
     return min(pace, max(1.0, reached / later))
 
 
 @inner
 def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves:
     """Return the state of the changed actor one step later; `since`: time since the window's beginning, s."""
-    share, before = now.share, max(_mps(track, now.clock), STANDS_MPS)
+    share, before = now.share, max(_mps(track, now.clock), LEAST_PACE_MPS)
     braked = what["braking"] > 0.0 and since >= what["brakes_at"]
     if since < what["delay"]:
         share = 0.0
     elif braked and since < what["brakes_at"] + what["brakes_for"]:
-        share = max(0.0, share - what["braking"] * STEP_S / before)
+        share = max(0.0, share - what["braking"] * ROLLOUT_STEP_S / before)
     elif braked or what["delay"] > 0.0:
-        share = min(what["pace"], share + GAINS_MPS2 * STEP_S / before)
+        share = min(what["pace"], share + GAINS_MPS2 * ROLLOUT_STEP_S / before)
     else:
         share = _paced(what["pace"], track, now)
     clock = now.clock + share * FRAMES
     if since >= what["goes_at"]:
-        onset = _mps(track, what["first"] + what["goes_at"] / STEP_S * FRAMES)
+        onset = _mps(track, what["first"] + what["goes_at"] / ROLLOUT_STEP_S * FRAMES)
         speed = min(onset + GAINS_MPS2 * (since - what["goes_at"]), max(what["cruise"], onset))
-        clock = _advanced(track, now.clock, speed * STEP_S)
+        clock = _advanced(track, now.clock, speed * ROLLOUT_STEP_S)
     x, y, _ = _pose(track, now.clock)
     to_x, to_y, _ = _pose(track, clock)
     way = hypot(to_x - x, to_y - y)
@@ -210,11 +209,11 @@ def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves
     if what["turn_at"] <= since < what["turn_at"] + what["turn_for"]:
         turned += what["turn"] * way
     elif what["turn"] != 0.0 and since >= what["turn_at"]:
-        wanted = -left / max(AHEAD_M, AHEAD_S * way / STEP_S)
-        turned += (wanted - turned) * STEP_S / RECOVERS_S
+        wanted = -left / max(AHEAD_M, AHEAD_S * way / ROLLOUT_STEP_S)
+        turned += (wanted - turned) * ROLLOUT_STEP_S / RECOVERS_S
     if what["left"] != 0.0 and since >= what["left_at"]:
         wanted = 0.0 if since >= what["left_at"] + what["left_for"] else what["left"]
-        most = min(what["left_rate"] * STEP_S, LANE_SHARE * way)
+        most = min(what["left_rate"] * ROLLOUT_STEP_S, LANE_SHARE * way)
         left += max(-most, min(most, wanted - left))
     return _Moves(clock, share, left + way * sin(turned), turned)
 
@@ -267,7 +266,7 @@ def _threatens(ego: FloatArray, clock: float, style: Record, size: tuple[float, 
     reach = (hypot(length, width) + hypot(other.length, other.width)) / 2
     for look in range(1, LOOKS + 1):
         later = style["horizon"] * look / LOOKS
-        x, y, heading = _pose(ego, clock + style["pace"] * later / STEP_S * FRAMES)
+        x, y, heading = _pose(ego, clock + style["pace"] * later / ROLLOUT_STEP_S * FRAMES)
         ox, oy = other.x + vx * later, other.y + vy * later
         if hypot(ox - x, oy - y) <= reach:
             then = Box(ox, oy, other.heading, other.length, other.width)
@@ -307,8 +306,8 @@ def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, size
     ego, track, actor = tracks[0], tracks[what["actor"]], what["actor"]
     size = (sizes[0, 0], sizes[0, 1])
     begins = _advanced(track, float(what["first"]), what["ahead"])
-    at = _Moves(begins, what["pace"] if _mps(track, begins) >= HALTS_MPS else 1.0, 0.0, 0.0)
-    clock, share, aside = what["first"] + (1.0 - style["pace"]) * near_s / STEP_S * FRAMES, style["pace"], 0.0
+    at = _Moves(begins, what["pace"] if _mps(track, begins) >= STANDS_MPS else 1.0, 0.0, 0.0)
+    clock, share, aside = what["first"] + (1.0 - style["pace"]) * near_s / ROLLOUT_STEP_S * FRAMES, style["pace"], 0.0
     threatened, braking_until = inf, -inf
     ending["contact"], ending["gap"], ending["at"], ending["ego"] = inf, inf, 0.0, 0.0
     ending["brakes"], ending["struck"] = inf, False
@@ -316,13 +315,13 @@ def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, size
     moved = _Moves(at.clock - (0.0 if what["delay"] > 0.0 else at.share * FRAMES), at.share, 0.0, 0.0)
     ox, oy, oh = _placed(track, moved)
     for step in range(int((what["last"] - what["first"]) / FRAMES) + 1):
-        since = step * STEP_S
+        since = step * ROLLOUT_STEP_S
         frame = min(int(what["first"] + step * FRAMES), tracks.shape[1] - 1)
         x, y, heading = _pose(ego, clock)
         x, y = x - aside * sin(heading), y + aside * cos(heading)
         before_x, before_y = ox, oy
         ox, oy, oh = _placed(track, at)
-        vx, vy = (ox - before_x) / STEP_S, (oy - before_y) / STEP_S
+        vx, vy = (ox - before_x) / ROLLOUT_STEP_S, (oy - before_y) / ROLLOUT_STEP_S
         speed = _mps(ego, clock) * share
         box = Box(x, y, heading, size[0], size[1])
         other = Box(ox, oy, oh, what["length"], what["width"])
@@ -348,13 +347,13 @@ def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, size
                 ending["brakes"] = min(ending["brakes"], since)
         elif since > braking_until:
             threatened = inf
-        before = max(_mps(ego, clock), STANDS_MPS)
+        before = max(_mps(ego, clock), LEAST_PACE_MPS)
         if since < braking_until:
-            share = max(0.0, share - style["braking"] * STEP_S / before)
+            share = max(0.0, share - style["braking"] * ROLLOUT_STEP_S / before)
         else:
-            share = min(style["pace"], share + GAINS_MPS2 * STEP_S / before)
+            share = min(style["pace"], share + GAINS_MPS2 * ROLLOUT_STEP_S / before)
         clock += share * FRAMES
-        aside = _towards(aside, style["aside"], abs(style["aside"]) * STEP_S / SIDEWAYS_S)
+        aside = _towards(aside, style["aside"], abs(style["aside"]) * ROLLOUT_STEP_S / SIDEWAYS_S)
         at = _acted(what, track, at, since)
 
 

@@ -21,7 +21,7 @@ from foresee_dsl.language.syntax.nodes import ANY_NAME
 _NAME = re.compile(NAME_PATTERN)
 _DOTTED = re.compile(rf"{NAME_PATTERN}\.{NAME_PATTERN}")
 _NO_NAMES: frozenset[str] = frozenset()
-_INDENT = "  "
+INDENT = "  "
 _TOGETHER = ((m.Doc, m.Tags), (m.UseNetwork, m.UseModels), (m.Ego, m.Goal), (m.Expect, m.End), (m.Window, m.Risk))
 """Statements that stand together, without a blank line, in files that the tool writes; others by their class."""
 _GROUPS: dict[type, type] = {kind: kinds[0] for kinds in _TOGETHER for kind in kinds}
@@ -128,11 +128,11 @@ class _Writer:
 
     def _remarks(self, texts: tuple[str, ...], depth: int) -> None:
         for text in texts:
-            self.lines.append(f"{_INDENT * depth}# {text}".rstrip() if text else "")
+            self.lines.append(f"{INDENT * depth}# {text}".rstrip() if text else "")
 
     def _add(self, text: str, depth: int, after: str | None) -> None:
         remark = f"  # {after}".rstrip() if after is not None else ""
-        self.lines.append(f"{_INDENT * depth}{text}{remark}")
+        self.lines.append(f"{INDENT * depth}{text}{remark}")
 
 
 def _group(item: m.Item | str) -> type:

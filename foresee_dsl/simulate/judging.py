@@ -13,7 +13,8 @@ import numpy as np
 from foresee_dsl.drivers.protocol import Control, Driver, Observation
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
+from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder

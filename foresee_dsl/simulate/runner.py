@@ -27,13 +27,11 @@ from foresee_dsl.simulate.results.outcome import Decision
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
+from foresee_dsl.simulate.trace import WAYPOINT_M
 from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
 from foresee_dsl.simulate.world import World
-
-WAYPOINT_M = 2.0
-"""Spacing of the trace's waypoints, m (see `Trace.waypoints`)."""
 
 
 def run(

@@ -16,6 +16,7 @@ from pydantic import TypeAdapter
 from typing_extensions import TypedDict
 
 from foresee_dsl.files import replacing
+from foresee_dsl.kernels.constants import STEP_S as STEP_S  # noqa: PLC0414 - users of traces import it from here
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.npz import TooLargeError, read_arrays
 from foresee_dsl.simulate.triggers.record import DirectorRecord
@@ -24,8 +25,8 @@ FIELDS = ("x", "y", "heading", "speed", "acceleration", "yaw_rate", "steer")
 """Columns of `Trace.states`: m, m, rad (counter-clockwise from east), m/s, m/s^2, rad/s, rad (front wheels)."""
 
 X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE, STEER = range(7)
-STEP_S = 0.05
-"""Length of a simulation step, s: 20 frames a second, as in the paper (section 4.2)."""
+WAYPOINT_M = 2.0
+"""Spacing of `Trace.waypoints`, m."""
 FORMAT = 1
 
 

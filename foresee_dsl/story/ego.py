@@ -11,19 +11,18 @@ import numpy as np
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import Movement
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, YAW_RATE, X, Y
 from foresee_dsl.story.facts import Facts, spans
 from foresee_dsl.story.place import Place, kind_of, movement_near
 from foresee_dsl.story.story import Moment
 from foresee_dsl.story.wording import kmh
 
-STANDS_MPS = 0.1
-"""A vehicle slower than this stands, m/s: SUMO's threshold for a halting vehicle."""
 STANDS_FOR_S = 0.5
 """A stop shorter than this is left out, s. Ours: a passenger does not notice it."""
 CREEPS_MPS = 3.0
 """An ego that was slower than this for the last second creeps, m/s. Ours: 11 km/h, a little over a walking pace."""
-BRAKES_MPS2 = 1.0
+EGO_BRAKES_MPS2 = 1.0
 """Braking weaker than this is left out, m/s^2. Ours: releasing the accelerator slows a car by less than 1 m/s^2."""
 BRAKES_HARD_MPS2 = 5.0
 """Braking at least this strong is hard, m/s^2: over 5 m/s^2 is an emergency manoeuvre in UN Regulation 157 (after
@@ -129,7 +128,7 @@ def _changes_lane(facts: Facts, frame: int) -> bool:
 
 def _brakings(facts: Facts) -> list[tuple[int, int]]:
     states = facts.trace.states[:, 0]
-    return spans((states[:, ACCELERATION] <= -BRAKES_MPS2) & (states[:, SPEED] > STANDS_MPS), BRAKES_FOR_S, EASES_S)
+    return spans((states[:, ACCELERATION] <= -EGO_BRAKES_MPS2) & (states[:, SPEED] > STANDS_MPS), BRAKES_FOR_S, EASES_S)
 
 
 def _strongest(facts: Facts, span: tuple[int, int]) -> float:

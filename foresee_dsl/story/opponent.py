@@ -12,10 +12,10 @@ import shapely
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import Movement
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Quantity
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, X, Y
 from foresee_dsl.story.contact import ALONG_RAD, moved_towards, side_of, steered_from, steering_of
-from foresee_dsl.story.ego import STANDS_MPS
 from foresee_dsl.story.facts import Facts, spans
 from foresee_dsl.story.place import Place, kind_of, movement_near
 from foresee_dsl.story.sighting import Sighting, sighting_of
@@ -33,7 +33,7 @@ otherwise beside it. Ours: half a car and half a bicycle."""
 APPROACH_S = 1.0
 """Away from junctions, the direction from which the opponent comes is taken this long before the end, s. Ours: before
 most evasive manoeuvres."""
-BRAKES_MPS2 = 2.0
+OPPONENT_BRAKES_MPS2 = 2.0
 """An opponent's braking weaker than this is left out, m/s^2. Ours: SUMO's drivers brake less to keep their distance."""
 
 
@@ -226,7 +226,7 @@ class Opponent:
                 yield self._moment(start, "enters", f"{text}, {metres(self.ahead_m(start))} from the ego")
         states = facts.trace.states[:, self.actor]
         with np.errstate(invalid="ignore"):
-            braking = (states[:, ACCELERATION] <= -BRAKES_MPS2) & (states[:, SPEED] > STANDS_MPS)
+            braking = (states[:, ACCELERATION] <= -OPPONENT_BRAKES_MPS2) & (states[:, SPEED] > STANDS_MPS)
         for start, end in spans(braking, 0.3, 0.3) if self.kind != "pedestrian" else ():
             strongest = -float(np.nanmin(states[start : end + 1, ACCELERATION]))
             yield self._moment(start, "brakes", f"{name} brakes with {strongest:.1f} m/s^2")

@@ -27,10 +27,10 @@ STOOD_S = 1.0
 SEEN_SHORTLY_S = 3.0
 """The sentence states how long the ego saw the opponent if that is shorter than this, s. Ours: three times what a
 driver needs."""
-SIGNAL_AHEAD_M = 30.0
+WAITS_FOR_SIGNAL_M = 30.0
 """A standing ego does not wait for a signal farther ahead than this, m. Ours: four cars and the crossing."""
 IN_FRONT_M = 30.0
-"""A standing ego does not wait for an actor farther ahead than this, m. Ours, as `SIGNAL_AHEAD_M`."""
+"""A standing ego does not wait for an actor farther ahead than this, m. Ours, as `WAITS_FOR_SIGNAL_M`."""
 _AHEAD_RAD = math.pi / 4
 """An actor within this angle of straight ahead is in front of the ego, rad. Ours."""
 
@@ -204,7 +204,7 @@ def _signal(facts: Facts) -> str:
     here = line.project(x + half * math.cos(heading), y + half * math.sin(heading))[0]
     for passage in line.passages:
         room = passage.entry_s - here
-        if passage.exit_s < here or room > SIGNAL_AHEAD_M:
+        if passage.exit_s < here or room > WAITS_FOR_SIGNAL_M:
             continue
         where = f"{metres(room)} before" if room > 0 else "inside"
         text = f"{where} the {kind_of(facts.network, passage.junction)} {passage.junction}"
@@ -215,7 +215,7 @@ def _signal(facts: Facts) -> str:
         while first > 0 and facts.colour(passage.movement, first - 1) == colour:
             first -= 1
         return f"{text}, whose signal is {colour} for the last {(facts.last - first) * STEP_S:.1f} s"
-    return f"no junction is within {SIGNAL_AHEAD_M:.0f} m"
+    return f"no junction is within {WAITS_FOR_SIGNAL_M:.0f} m"
 
 
 def _in_front(facts: Facts) -> str:

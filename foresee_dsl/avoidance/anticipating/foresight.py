@@ -20,7 +20,7 @@ from foresee_dsl.avoidance.anticipating.settings import (
     FORGETS_S,
     GAP_ACCEPTED_S,
     GAP_S,
-    STANDS_MPS,
+    NEARLY_STANDS_MPS,
     TURNING_RAD,
     WALKER_HASTENS_MPS,
 )
@@ -184,7 +184,7 @@ def _moved(other: Other, time_s: FloatArray, brakes_mps2: float, speed_mps: floa
     pose = other.x, other.y, other.heading_rad
     boxes = moved_on(pose, other.course_rad, speed_mps, brakes_mps2, per_m, time_s)
     # A standing vehicle does not sway, so the ego may pass it more closely.
-    sways = 0.0 if other.kind == "pedestrian" or other.speed_mps > STANDS_MPS else 1.5 * WANDER_M
+    sways = 0.0 if other.kind == "pedestrian" or other.speed_mps > NEARLY_STANDS_MPS else 1.5 * WANDER_M
     boxes[:, 3:] = (max(other.length_m - sways, 0.1), max(other.width_m - sways, 0.1))
     return boxes
 

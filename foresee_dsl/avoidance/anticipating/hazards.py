@@ -23,10 +23,10 @@ from foresee_dsl.avoidance.anticipating.settings import (
     HIDES_M,
     KERB_M,
     NEAR_VEHICLE_M,
+    NEARLY_STANDS_MPS,
     RUNNING_MPS,
     SLOWEST_AT_BUS_MPS,
     SLOWEST_MPS,
-    STANDS_MPS,
     WALKING_MPS,
 )
 
@@ -103,7 +103,7 @@ def _of(other: Other, others: list[Other], gap: float, before: float, left: floa
     if other.kind == "pedestrian":
         return _walker(other, others, gap, before, left, heading)
     small = other.kind in ("bicycle", "motorcycle") or other.width_m < HIDES_M
-    if small or other.speed_mps > STANDS_MPS or gap > BESIDE_M:
+    if small or other.speed_mps > NEARLY_STANDS_MPS or gap > BESIDE_M:
         return []
     bus, people = other.kind == "bus", _people_near(other, others)
     slowest = SLOWEST_AT_BUS_MPS if bus or people else SLOWEST_MPS
@@ -114,7 +114,7 @@ def _of(other: Other, others: list[Other], gap: float, before: float, left: floa
 
 def _walker(other: Other, others: list[Other], gap: float, before: float, left: float, heading: float) -> list[Hazard]:
     towards = -math.copysign(1.0, left) * other.speed_mps * math.sin(other.course_rad - heading)
-    stands = other.speed_mps < STANDS_MPS
+    stands = other.speed_mps < NEARLY_STANDS_MPS
     near = gap < CLOSE_M or (stands and gap < KERB_M)
     if not near and not (towards > _TOWARDS_MPS and gap < _APPROACHES_M):
         return []
@@ -125,7 +125,7 @@ def _walker(other: Other, others: list[Other], gap: float, before: float, left: 
 
 
 def _people_near(vehicle: Other, others: list[Other]) -> bool:
-    return vehicle.speed_mps < STANDS_MPS and any(
+    return vehicle.speed_mps < NEARLY_STANDS_MPS and any(
         other.kind == "pedestrian"
         and math.hypot(other.x - vehicle.x, other.y - vehicle.y) < vehicle.length_m / 2 + NEAR_VEHICLE_M
         for other in others

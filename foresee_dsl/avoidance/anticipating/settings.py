@@ -89,7 +89,7 @@ TURNING_RAD = math.radians(20)
 """Turn within the predicted time above which the driver also considers others from behind, beside it. Ours: 20 degrees,
 as `CROSSING_RAD` of the near misses."""
 
-STANDS_MPS = 0.3
+NEARLY_STANDS_MPS = 0.3
 """Speed below which an actor counts as standing, m/s. Ours: a tenth of walking pace above SUMO's threshold."""
 
 MARGIN_M = 0.3

@@ -37,7 +37,7 @@ than half a lane's free width aside, and the speed of a driver who expects a haz
 NEAR_M = 0.25
 """Miss distance at which the probability of a hit decays to about a third, m. Ours: the error of a roll-out after some
 seconds."""
-STANDS_MPS = 0.5
+EGO_STANDS_MPS = 0.5
 """Speed below which the ego stands at the contact, m/s; such a contact counts as unavoidable."""
 SUDDEN, SUDDEN_S = 0.5, 0.7
 """Probability of a hit by an actor that gets in the way of a driver that just stops: the first number if there is no
@@ -134,7 +134,7 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[ScoredCandida
     count = 1 + len(DRIVES)
     drives, careful = rolled[:, :count], rolled[:, count:]
     touches = np.isfinite(drives["contact"])
-    fair = drives["struck"] & (drives["ego"] >= STANDS_MPS)
+    fair = drives["struck"] & (drives["ego"] >= EGO_STANDS_MPS)
     hits = np.where(touches, 1.0, _HITS * np.exp(-drives["gap"] / NEAR_M)) * fair
     # An actor that comes into the ego's way at the last moment leaves little time, though a roll-out may just stop.
     threatened_s = drives["brakes"] - np.array([style.delay for style in (BLIND, *DRIVES)])
@@ -143,7 +143,7 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[ScoredCandida
     left_s = np.maximum(met_s - np.where(threatened, threatened_s, 0.0), 0.0)
     sudden = np.where(threatened, SUDDEN * np.exp(-left_s / SUDDEN_S), 0.0)
     hits = np.maximum(hits, sudden * fair[:, :1])
-    hits[(touches & (drives["ego"] < STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
+    hits[(touches & (drives["ego"] < EGO_STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
     in_line = _ahead_in_line(run, candidates, drives[:, 0])
     hits[in_line] *= touches[in_line]
     hits[in_line, 0] = 0.0
@@ -221,4 +221,4 @@ def _ego_stands(run: Recorded, candidate: Candidate) -> bool:
     """Return whether the ego stands at any time at which a swerving actor may reach it."""
     at = candidate.what.first + round((candidate.at_s or 0.0) / STEP_S)
     until = at + round(3.0 / STEP_S)
-    return bool((run.trace.states[at : until + 1, 0, 3] < STANDS_MPS).any())
+    return bool((run.trace.states[at : until + 1, 0, 3] < EGO_STANDS_MPS).any())

@@ -12,6 +12,7 @@ from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.driver_faults import LONGEST_REASON
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict, passes
 from foresee_dsl.simulate.triggers.unfired import unfired
 
@@ -92,10 +93,6 @@ def broken_verdict(broken: Broken) -> tuple[Verdict, str]:
     verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
     begins = {"raised": "the run raised ", "crash": "", "timeout": "timeout: the run "}.get(broken.how, "the run ")
     return verdict, " ".join((begins + broken.reason).split()).replace('"', "'")[:LONGEST_REASON]
-
-
-LONGEST_REASON = 1000
-"""Maximum length of a broken run's reason, in characters (as for a driver that raises, `simulate.driver_faults`)."""
 
 
 def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines) -> RunResult:

@@ -13,6 +13,7 @@ from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.regression.comparison import Ran, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
+from foresee_dsl.campaign.regression.verify import LONGEST_S
 from foresee_dsl.documents import plain
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_driver
@@ -21,9 +22,6 @@ from foresee_dsl.files import read_outside
 from foresee_dsl.language.project.addresses import is_folder, parse_address
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
-
-LONGEST_S = 300.0
-"""Longest simulated time of a run, s (as in `campaign.regression.verify`)."""
 
 
 def side_of_campaign(folder: Path) -> Side:

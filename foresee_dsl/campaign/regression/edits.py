@@ -8,11 +8,10 @@ from collections.abc import Mapping
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.printer import print_item, print_model
+from foresee_dsl.language.printer import INDENT, print_item, print_model
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.traversal import walk
 
-_INDENT = "  "
 _LONGEST = 500
 """Maximum length of a sentence for people, in characters. Ours: a quarter of the limit of a text in a file."""
 _PATHS: tuple[tuple[type[m.Item], str], ...] = (
@@ -48,7 +47,7 @@ def with_expected(text: str, new: m.Expected) -> str:
     reference = lines[2 * (at - 1)]
     if after is None:
         if reference.split("#")[0].rstrip().endswith("{"):
-            lines.insert(2 * at, f"{_INDENT}{line}{end}{end if body else ''}")
+            lines.insert(2 * at, f"{INDENT}{line}{end}{end if body else ''}")
             return "".join(lines)
     elif reference.lstrip().startswith(print_item(after).split("\n")[0].split(" ")[0]):
         indent = reference[: len(reference) - len(reference.lstrip())]
@@ -73,7 +72,7 @@ def with_doc(text: str, sentence: str) -> str:
     lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
     if not lines[2 * (head - 1)].split("#")[0].rstrip().endswith("{"):
         return text
-    lines.insert(2 * head, f'{_INDENT}doc "{as_text(sentence)}"{lines[1]}{lines[1]}')
+    lines.insert(2 * head, f'{INDENT}doc "{as_text(sentence)}"{lines[1]}{lines[1]}')
     return "".join(lines)
 
 

@@ -18,7 +18,7 @@ NEAR_M = 8.0
 farthest of Town10HD's 16 is 4.9 m away; measured)."""
 _BESIDE_M = 2.0
 """Crossings over the two directions of an arm differ by at most this in their distance from the crosswalk, m (ours)."""
-_SAME_DIRECTION_RAD = math.radians(30)
+_SAME_ANGLE_RAD = math.radians(30)
 """Largest angle between a crosswalk and its crossing (ours)."""
 _LEAST_WIDTH_M, _MOST_WIDTH_M = 1.0, 8.0
 """Range to which widths of crosswalks are limited, m (ours)."""
@@ -108,7 +108,7 @@ def _away(crosswalk: Crosswalk, crossing: Crossing) -> float:
     turned = abs(wrap(math.atan2(y1 - y0, x1 - x0) - heading))
     dx, dy = (x0 + x1) / 2 - crosswalk.pose.x, (y0 + y1) / 2 - crosswalk.pose.y
     over_m = abs(dx * math.cos(heading) + dy * math.sin(heading))
-    if min(turned, math.pi - turned) > _SAME_DIRECTION_RAD or over_m > crosswalk.length_m / 2:
+    if min(turned, math.pi - turned) > _SAME_ANGLE_RAD or over_m > crosswalk.length_m / 2:
         return math.inf
     return abs(dy * math.cos(heading) - dx * math.sin(heading))
 

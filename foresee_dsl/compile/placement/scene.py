@@ -37,12 +37,10 @@ from foresee_dsl.errors import MessageText, measured
 from foresee_dsl.helps import HelpText, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.project.document import PlacementError, Problem, TestCase
 from foresee_dsl.language.traversal import all_actions, word_of
 
-DEFAULT_END_S = 60.0
-"""Duration of a run without an `end` statement, s. Ours: a route of 180 m, the longest of CARLA's on Town10HD, at
-20 km/h with a red light on the way."""
 GOAL_BEFORE_END_M = 5.0
 """Without a `goal` statement the goal is this far before the end of the ego's route (ours: about a car's length)."""
 DRY_FRICTION, WET_FRICTION = 0.9, 0.5

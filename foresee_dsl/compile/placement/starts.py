@@ -15,7 +15,7 @@ from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Sp
 from foresee_dsl.compile.placement.standing import Standing
 from foresee_dsl.compile.placement.statements import WHEELS, centre, item, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads import polyline as lines
-from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.network import SAME_DIRECTION_RAD, RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, distance, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, check_junction
@@ -40,7 +40,6 @@ that passes an obstacle in the next lane was measured up to 3.05 m from its line
 OFF_STATE_M = 0.05
 """A mutation has moved an actor along its path if its state is farther than this from the position of `moving`, m; the
 actor starts at that position. Ours: a clip rounds to 1 mm."""
-_SAME_DIRECTION_RAD = math.radians(60)
 _BEYOND_WEIGHT = 30.0
 """Cost per metre beyond a lane's end, where 1 rad of heading costs 1: a vehicle beyond the end is on the next lane,
 even if it has not turned yet. Ours: internal lanes begin with a corner of up to 0.3 rad, which 1 cm outweighs."""
@@ -378,7 +377,7 @@ class Starts:
                 continue
             # lanes overlap in junctions: prefer the lane in the same direction, but allow any for a skidding actor
             cost = off + turned + _BEYOND_WEIGHT * abs(s - inside)
-            cost += OFF_ROUTE_M if turned > _SAME_DIRECTION_RAD else 0.0
+            cost += OFF_ROUTE_M if turned > SAME_DIRECTION_RAD else 0.0
             if best is None or cost < best[0] - 1e-9:
                 best = cost, k, lane, inside
         return best[1:] if best is not None else nearest

@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
     from foresee_dsl.compile.roads.polyline import FloatArray
 
-_SAME_DIRECTION_RAD = math.radians(60)
+SAME_DIRECTION_RAD = math.radians(60)
 """A vehicle is not on a lane whose direction differs from its heading by more than this, rad (measured on CARLA's
 towns: with 60 degrees all 612 waypoints find their lane)."""
 _HEADING_WEIGHT_M = 1.0
 """Cost of 1 rad difference in direction, m: inside junctions, where lanes overlap, it counts like 1 m sideways
 (ours)."""
-_CLOSE_GAPS_M = 0.3
+CLOSE_GAPS_M = 0.3
 """Gaps between lanes of up to twice this width are road, m (ours: roundings and corners of maps; medians are wider)."""
 
 _WHOLE_M = 3000.0
@@ -152,7 +152,7 @@ class RoadNetwork(Topology):
             cost = math.hypot(s - within, lateral)
             if heading_rad is not None:
                 off = abs(wrap(lane.line.at(within)[2] - heading_rad))
-                if off > _SAME_DIRECTION_RAD:
+                if off > SAME_DIRECTION_RAD:
                     continue
                 cost += _HEADING_WEIGHT_M * off
             if best is None or cost < best[0] - 1e-9:
@@ -285,7 +285,7 @@ class RoadNetwork(Topology):
         """Bounds of the drivable area with a margin of some metres: left, bottom, right and top, m."""
         outlines = (*(lane.shape for lane in self.lanes.values()), *(j.polygon for j in self.junctions.values()))
         xs, ys = zip(*(point for outline in outlines for point in outline), strict=True)
-        spare_m = max(lane.width_m for lane in self.lanes.values()) + _CLOSE_GAPS_M
+        spare_m = max(lane.width_m for lane in self.lanes.values()) + CLOSE_GAPS_M
         return min(xs) - spare_m, min(ys) - spare_m, max(xs) + spare_m, max(ys) + spare_m
 
     def _drivable(self, box: Box) -> BaseGeometry:
@@ -300,7 +300,7 @@ class RoadNetwork(Topology):
                  if ("car" in lane.kinds or lane.strip or lane.fault) and _touches(lane.shape, box)]  # fmt: skip
         bands = [shapely.LineString(lane.shape).buffer(lane.width_m / 2, quad_segs=4) for lane in lanes]
         road = shapely.union_all([shapely.difference(junctions, walking), *bands])
-        area = shapely.buffer(shapely.buffer(road, _CLOSE_GAPS_M, join_style="mitre"), -_CLOSE_GAPS_M)
+        area = shapely.buffer(shapely.buffer(road, CLOSE_GAPS_M, join_style="mitre"), -CLOSE_GAPS_M)
         shapely.prepare(area)
         return area
 

@@ -21,7 +21,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.orders.speed import MET_M
-from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, ActorInfo, Trace, X, Y
+from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, WAYPOINT_M, ActorInfo, Trace, X, Y
 from foresee_dsl.simulate.triggers.record import ActorOrders
 
 _Timed = m.Steers | m.Line | m.Brakes
@@ -38,8 +38,6 @@ second then plans at the same moments as in the run."""
 DRIVES_S = 1.0
 """Shortest time that the driver drives before the risky point, s. Ours: the time of a mutation's onset in the preset
 `focused`."""
-_WAYPOINT_M = 2.0
-"""Spacing of `Trace.waypoints`, m."""
 
 
 def clip(
@@ -114,7 +112,7 @@ def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:
         return float(here[0]), float(here[1])
     driven_m = float(np.nansum(trace.states[first : last + 1, 0, SPEED])) * STEP_S
     begin = int(np.hypot(*(points - front(trace, 0, first)).T).argmin())
-    end = begin + math.ceil(driven_m / _WAYPOINT_M) + 3
+    end = begin + math.ceil(driven_m / WAYPOINT_M) + 3
     nearest = begin + int(np.hypot(*(points[begin:end] - here).T).argmin())
     heading = trace.states[last, 0, HEADING]
     ahead = (points - here) @ np.array([math.cos(heading), math.sin(heading)])

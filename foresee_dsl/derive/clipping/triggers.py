@@ -15,10 +15,10 @@ import numpy as np
 from foresee_dsl.compile.placement.doors import door_side
 from foresee_dsl.derive.clipping.conditions import Moment, both, rebased, seconds
 from foresee_dsl.derive.clipping.snapshot import present
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import all_actions, fields_of, si_of
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 from foresee_dsl.simulate.triggers.record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
 

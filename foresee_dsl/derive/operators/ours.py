@@ -22,9 +22,9 @@ from foresee_dsl.derive.operators.situation import (
 )
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS, SIDEWAYS_SHARE
 from foresee_dsl.language.model import Change, Quantity
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 

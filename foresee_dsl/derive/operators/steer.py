@@ -12,8 +12,9 @@ from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.derive.operators.situation import ActorsRun, Numeric, Situation, multiples
 from foresee_dsl.derive.presets import Preset, SteerSettings
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.language.model import Change, Quantity
-from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, lateral_limit_mps2
+from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 RECOVERS_S = 1.0

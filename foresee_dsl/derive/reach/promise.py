@@ -11,7 +11,7 @@ import numpy as np
 
 from foresee_dsl.avoidance.candidates.behaviours import what_if
 from foresee_dsl.avoidance.candidates.recorded import Recorded
-from foresee_dsl.avoidance.candidates.scoring import STANDS_MPS, avoidable_shares
+from foresee_dsl.avoidance.candidates.scoring import EGO_STANDS_MPS, avoidable_shares
 from foresee_dsl.derive.reach.rolling import RollOut
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS
@@ -117,7 +117,7 @@ def _tale(trace: Trace, rolled: RollOut, value: int, step: int) -> Tale:
     course = round((heading - ego[HEADING]) / (math.tau / _QUARTERS)) % _QUARTERS
     kind = trace.actors[rolled.change.actor].kind
     role = kind if kind in PEDESTRIAN_KINDS or kind == "bicycle" else "vehicle"
-    return Tale(role, course, side, int(trace.lanes[frame, 0]), bool(ego[SPEED] < STANDS_MPS))
+    return Tale(role, course, side, int(trace.lanes[frame, 0]), bool(ego[SPEED] < EGO_STANDS_MPS))
 
 
 def in_order(promises: Sequence[Promise], settings: ReachSettings) -> list[Promise]:

@@ -20,7 +20,7 @@ from foresee_dsl.derive.reach.steering import steered
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
-from foresee_dsl.kernels.path_following import STANDS_MPS
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Clip, Quantity
 from foresee_dsl.language.model.derived import PROPERTIES
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y

@@ -21,10 +21,10 @@ from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import Situation, read_situation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
+from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.decision import pedals, steer
 
 TIME_GAP_S = 1.0
-MINIMUM_GAP_M = 2.0
 BRAKING_MPS2 = 1.5
 EXPONENT = 4
 LEAST_GAP_M = 0.1
@@ -84,7 +84,7 @@ def _acceleration(situation: Situation) -> float:
     """Return the desired acceleration, m/s^2."""
     ego, route = situation.ego, situation.route
     speed, others = ego.forward, traffic.read_others(situation)
-    if speed > traffic.STANDS_MPS and traffic.time_to_collision(others, speed) < EMERGENCY_TTC_S:
+    if speed > cfg.SENSED_STANDS_MPS and traffic.time_to_collision(others, speed) < EMERGENCY_TTC_S:
         return -ego.strongest
     allowed = float(route.between("profile", ego.s + PREVIEW_S * speed))
     desired = max(allowed, SLOWEST_MPS)
@@ -93,8 +93,8 @@ def _acceleration(situation: Situation) -> float:
     # A waiting place is treated as a standing leader, farther ahead by the gap that the IDM keeps.
     waits = (
         (traffic.walkers(situation, others), 0.0),
-        (traffic.stop_line(situation), MINIMUM_GAP_M),
-        (traffic.giving_way(situation), MINIMUM_GAP_M),
+        (traffic.stop_line(situation), cfg.MINIMUM_GAP_M),
+        (traffic.giving_way(situation), cfg.MINIMUM_GAP_M),
     )
     places = [Leader(gap + farther, 0.0) for gap, farther in waits if gap is not None]
     ahead = traffic.leader(others)
@@ -111,7 +111,7 @@ def free_acceleration(speed_mps: float, desired_mps: float) -> float:
 def desired_gap(speed_mps: float, closing_mps: float) -> float:
     """Return the desired gap, m: s0 + max(0, v T + v dv / (2 sqrt(a b))); dv: its speed minus the leader's."""
     dynamic = speed_mps * (TIME_GAP_S + closing_mps / (2.0 * math.sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)))
-    return MINIMUM_GAP_M + max(0.0, dynamic)
+    return cfg.MINIMUM_GAP_M + max(0.0, dynamic)
 
 
 def idm_acceleration(speed_mps: float, desired_mps: float, gap_m: float, leader_mps: float) -> float:

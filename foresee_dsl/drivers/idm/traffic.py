@@ -14,6 +14,7 @@ import numpy as np
 from foresee_dsl.drivers.pdm.situation import Situation, signal_braking
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.arrays import BoolArray, Records
+from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import match
 from foresee_dsl.kernels.pdm.records import Ego
 from foresee_dsl.kernels.pdm.route import stops_before
@@ -25,14 +26,8 @@ CORRIDOR_MARGIN_M = 0.3
 car."""
 TOUCH_MARGIN_M = 0.15
 """The same for the time to collision, m. Ours: smaller, as a false alarm causes full braking."""
-STANDS_MPS = 0.5
 STILL_MPS = 0.1
 """Relative speed below which a distance counts as constant, m/s. Ours."""
-STOP_MARGIN_M = 0.5
-"""Distance of the front bumper before a stop line when the ego stops, m. Ours."""
-JUNCTION_REACH_M = 80.0
-"""Distance within which junctions are considered, m. Ours: the stopping distance from 50 km/h at 1.5 m/s^2, plus 15
-m."""
 CONFLICT_MARGIN_M = 1.0
 """Distance before a conflict at which it waits, m. Ours: the front corners swing out in a turn."""
 YIELD_BRAKING_MPS2 = 4.0
@@ -136,10 +131,10 @@ def stop_line(situation: Situation) -> float | None:
     for k in np.flatnonzero(_near_junctions(situation)).tolist():
         passage = situation.route.passages[k]
         braking = signal_braking(passage, ego.strongest, situation.signals)
-        if braking is None or ego.front_s > passage.stop_s + STOP_MARGIN_M:
+        if braking is None or ego.front_s > passage.stop_s + cfg.STOP_MARGIN_M:
             continue
         if stops_before(situation.egos, passage.stop_s, braking):
-            return passage.stop_s - STOP_MARGIN_M - ego.front_s
+            return passage.stop_s - cfg.STOP_MARGIN_M - ego.front_s
     return None
 
 
@@ -147,7 +142,7 @@ def giving_way(situation: Situation) -> float | None:
     """Return the distance (m) to the place where the ego waits for a gap in a stream with priority; None: it may go."""
     ego, route = situation.ego, situation.route
     yields = route.foes["has_priority"] & ~route.foes["walking"]
-    ahead = route.foes["own_s"] - CONFLICT_MARGIN_M > ego.front_s - STOP_MARGIN_M
+    ahead = route.foes["own_s"] - CONFLICT_MARGIN_M > ego.front_s - cfg.STOP_MARGIN_M
     foes = route.foes[yields & ahead & _near_junctions(situation)[route.foes["junction"]]]
     if not len(foes) or not len(situation.actors):
         return None
@@ -166,7 +161,7 @@ def giving_way(situation: Situation) -> float | None:
 def _near_junctions(situation: Situation) -> BoolArray:
     """Return, for each junction, whether the ego is in or near it, [J]."""
     ego, junctions = situation.ego, situation.route.junctions
-    return np.asarray((ego.rear_s < junctions["end_s"]) & (junctions["stop_s"] - ego.front_s < JUNCTION_REACH_M))
+    return np.asarray((ego.rear_s < junctions["end_s"]) & (junctions["stop_s"] - ego.front_s < cfg.JUNCTION_REACH_M))
 
 
 def _waiting_places(foes: Records, ego: Ego) -> list[float]:
@@ -181,7 +176,7 @@ def _waiting_places(foes: Records, ego: Ego) -> list[float]:
         if first - last > length + CONFLICT_MARGIN_M:
             wait = first - CONFLICT_MARGIN_M
         last = max(last, until)
-        places[k] = wait if ego.front_s <= wait + STOP_MARGIN_M else first - CONFLICT_MARGIN_M
+        places[k] = wait if ego.front_s <= wait + cfg.STOP_MARGIN_M else first - CONFLICT_MARGIN_M
     return places
 
 
@@ -196,7 +191,7 @@ def _no_gap(ego: Ego, actors: Records, foe: np.void, matches: Records) -> bool:
     half = actors["half_length"]
     arrives = (foe["meets"] - matches["s"] - half) / speed
     leaves = (foe["leaves"] - matches["s"] + half) / speed
-    comes = matches["on"] & (matches["speed"] > STANDS_MPS)
+    comes = matches["on"] & (matches["speed"] > cfg.SENSED_STANDS_MPS)
     return bool((comes & (leaves > enters) & (arrives < clears + GAP_MARGIN_S)).any())
 
 

@@ -16,6 +16,7 @@ from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situat
 from foresee_dsl.drivers.protocol import Reason, SignalColour
 from foresee_dsl.drivers.tracking import Tracks
 from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import match, predict
 from foresee_dsl.kernels.pdm.proposals import FAR_M, find_leaders, find_passable
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
@@ -24,7 +25,6 @@ from foresee_dsl.kernels.pdm.route import near_foes
 LEAST_MPS2 = 0.2
 """Least change of the acceleration by an object or a signal that is a reason, m/s^2. Ours: a tenth of everyday
 braking."""
-STANDS_MPS = 0.5
 LEAST_M = 0.3
 """The same for the lateral place in the lane, m."""
 
@@ -108,7 +108,7 @@ def _free(now: Situation, free: Wish) -> Reason:
     """Return the reason if no actor and no signal slows the ego down."""
     if free.acceleration_mps2 >= -LEAST_MPS2:
         return Reason(FREE_ROAD, "no actor and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
-    stands = now.ego.speed < STANDS_MPS
+    stands = now.ego.speed < cfg.SENSED_STANDS_MPS
     text = "none of its own proposals may set off" if stands else "for its route: a bend, a limit, or its own lanes"
     return Reason("own plan", f"{text}; no actor and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
 
@@ -153,7 +153,8 @@ def _rule(now: Situation, k: int) -> tuple[str, str]:
     ahead = np.flatnonzero(leaders < FAR_M)
     if ahead.size and ahead[0] == 0:
         moves = "walks" if bool(actors["pedestrian"][0]) else "drives"
-        return "distance", f"{moves if float(actors['speed'][0]) >= STANDS_MPS else 'stands'} ahead in its lane"
+        stands = float(actors["speed"][0]) < cfg.SENSED_STANDS_MPS
+        return "distance", f"{'stands' if stands else moves} ahead in its lane"
     if bool(actors["pedestrian"][0]):
         return "pedestrian", "is about to be in its way"
     return ("distance", "comes into its lane") if ahead.size else ("collision", "would hit it where both are going")

@@ -10,6 +10,7 @@ import numpy as np
 
 from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage, Mission, VehicleLimits
 from foresee_dsl.kernels.arrays import IntArray, Records
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import PATH_M
 from foresee_dsl.kernels.pdm.records import FOE, JUNCTION, PATH_POINT, ROUTE_POINT
@@ -153,7 +154,7 @@ def _smooth(values: FloatArray) -> FloatArray:
 
 def _speed_profile(limit: FloatArray, curvature: FloatArray, vehicle: VehicleLimits) -> FloatArray:
     """Return the highest comfortable speed at each point: the limit, lateral comfort, then braking in time."""
-    friction = cfg.FRICTION_SHARE * vehicle.friction * cfg.GRAVITY_MPS2
+    friction = cfg.FRICTION_SHARE * vehicle.friction * GRAVITY_MPS2
     lateral = min(cfg.LATERAL_COMFORT_MPS2, friction)
     braking = min(cfg.PROFILE_BRAKING_MPS2, friction)
     squared = np.minimum(limit**2, lateral / np.maximum(np.abs(curvature), 1e-6))

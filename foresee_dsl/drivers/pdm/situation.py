@@ -17,6 +17,7 @@ from foresee_dsl.drivers.pdm.route import Route
 from foresee_dsl.drivers.protocol import EgoState, FloatArray, JunctionPassage, Observation, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracker, Tracks
 from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.records import ACTOR, EGO, Ego
 from foresee_dsl.kernels.pdm.route import place_actors, place_ego
@@ -69,7 +70,7 @@ def to_centre(vehicle: VehicleLimits) -> float:
 
 def ego_record(vehicle: VehicleLimits) -> Records:
     """Return an `Ego` record [1] of a vehicle, with a state and position of zero."""
-    grip = cfg.FRICTION_SHARE * vehicle.friction * cfg.GRAVITY_MPS2
+    grip = cfg.FRICTION_SHARE * vehicle.friction * GRAVITY_MPS2
     values = {
         "length": vehicle.length_m,
         "width": vehicle.width_m,

@@ -15,7 +15,6 @@ from foresee_dsl.kernels.pdm.records import LEADER
 from foresee_dsl.kernels.pdm.route import GRID_M, grid_point, least_room, profile_at
 
 FAR_M = 1e4
-STANDS_MPS = 0.5
 QUEUE_OFFSET_M = 0.6
 """Distance from the lane's middle from which a standing vehicle is parked, m; nearer to the middle, before a stop line,
 it waits in a queue. Ours."""
@@ -36,7 +35,7 @@ def find_passable(egos: Records, actors: Records, route: Records, junctions: Rec
     for a in range(len(actors)):
         actor = actors[a]
         actor["passable"] = False
-        if actor["pedestrian"] or not actor["speed"] < STANDS_MPS:
+        if actor["pedestrian"] or not actor["speed"] < cfg.SENSED_STANDS_MPS:
             continue
         s, d, road = actor["s"], actor["d"], route[actor["point"]]
         room = max(road["left"] - d, road["right"] + d) - actor["half_width"] >= need

@@ -14,7 +14,6 @@ from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.route import near_junctions, profile_at, stops_before
 
 PROFILE_STEP_M = 0.5
-STANDS_MPS = 0.5
 
 
 class Arrival(NamedTuple):
@@ -36,7 +35,7 @@ def _signal_wall(egos: Records, stop_s: float, braking: float) -> float:
     front_s = egos[0]["front_s"]
     if braking < 0.0 or front_s > stop_s + cfg.STOP_MARGIN_M:
         return np.inf
-    if front_s > stop_s - cfg.STOP_MARGIN_M and egos[0]["speed"] < STANDS_MPS:
+    if front_s > stop_s - cfg.STOP_MARGIN_M and egos[0]["speed"] < cfg.SENSED_STANDS_MPS:
         return float(front_s)  # it stands at the line or just beyond it, and stays there
     return stop_s - cfg.STOP_MARGIN_M if stops_before(egos, stop_s, braking) else np.inf
 
@@ -90,7 +89,7 @@ def _yield_wall(
         for place in (wait, first - cfg.YIELD_MARGIN_M):
             margin_s = place + cfg.STOP_MARGIN_M
             if ego["front_s"] <= margin_s and stops_before(egos, margin_s, braking):
-                nearest = min(nearest, max(place, ego["front_s"]) if ego["speed"] < STANDS_MPS else place)
+                nearest = min(nearest, max(place, ego["front_s"]) if ego["speed"] < cfg.SENSED_STANDS_MPS else place)
                 break
     return nearest
 
@@ -170,7 +169,7 @@ def _vehicle_window(
     if rear_s >= last:
         return np.inf, -np.inf
     room = max(first - front_s, 0.0)
-    if speed < STANDS_MPS:
+    if speed < cfg.SENSED_STANDS_MPS:
         return (math.sqrt(2 * room / cfg.FOE_ACCELERATION_MPS2), np.inf) if starting else (np.inf, -np.inf)
     top = max(speed, limit_mps)
     reach_top_s = (top - speed) / cfg.FOE_ACCELERATION_MPS2

@@ -6,6 +6,7 @@ import numpy as np
 
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.compiling import FLOATS, compiled, inner
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import TIMES_S
@@ -17,7 +18,6 @@ STEERS_SIDEWAYS_M = 0.7
 """Lateral movement above which a proposal is at fault in a collision with an actor from behind, m. Ours."""
 LEAVES_M = 0.05
 """Distance by which a proposal may leave the lanes, m. Ours: rounding and smoothing of the lanes' edges."""
-STANDS_MPS = 0.1
 NEAR_M = 6.0
 """Lateral distance from the route above which predicted footprints are ignored, m. Ours."""
 

@@ -7,8 +7,6 @@ observations and microscopic simulations". nuPlan: comfort bounds of the benchma
 
 from __future__ import annotations
 
-GRAVITY_MPS2 = 9.81
-
 # --- proposals and roll-out -------------------------------------------------------------------------------------
 SPEED_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)
 """Target speeds as shares of the limit (PDM, section 3: 20 % to 100 %); the highest first, so that it wins ties."""
@@ -49,6 +47,8 @@ PROFILE_BRAKING_MPS2 = 2.0
 """Braking for curves, lower limits and stop lines, m/s^2. Ours: everyday braking, below the IDM's b."""
 PROFILE_PREVIEW_S = 0.3
 """Preview time of the profile, s. Ours: six simulation steps, without oscillation at 20 Hz."""
+SENSED_STANDS_MPS = 0.5
+"""Measured speed below which a vehicle counts as standing, m/s. Ours: three times the sensors' noise of 0.15 m/s."""
 COAST_MPS = 0.1
 """Speed below which a car stands, m/s. Ours."""
 HOLD_M = 1.0

@@ -17,13 +17,12 @@ from foresee_dsl.language.lints.actors import actor_lints, route_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.certain import Limits, always, never
 from foresee_dsl.language.lints.finding import LintFinding
+from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk
 
-DEFAULT_END_S = 60.0
-"""Duration of a run without an `end` statement, s (docs/reference/language.md)."""
 _TOO_FAST = "FS256"
 """The compiler's code for a speed above the model's, which replaces the lint about it."""
 

@@ -231,6 +231,11 @@ class Expect(Item):
     condition: Condition
 
 
+DEFAULT_END_S = 60.0
+"""Duration of a run without an `end` statement, s. Ours: a route of 180 m, the longest of CARLA's on Town10HD, at
+20 km/h with a red light on the way."""
+
+
 class End(Item):
     """`end after 60 s`."""
 

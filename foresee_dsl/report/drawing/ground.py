@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import SlipperyPatch
-from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.network import CLOSE_GAPS_M, RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.language.streets.lines import shift_right
@@ -28,8 +28,6 @@ Bounds = tuple[float, float, float, float]
 Near = Callable[[Sequence[tuple[float, float]], float], bool]
 """Takes the points of a shape and its width beside them, m; returns whether the shape touches the picture."""
 
-_CLOSE_GAPS_M = 0.3
-"""Gaps between areas up to twice this are closed, m; the same as in `RoadNetwork.drivable`."""
 ZEBRA_M = 0.6
 """Width of a crossing's bars and of the gaps between them. Ours: German ones have 0.5 m, which small pictures lose."""
 
@@ -165,7 +163,7 @@ def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], 
     junctions = shapely.union_all([_polygon(j.polygon) for j in network.junctions.values() if near(j.polygon, 0.0)])
     bands = [_band(lane) for lane in lanes if "car" in lane.kinds or lane.parking or lane.strip]
     road = shapely.union_all([shapely.difference(junctions, shapely.union_all(list(map(_polygon, areas)))), *bands])
-    return shapely.buffer(shapely.buffer(road, _CLOSE_GAPS_M, join_style="mitre"), -_CLOSE_GAPS_M)
+    return shapely.buffer(shapely.buffer(road, CLOSE_GAPS_M, join_style="mitre"), -CLOSE_GAPS_M)
 
 
 def _between(lanes: Iterable[Lane], divided: frozenset[str]) -> Iterable[FloatArray]:

@@ -23,9 +23,9 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
-SIGNAL_AHEAD_M = 60.0
+SIGNAL_SHOWN_M = 60.0
 """A signal farther ahead is not shown, m. Ours: at 50 km/h a driver begins to brake at this distance."""
-SIGNAL_BEHIND_M = 3.0
+SIGNAL_SHOWN_BEHIND_M = 3.0
 """A signal is shown until the ego's front is this far behind the stop line, m: an ego may stop a little beyond it."""
 
 
@@ -83,7 +83,7 @@ def signal_ahead(trace: Trace, case: TestCase) -> list[str]:
     colours = []
     for frame, (x, y, heading) in enumerate(trace.states[:, 0][:, [X, Y, HEADING]].tolist()):
         here = line.project(x + info.front_m * math.cos(heading), y + info.front_m * math.sin(heading))[0]
-        ahead = (p for p in signalled if -SIGNAL_BEHIND_M <= p.entry_s - here <= SIGNAL_AHEAD_M)
+        ahead = (p for p in signalled if -SIGNAL_SHOWN_BEHIND_M <= p.entry_s - here <= SIGNAL_SHOWN_M)
         passage = next(ahead, None)
         colours.append(facts.colour(passage.movement, frame) if passage is not None else "")
     return colours

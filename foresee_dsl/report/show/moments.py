@@ -7,16 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.report.show.measures import BoolArray, FloatArray, Measures
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
-BRAKES_MPS2 = 2.0
+VISIBLY_BRAKES_MPS2 = 2.0
 """The ego brakes if it decelerates more than this for `LASTS_S`, m/s^2. Ours: releasing the accelerator gives under 1,
 comfortable braking 2."""
 STARTS_MPS = 0.3
 """An actor that stood sets off when it is faster than this, m/s. Ours: more than a standing vehicle drifts in SUMO."""
-STANDS_MPS = 0.1
-"""An actor slower than this stands, m/s: SUMO's threshold for a halting vehicle."""
 LASTS_S = 0.2
 """A braking must last at least this long, s. Ours: shorter ones are noise."""
 BEFORE_CONTACT_S = 1.0
@@ -59,7 +58,7 @@ def snapshots(trace: Trace, measures: Measures, opponent: str, *, most: int = MO
     if (moves := _begins(measures.other_mps, STARTS_MPS)) is not None:
         candidates.append((3, moves, "sets off"))
     after = _reaction_from(measures, seen, moves)
-    if (brakes := _first(_lasting(measures.ego_mps2 < -BRAKES_MPS2), after, end + 1)) is not None:
+    if (brakes := _first(_lasting(measures.ego_mps2 < -VISIBLY_BRAKES_MPS2), after, end + 1)) is not None:
         candidates.append((2, brakes, "ego brakes"))
     if (stands := _first(measures.ego_mps < STANDS_MPS, 1)) is not None and measures.ego_mps[0] >= STANDS_MPS:
         candidates.append((4, stands, "ego stands"))

@@ -13,6 +13,7 @@ import shapely
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.boxes import corners
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.report.drawing.ground import Bounds, FloatArray, Ground, Layer, ground_of, with_patches, within
 from foresee_dsl.report.drawing.shapes import body_shapes, ghost_shape, ground_shapes
 from foresee_dsl.report.drawing.sheet import Part
@@ -37,8 +38,6 @@ AHEAD_SHARE = 0.2
 visible (ours)."""
 _LONGEST_TITLE = 60
 """Maximum length of an actor's name in a tooltip, characters."""
-PARKED_MPS = 0.1
-"""An actor that is never faster than this is parked or an obstacle, m/s."""
 
 
 class Role(StrEnum):
@@ -274,7 +273,7 @@ def role_of(trace: Trace, actor: int, opponent: str) -> Role:
     if trace.actors[actor].id == opponent:
         return Role.OPPONENT
     speeds = trace.states[:, actor, SPEED]
-    return Role.OTHER if np.nanmax(speeds, initial=0.0) > PARKED_MPS else Role.PARKED
+    return Role.OTHER if np.nanmax(speeds, initial=0.0) > STANDS_MPS else Role.PARKED
 
 
 def _footprint(trace: Trace, actor: int, frame: int, window: Window, role: Role) -> Footprint | None:

@@ -19,12 +19,11 @@ from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.bicycle import BicycleLimits, VehicleState, step
 from foresee_dsl.kernels.boxes import wheels
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.kernels.records import dtype_of
 
 _STATE = dtype_of(VehicleState)
 
-GRAVITY_MPS2 = 9.81
-"""Standard gravity, m/s^2, with the digits that the definition of `VehicleLimits` uses."""
 
 TIPS_AT_G: Mapping[str, float] = MappingProxyType(
     {"van": 0.7, "truck": 0.4, "bus": 0.5, "motorcycle": 0.8, "bicycle": 0.4}

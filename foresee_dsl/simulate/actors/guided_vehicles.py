@@ -9,7 +9,8 @@ from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.route_line import RouteLine
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
+from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.path_groups import PathGroup
 from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, with_timing
+from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.simulate.actors.moved_actors import with_timing
 from foresee_dsl.simulate.actors.shown_actors import ShownActors
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle

@@ -15,7 +15,6 @@ from foresee_dsl.compile.bundle import PlacedActor, RecordedState
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
-from foresee_dsl.kernels import path_following
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.bicycle import VehicleState
 from foresee_dsl.kernels.boxes import Box, Mover, corner_points
@@ -29,8 +28,6 @@ from foresee_dsl.simulate.moved_bodies import GHOST_TYPE
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
-STANDS_MPS = path_following.STANDS_MPS
-"""Speed below which an actor counts as standing, m/s; SUMO's threshold for a halting vehicle."""
 PUSHED_MPS2 = 2.0
 """Acceleration and braking of an obstacle on a path, whose model has none, m/s^2. Ours: a camera on a cart."""
 KERB_M = 0.5

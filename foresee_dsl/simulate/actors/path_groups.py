@@ -29,7 +29,7 @@ from foresee_dsl.simulate.actors.path_followers import PathFollower
 from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.trace import STEP_S
 
-_MATCH_M = 5.0
+_NEAREST_LANE_M = 5.0
 """Distance within which the nearest lane counts as the lane at a point of the road, m. Ours."""
 
 _MOST_PATHS = 512
@@ -67,7 +67,7 @@ class LanesUnderPaths:
         x, y, heading = follower.line.at(cell * CELL_M)
         if not shapely.contains_xy(self._network.drivable_around(x, y), x, y):
             cells[cell] = OFF_ROAD, 0.0
-        elif (near := self._network.nearest_lane(x, y, None, "car", _MATCH_M)) is None:
+        elif (near := self._network.nearest_lane(x, y, None, "car", _NEAREST_LANE_M)) is None:
             cells[cell] = NO_LANE, heading
         else:
             cells[cell] = self._numbers[near.lane.id], near.lane.line.at(near.pos_m)[2]

@@ -8,7 +8,8 @@ from math import hypot
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import Ego, PathActor, SteeredVehicle
 from foresee_dsl.simulate.actors.states import Actor

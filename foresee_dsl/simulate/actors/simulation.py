@@ -10,18 +10,12 @@ from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.compile.roads.polyline import XY, distinct, whole_millimetres
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.insertion import Insertion
-from foresee_dsl.simulate.actors.moved_actors import (
-    STANDS_MPS,
-    Ego,
-    PathActor,
-    StaticActor,
-    SteeredVehicle,
-    with_timing,
-)
+from foresee_dsl.simulate.actors.moved_actors import Ego, PathActor, StaticActor, SteeredVehicle, with_timing
 from foresee_dsl.simulate.actors.path_groups import PathGroup
 from foresee_dsl.simulate.actors.roads import Limits, SlipperyGround
 from foresee_dsl.simulate.actors.shown_actors import ShownActors

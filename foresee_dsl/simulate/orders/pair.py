@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import KeepsGap, MatchesSpeed
 from foresee_dsl.language.traversal import si_of
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.orders.speed import WAITS_MPS

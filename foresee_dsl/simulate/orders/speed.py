@@ -10,10 +10,11 @@ from typing import NamedTuple, Protocol
 
 from foresee_dsl.compile.bundle import Timed
 from foresee_dsl.compile.roads.network import StopPlace
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Meets
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
+from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder

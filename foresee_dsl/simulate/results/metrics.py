@@ -17,6 +17,7 @@ import shapely
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Box, Mover, corner_points
 from foresee_dsl.kernels.conditions import time_to_touch
+from foresee_dsl.kernels.constants import STANDS_MPS
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -28,8 +29,6 @@ SLOWEST_MPS = 1.0
 """Lowest speed in the computation of `eta`, m/s (the language's definition), so that it is finite for a standing
 vehicle."""
 
-STANDS_MPS = 0.1
-"""Lowest assumed speed of a vehicle entering a junction, m/s: SUMO's threshold of halting."""
 
 CREEPS_MPS = 0.5
 """Assumed approach speed of a vehicle waiting inside a junction, m/s. Ours: it only orders such vehicles by how far

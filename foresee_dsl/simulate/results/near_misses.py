@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import IntArray, box_overlap, pairwise_box_distance
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
@@ -39,8 +40,6 @@ shorter, and is missed."""
 CROSSING_RAD = math.radians(20)
 """Difference of headings below which two paths have the same direction at a spot, rad. Ours: the forecast's threshold
 for crossing paths (`crossing_angle_rad`)."""
-STANDS_MPS = 0.1
-"""Speed below which the ego counts as standing, m/s: SUMO's threshold of halting."""
 _SKIPPED = 4
 """Every fourth frame is evaluated first, then all frames around the worst of these."""
 _STEPS_AHEAD_S: FloatArray = np.arange(0.0, HORIZON_S + 1e-9, LOOKS_AHEAD_S)

@@ -14,10 +14,10 @@ from typing import cast
 import numpy as np
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.compile.placement.scene import DEFAULT_END_S
 from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.certain import Limits, never
+from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import UNITS

@@ -11,10 +11,11 @@ from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.arrays import BoolArray, Records
 from foresee_dsl.kernels.pdm.records import ROLLED
 from foresee_dsl.kernels.pdm.scoring import conflicts
+from foresee_dsl.kernels.pdm.settings import SENSED_STANDS_MPS
 from foresee_frenetix import settings as cfg
 from foresee_frenetix.behaviour import STRIDE, Behaviour
 from foresee_frenetix.plan import MOTION, TIMES_S, Motion, Plan
-from foresee_frenetix.planner import STANDS_MPS, Candidates
+from foresee_frenetix.planner import Candidates
 
 LEAVES_M = 0.05
 """Distance by which a candidate may leave the lanes, m. Ours: rounding and smoothing of the lanes' edges."""
@@ -29,7 +30,7 @@ def at_frames(situation: Situation, prediction: Records) -> Records:
     """
     frames = prediction[:, ::STRIDE].copy()
     doubt = np.minimum(cfg.DOUBT_MPS * TIMES_S, cfg.DOUBT_M)
-    frames["half_length"] += np.where(situation.actors["speed"][:, None] > STANDS_MPS, doubt, cfg.CORNER_M)
+    frames["half_length"] += np.where(situation.actors["speed"][:, None] > SENSED_STANDS_MPS, doubt, cfg.CORNER_M)
     return frames
 
 

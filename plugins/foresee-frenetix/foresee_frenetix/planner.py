@@ -18,6 +18,7 @@ from foresee_dsl.drivers.pdm.route import Route
 from foresee_dsl.drivers.pdm.situation import Situation, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
 from foresee_dsl.kernels.arrays import BoolArray
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.proposals import FAR_M
 from foresee_dsl.kernels.pdm.route import GRID_M
@@ -28,7 +29,6 @@ from foresee_frenetix.plan import MOTION, TIMES_S, Frenet, Motion, Plan, angle_b
 logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects
 FRAMES = len(TIMES_S)
 READ_OUT = 4
-STANDS_MPS = 0.5
 APART_M = 0.3
 """Distance to all other offsets from which the current offset is sampled too, m. Ours."""
 LEAST_S = 0.6
@@ -124,7 +124,7 @@ class Planner:
         self._handler = frenetix.TrajectoryHandler(dt=cfg.PLAN_STEP_S)
         self._window: Window | None = None
         steer, wheelbase = vehicle.steer_max_rad, vehicle.wheelbase_m
-        grip = pdm_settings.FRICTION_SHARE * vehicle.friction * pdm_settings.GRAVITY_MPS2
+        grip = pdm_settings.FRICTION_SHARE * vehicle.friction * GRAVITY_MPS2
         self._handler.add_feasability_function(
             feasibility.CheckCurvatureConstraint(deltaMax=steer, wheelbase=wheelbase, wholeTrajectory=True)
         )
@@ -322,7 +322,7 @@ def _stops(situation: Situation, behaviour: Behaviour, start: Frenet) -> list[fl
     front_s = start.s + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     places = [] if behaviour.stop_s is None else [behaviour.stop_s]
     leaders = behaviour.leaders[:, 0]
-    standing = leaders["s"][leaders["speed"] < STANDS_MPS]
+    standing = leaders["s"][leaders["speed"] < pdm_settings.SENSED_STANDS_MPS]
     places += [float(s) - cfg.MINIMUM_GAP_M for s in np.unique(standing) if s < FAR_M]
     reach = float(situation.route.columns["profile"].max()) * cfg.HORIZON_S
     times = [stop_time(start, place - front_s) for place in places if place - front_s < reach]

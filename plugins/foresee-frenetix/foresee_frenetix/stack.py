@@ -21,6 +21,7 @@ from foresee_dsl.drivers.protocol import (
 )
 from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
 from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.decision import pedals
 from foresee_dsl.kernels.pdm.prediction import match, predict
@@ -230,7 +231,7 @@ class TrackingController:
         length = decay_length(state.speed_mps, side, math.tan(car.steer_max_rad) / car.wheelbase_m)
         slope = math.tan(max(-1.0, min(1.0, turned)))
         curvature = ahead.curvature - side / length**2 - 2.0 * slope / length
-        grip = pdm_settings.FRICTION_SHARE * car.friction * pdm_settings.GRAVITY_MPS2 / max(state.speed_mps, 1.0) ** 2
+        grip = pdm_settings.FRICTION_SHARE * car.friction * GRAVITY_MPS2 / max(state.speed_mps, 1.0) ** 2
         angle = math.atan(car.wheelbase_m * max(-grip, min(grip, curvature)))
         return max(-car.steer_max_rad, min(car.steer_max_rad, angle))
 

@@ -195,7 +195,7 @@ class Creeping:
             self._until_s = -math.inf
         elif now_s < self._until_s:
             return True
-        if held or speed_mps >= cfg.STANDS_MPS:
+        if held or speed_mps >= cfg.TARGET_STANDS_MPS:
             self._stands_since_s = None
             return False
         if self._stands_since_s is None:

@@ -12,6 +12,7 @@ from collections import deque
 import numpy as np
 
 from foresee_dsl.drivers.protocol import Control, EgoState, FloatArray, VehicleLimits
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_learned import settings as cfg
 from foresee_learned.kernels.waypoints import aim
 
@@ -50,7 +51,7 @@ class Pilot:
 
     def _acceleration(self, target_mps: float, within_s: float, ego: EgoState) -> float:
         """Return the acceleration for a target speed; a car that is to stand is held by the brake."""
-        if target_mps < cfg.STANDS_MPS and ego.speed_mps < cfg.STANDS_MPS:
+        if target_mps < cfg.TARGET_STANDS_MPS and ego.speed_mps < cfg.TARGET_STANDS_MPS:
             self._errors.clear()
             return -self._vehicle.braking_mps2
         error = target_mps - ego.speed_mps
@@ -69,6 +70,6 @@ class Pilot:
         dx, dy = x - ego.x, y - ego.y
         ahead, left = dx * cos + dy * sin + self._axle_m, dy * cos - dx * sin
         curvature = 2.0 * left / max(ahead * ahead + left * left, 1.0)
-        grip = cfg.FRICTION_SHARE * car.friction * cfg.GRAVITY_MPS2 / max(ego.speed_mps, 1.0) ** 2
+        grip = cfg.FRICTION_SHARE * car.friction * GRAVITY_MPS2 / max(ego.speed_mps, 1.0) ** 2
         angle = math.atan(car.wheelbase_m * max(-grip, min(grip, curvature)))
         return max(-car.steer_max_rad, min(car.steer_max_rad, angle))

@@ -36,9 +36,8 @@ TransFuser brakes fully whenever it is 10 % too fast."""
 FUSION_HARD_MPS2 = 1.5
 """Ours: the same for `fusion`, whose target speed is a mean over what may be, so that it falls too slowly: with 4 m/s^2
 it hit 4 people at 2 to 6 m/s in 33 cases whom it does not hit with this. TransFuser's 10 % are 1 m/s at 36 km/h."""
-STANDS_MPS = 0.3
+TARGET_STANDS_MPS = 0.3
 """Ours: a target speed under this means to stand."""
-GRAVITY_MPS2 = 9.81
 ACCELERATION_MPS2 = 2.5
 """Ours: largest acceleration that is asked for; nuPlan calls up to 2.4 m/s^2 comfortable."""
 

@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.compile.placement.statements import WHEELS
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language import model as m
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.trace import STEP_S
@@ -24,8 +25,6 @@ Op = Literal["<", "<=", ">", ">="]
 _RULES: Mapping[str, Op] = {"lessThan": "<", "lessOrEqual": "<=", "greaterThan": ">", "greaterOrEqual": ">="}
 _SIGN_CHANGED: Mapping[Op, Op] = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 """The comparison that results when both sides change their sign."""
-STANDS_MPS = 0.1
-"""A slower entity counts as standing, m/s (ours: the tolerance at which a change of speed is complete)."""
 _SAME = {"speed": 0.1, "acceleration": 0.1, "length": 0.5, "time": 0.05}
 """Tolerance of `equalTo` in SI units (ours: a frame of time; the accuracy of speed changes)."""
 _BESIDE_M = 5.0

@@ -10,9 +10,8 @@ import numpy as np
 
 from foresee_dsl.drivers.protocol import FloatArray, Foe, Mission, Observation
 from foresee_dsl.drivers.tracking import COAST_S, STANDING_COAST_S, Tracks
+from foresee_dsl.kernels.pdm.settings import SENSED_STANDS_MPS
 from foresee_faults.fault import Actors, Fault, Remembering, relative, turned
-
-STANDS_MPS = 0.5
 
 
 class ForgetsHidden(Fault):
@@ -30,7 +29,7 @@ class ForgetsHidden(Fault):
     def _reported_tracks(self, tracks: Tracks) -> Tracks:
         if not self.strength:
             return tracks
-        stood = tracks.speed < STANDS_MPS
+        stood = tracks.speed < SENSED_STANDS_MPS
         kept = tracks.lost_s <= (1 - self.strength) * np.where(stood, STANDING_COAST_S, COAST_S)
         return _rows(tracks, np.flatnonzero(kept).tolist())
 
@@ -97,7 +96,9 @@ class StandingIsLeaving(Fault):
         speed = self.between(0.0, 6.0)
         still = ("pedestrian", "obstacle")
         return tuple(
-            replace(a, speed_mps=max(a.speed_mps, speed)) if a.speed_mps < STANDS_MPS and a.kind not in still else a
+            replace(a, speed_mps=max(a.speed_mps, speed))
+            if a.speed_mps < SENSED_STANDS_MPS and a.kind not in still
+            else a
             for a in actors
         )
 
