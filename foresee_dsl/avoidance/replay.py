@@ -19,7 +19,7 @@ from foresee_dsl.simulate.actors.roads import SlipperyGround
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEER, STEP_S, Trace, X, Y
 
 BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
-"""Hardest braking of the careful driver, m/s^2: R157, Annex 4, appendix 3 (0.774 g); less where the road or the vehicle
+"""Hardest braking of the careful driver, m/s^2: R157, Annex 4, appendix 3 (0.774 g); less if the road or the vehicle
 limits it."""
 JERK_MPS3 = 12.65
 """Rate at which braking builds up, m/s^3, 0.6 s to the hardest: R157, Annex 4, appendix 3; `CC_min_jerk` in JRC-FSM."""

@@ -253,7 +253,7 @@ class Scene:
     sun: float = 0.0
     """Ratios from 0 to 1 of the `weather` statement; they affect sensors."""
     clip: bool = False
-    """A clip or a child: it begins from exact states in the middle of a run."""
+    """A clip or a mutant: it begins from exact states in the middle of a run."""
     began_s: float = 0.0
     """Time of a clip's or child's first frame in the run that it was cut from, s: the sensors' noise continues from
     there."""

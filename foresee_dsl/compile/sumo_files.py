@@ -50,7 +50,7 @@ _SUBLANES: Mapping[str, float] = MappingProxyType(
         "maxSpeedLat": 1.0,  # SUMO's default, and the lateral speed of our lane changes (`kernels.sumo_traffic`)
         "lcAccelLat": SIDEWAYS_MPS2,
         "lcMaxSpeedLatStanding": 0.0,  # a standing vehicle does not slide
-        "lcMaxSpeedLatFactor": 0.25,  # of its speed, as for our lane changes
+        "lcMaxSpeedLatFactor": 0.25,  # share of the speed, as in our lane changes
     }
 )
 

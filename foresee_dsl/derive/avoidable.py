@@ -89,7 +89,7 @@ def _worth(scored: ScoredCandidate, chosen: list[Candidate]) -> float:
 
 
 def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
-    """Return the change that makes an actor behave as the candidate; None where the actor cannot do so."""
+    """Return the change that makes an actor behave as the candidate; None if the actor cannot do so."""
     name, actor = _PROPERTY[candidate.kind][0], candidate.actor
     if name == "ignores":
         obeys = not any(isinstance(item, IgnoresRule) for item in situation.actors[actor].body)
@@ -112,7 +112,7 @@ def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Chang
 
 
 def _value(situation: Situation, preset: Preset, candidate: Candidate, was: float) -> float | None:
-    """Return the property's new value in SI units; None where the model or the place does not allow the behaviour."""
+    """Return the property's new value in SI units; None if the model or the place does not allow the behaviour."""
     spec = situation.spec(candidate.actor)
     match candidate.kind:
         case Kind.PACE:

@@ -25,7 +25,8 @@ COAST_S = 1.5
 """Time for which an object that is not seen any more is predicted, s. Ours: within 1 s the sensors give it its old
 number; after that a new number may be the same object."""
 STANDING_COAST_S = 4.0
-"""The same for an object that stood when it was last seen, such as a parked car behind a passing lorry, s. Ours."""
+"""Time for which an object that stood when it was last seen is kept, such as a parked car behind a passing lorry, s.
+Ours."""
 JERK_MPS3 = 4.0
 """Standard deviation of the rate of change of accelerations, m/s^3. Ours: of 2, 3, 4 and 8 it has the least error over
 constant speed, setting off and braking with 6 m/s^2."""
@@ -38,7 +39,7 @@ START_YAW_RAD_S = 0.1
 DRIFT_MPS = 0.4
 """Difference between the true velocity of the centre and the filtered speed along the filtered heading, m/s. Ours."""
 STANDING_DRIFT_MPS = 0.02
-"""The same while the object stands, m/s. Ours: so that the positions of parked cars settle."""
+"""As `DRIFT_MPS`, for a standing object, m/s. Ours: so that the positions of parked cars settle."""
 STANDING_TURN_RAD_S = 0.03
 """Turning rate of a standing object, rad/s. Ours."""
 WALKER_TURN_RAD_S = 0.7

@@ -1,1 +1,1 @@
-"""What editors need: the language server, the highlighters, the TextMate grammar."""
+"""Support for editors: the language server, the highlighters, the TextMate grammar."""

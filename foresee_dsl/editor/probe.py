@@ -55,7 +55,8 @@ class Before:
 
 @dataclass(frozen=True)
 class Slot:
-    """Where a name, number or unit would stand: the node, its field, and the nodes above, outermost first."""
+    """A place for a name, number or unit in a half-written text: the node, its field, and the nodes above, outermost
+    first."""
 
     token: str
     node: Node

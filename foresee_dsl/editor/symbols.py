@@ -104,7 +104,7 @@ def _of_node(node: Node, above: tuple[Node, ...]) -> Iterator[Occurrence]:
 
 
 def _kind_of_word(node: Node, above: tuple[Node, ...]) -> SymbolKind | None:
-    """Return the kind of a word in an extension, where it may be a parameter of the other file or a name of its field's
+    """Return the kind of a word in an extension, which may be a parameter of the other file or a name of its field's
     kind."""
     if node.kind is not m.Ref or not above or above[0].kind is not m.Extension:
         return None

@@ -76,7 +76,7 @@ def changed_body(
 
 
 def weakened(before: tuple[m.ScenarioItem, ...], after: tuple[m.ScenarioItem, ...]) -> str | None:
-    """Return the name of an expectation that is easier to meet after a change than before; None where none is."""
+    """Return the name of an expectation that is easier to meet after a change than before; None if there is none."""
     old = {item.name: item for item in before if isinstance(item, m.Expect) and item.name}
     pairs = ((old[item.name], item) for item in after if isinstance(item, m.Expect) and item.name in old)
     return next((now.name for was, now in pairs if now is not was and weaker(was, now)), None)

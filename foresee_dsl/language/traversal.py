@@ -59,7 +59,7 @@ def parts(condition: m.Condition) -> Iterator[m.Condition]:
 
 
 def mapped(condition: m.Condition, change: Callable[[m.Condition], m.Condition]) -> m.Condition:
-    """Return the condition with every innermost part replaced by `change(part)`; the same object where none changes."""
+    """Return the condition with every innermost part replaced by `change(part)`; the same object if none changes."""
     if isinstance(condition, m.Both | m.Either):
         inner = tuple(mapped(part, change) for part in condition.conditions)
         same = all(a is b for a, b in zip(inner, condition.conditions, strict=True))

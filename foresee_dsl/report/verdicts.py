@@ -1,4 +1,4 @@
-"""How many runs failed and how, in a line: the headline of every report of runs."""
+"""The number of failed runs by kind, in one line: the headline of every report of runs."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def one_line(err: BaseException) -> str:
 
 
 def place_of(err: BaseException) -> str:
-    """Return the innermost place in the driver's own code, as `mine.py:12 (Mine.step)`; "" where there is none."""
+    """Return the innermost place in the driver's own code, as `mine.py:12 (Mine.step)`; "" if there is none."""
     frames = _own(err.__traceback__)
     if not frames:
         return ""

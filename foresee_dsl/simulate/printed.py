@@ -1,7 +1,7 @@
 """Keeps a driver's output in a file: the standard output and error of Python and C code in this process.
 
 Worker processes use it (`campaign.execution.isolation`), so that a driver's output cannot end up in a report or in
-JSON. In other processes output goes where it always goes.
+JSON. Other processes do not redirect output.
 """
 
 from __future__ import annotations

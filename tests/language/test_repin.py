@@ -179,7 +179,7 @@ def test_in_words(project: Repository) -> None:
     assert describe(clip, ("pass", "F5 rear collision with lead at 2.10 s"), written=True) == (
         f"{project.clip}: {clip.parent} changed\n"
         f"  pin {clip.pin} => {clip.new_pin} (written)\n"
-        f"  the parent as pinned is in commit {clip.commit}\n"
+        f"  the pinned version of the parent is in commit {clip.commit}\n"
         "  reaches this file:\n"
         "    Environment\n"
         "      ~ weather.rain: 0.3 => 0.5 (+0.2)\n"

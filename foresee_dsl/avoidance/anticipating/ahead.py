@@ -36,7 +36,7 @@ CLEAR_SIGHT = SensorSettings(scan_s=STEP_S, latency_s=0.0, noise=NO_NOISE, dropo
 _CATCHES_UP_S = 2.0
 """Time in which it catches up with the recorded ego if it has no reason to be slower, s. Ours."""
 _KEPT_S = 1.0
-"""How long it continues to brake after the last conflict, s. Ours."""
+"""Time for which it continues to brake after the last conflict, s. Ours."""
 _STANDS_OFF_M = 1.0
 """Distance at which it aims to stop before an actor that comes into its way, m. Ours."""
 _SAME_MPS2 = 0.1

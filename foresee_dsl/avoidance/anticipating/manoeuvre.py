@@ -17,8 +17,8 @@ from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 _PEAK, _JERK = 10 / math.sqrt(3), 30.0
-"""A step to the side is the polynomial 10 u^3 - 15 u^4 + 6 u^5. Its second derivative is at most 5.77; the third is 30
-in the middle, where the steering changes sides."""
+"""A step to the side is the polynomial 10 u^3 - 15 u^4 + 6 u^5. `_PEAK` is the largest value of its second derivative,
+`_JERK` the value of its third derivative in the middle, where the steering changes sides."""
 _SLOW_MPS = 1.0
 """Lowest speed by which steering angles are divided, m/s. Ours: below it the ego does not evade."""
 

@@ -10,7 +10,7 @@ import math
 
 COMFORTABLE_MPS2 = 3.4
 """Comfortable braking of most drivers, also on wet roads: AASHTO, A Policy on Geometric Design of Highways and Streets,
-stopping sight distance. It is tried first; others are also expected to brake with it where they must wait."""
+stopping sight distance. It is tried first; other drivers who must wait are also expected to brake with it."""
 FIRM_MPS2 = 5.0
 """Firm braking, tried second: R157 calls more than this an emergency manoeuvre."""
 BUILDS_UP_S = 0.6
@@ -46,8 +46,8 @@ WALKER_HASTENS_MPS = 0.5
 """Largest change of a walker's speed that is predicted, m/s. Ours: two thirds of the way from walking
 to running (`WALKING_MPS`, `RUNNING_MPS`)."""
 CROSSES_RAD = math.radians(45)
-"""Angle to the ego's heading above which a vehicle is crossing or oncoming, and is expected to wait where it can with
-comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model."""
+"""Angle to the ego's heading above which a vehicle is crossing or oncoming, and is expected to wait if comfortable
+braking is enough for that. Ours: 45 degrees, as `MERGES_RAD` of R157's model."""
 GAP_S = 0.5
 """Time between two road users at one place below which they are in conflict, s. Ours: post-encroachment
 times under 1 s are serious in conflict studies; the predicted boxes add the ego's length."""
@@ -105,7 +105,7 @@ LOOKS_ON_S = 3.0
 PASSES_S = 1.0
 """Time after the failure's contact at which an evading ego begins to stop comfortably, s. Ours."""
 STOOD_S = 0.5
-"""How long the ego must have stood for a walker's contact with it not to count, s: real walkers look, those of the
-simulation do not. Ours: a walker's step."""
+"""Time for which the ego must have stood so that a walker's contact with it does not count, s: real walkers look, those
+of the simulation do not. Ours: a walker's step."""
 MOST_RUNS = 6
 """Largest number of simulation runs per failure, including the unchanged replay. Ours: to limit the campaign's time."""

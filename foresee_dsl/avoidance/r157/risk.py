@@ -23,7 +23,7 @@ from foresee_dsl.simulate.sensing.sight import Sight
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
-"""How long a risk must last to be perceived, s: ours, after R157, Annex 4, appendix 3: JRC-FSM
+"""Time for which a risk must last to be perceived, s: ours, after R157, Annex 4, appendix 3: JRC-FSM
 (`CC_calc_dist_to_react`) has a lateral way of 0.72 m for it, 0.4 s at 1.8 m/s."""
 DELAY_S = 0.75
 """Time from the perception to the beginning of braking, s: R157, Annex 4, appendix 3; `CC_rt` in JRC-FSM."""

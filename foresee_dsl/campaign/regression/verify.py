@@ -174,7 +174,7 @@ def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
 
 _TOGETHER = 64
 """Number of tests of a folder for which a process keeps the files that it has read, 0.3 MB each. Ours: a clip has four
-mutants in a suite, so more tests would hardly share more files."""
+mutants in a suite, so with more tests a process would share few further files."""
 
 
 @lru_cache(maxsize=2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from xml.etree.ElementTree import Element, SubElement  # no parsing: that is safe_xml's
+from xml.etree.ElementTree import Element, SubElement  # only to build elements; safe_xml parses files
 
 from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap, cubic_at, number
 from foresee_dsl.errors import CompileError

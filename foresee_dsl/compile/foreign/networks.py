@@ -35,7 +35,7 @@ _EDITION = "14"
 """Part of the cache key; increase it when the conversion of OpenDRIVE maps changes."""
 
 _NET_EDITION = "10"
-"""The same for SUMO nets."""
+"""Part of the cache key; increase it when the conversion of SUMO nets changes."""
 
 _LARGEST_M = 1e8
 """Largest coordinate of a network, m. Ours: more than UTM's northings (1e7 m), and small enough to resolve

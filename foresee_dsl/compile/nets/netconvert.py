@@ -46,7 +46,7 @@ def sumo_home() -> Path:
 def tool_version() -> str:
     """Return the version of the installed netconvert, such as `1.28.0`."""
     named = list(sumo_home().parent.glob("eclipse_sumo-*.dist-info"))
-    if len(named) == 1:  # the folder's name contains the version
+    if len(named) == 1:  # one folder remains; its name contains the version
         return named[0].name.removesuffix(".dist-info").partition("-")[2]
     from importlib import metadata  # imported here: the import is slow
 

@@ -22,7 +22,7 @@ CORNER_RADIUS_M = 5.0
 """Radius of the inner edge of a turn, m. Ours: with a 2 m sidewalk the road's edge has 7 m; SUMO's default of 4 m is
 too tight for buses (the centre of their lane would turn with 5.6 m where there is no sidewalk)."""
 JOINT_RADIUS_M = 0.5
-"""The same radius where an edge is only divided, m. Ours: no vehicle turns there, and the joint stays short."""
+"""Corner radius of a node that only divides an edge, m. Ours: no vehicle turns there, and the joint stays short."""
 RAMP_MPS = 80 / 3.6
 """Speed limit of a ramp without a `speed`, m/s. Ours: the design speed of ramps with radii from 250 m."""
 TAPER_M = 40.0

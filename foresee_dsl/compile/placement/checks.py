@@ -376,7 +376,7 @@ class NameChecks:
         yield from self._on_the_way(kind, m.AlongEdge(edge=stop.road, at=stop.at), actor, stop.name, stop=stop)
 
     def _not_for(self, name: str, actor: PlacedActor | None) -> str:
-        """Return why an actor cannot stop in a bay, or "" where it can, or where it is not known."""
+        """Return why an actor cannot stop in a bay; "" if it can, or if that is not known."""
         if actor is None:
             own = any(actor.name == name for actor in self._case.scenario.actors)
             return "" if own or name not in self._actors else "the background traffic does not leave its lanes"

@@ -38,8 +38,8 @@ CLOSE_GAPS_M = 0.3
 """Gaps between lanes of up to twice this width are road, m (ours: roundings and corners of maps; medians are wider)."""
 
 _WHOLE_M = 3000.0
-"""The drivable area of a map with sides up to this is computed as a whole, m (ours: the largest of CARLA's towns in the
-tests has some 800 m)."""
+"""Largest side of a map whose drivable area is computed at once instead of in parts, m (ours: the largest of CARLA's
+towns in the tests has some 800 m)."""
 _TILE_M = 500.0
 """Side of the tiles of a larger map, m (ours: most routes lie in one or two)."""
 _BESIDE_M = 50.0
@@ -358,7 +358,7 @@ def _stop_outline(lane: Lane, front_m: float, length_m: float) -> Points:
     begin_m = max(front_m - length_m, 0.0)
     if front_m - begin_m <= _LEAST_STOP_M:
         return ()
-    marks = (begin_m + (front_m - begin_m) * k / 8 for k in range(9))  # a stop on a bend follows it
+    marks = (begin_m + (front_m - begin_m) * k / 8 for k in range(9))  # nine points, because a stop on a bend is curved
     centre = [(x, y) for x, y, _ in map(lane.line.at, marks)]
     left, right = (shift_right(centre, side * lane.width_m / 2) for side in (-1, 1))
     return (*left, *reversed(right))

@@ -366,7 +366,8 @@ def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> m.State
         at=_at(front(trace, actor, frame) if wheels else (float(row[X]), float(row[Y]))),
         heading=_quantity(heading, "angle"),
         speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` scales the speed of the file
-        # A path-follower's acceleration has no effect, as its speed is prescribed; SUMO continues from a vehicle's.
+        # A path-follower's acceleration has no effect, as its speed is prescribed. For a vehicle, SUMO continues from
+        # it.
         acceleration=_unless_zero(acceleration, "acceleration") if wheels and on_lanes else None,
         steer=_unless_zero(steer, "angle") if actor == 0 else None,
     )

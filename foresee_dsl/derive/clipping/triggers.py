@@ -309,7 +309,7 @@ class _Rest:
                 remaining += self._action(action, state.began_s, (*place, k))
             elif k in state.inner:
                 inner = self.block(action.actions, state.inner[k], (*place, k))
-                # Orders without steps need no block of their own: the next step waits for them here too.
+                # Without further steps inside, the orders need no block: the next step waits for them either way.
                 follows = any(isinstance(step, m.Then) for step in inner)
                 remaining += [m.Then(actions=inner)] if follows else inner
             else:

@@ -76,7 +76,7 @@ def nearest(trials: Trials, candidate: Candidate, index: int, *, look_beside: bo
 
 
 def ask_for_passing(trials: Trials, candidate: Candidate) -> None:
-    """Where the value next to a boundary fails in another way, try values by bisection until one passes."""
+    """If the value next to a boundary fails in another way, try values by bisection until one passes."""
     for index, change in enumerate(candidate.changes):
         grid = _grid(change)
         if grid is None:

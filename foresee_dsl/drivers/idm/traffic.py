@@ -25,7 +25,8 @@ CORRIDOR_MARGIN_M = 0.3
 """Distance to the ego's side within which an actor is in its corridor, m. Ours: a lane of 3.3 m has 0.7 m beside a
 car."""
 TOUCH_MARGIN_M = 0.15
-"""The same for the time to collision, m. Ours: smaller, as a false alarm causes full braking."""
+"""Lateral margin between the footprints for the time to collision, m. Ours: smaller than `CORRIDOR_MARGIN_M`, as a
+false alarm causes full braking."""
 STILL_MPS = 0.1
 """Relative speed below which a distance counts as constant, m/s. Ours."""
 CONFLICT_MARGIN_M = 1.0

@@ -26,7 +26,7 @@ LEAST_MPS2 = 0.2
 """Least change of the acceleration by an object or a signal that is a reason, m/s^2. Ours: a tenth of everyday
 braking."""
 LEAST_M = 0.3
-"""The same for the lateral place in the lane, m."""
+"""Least change of the lateral position in the lane by an object that is a reason, m."""
 
 
 FREE_ROAD = "free road"

@@ -1,1 +1,1 @@
-"""What the server shows beside mistakes: quick fixes, hints, lenses, tokens and pictures."""
+"""Answers of the server other than diagnostics: quick fixes, hints, lenses, tokens and pictures."""

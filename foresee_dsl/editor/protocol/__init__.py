@@ -1,1 +1,1 @@
-"""What the Language Server Protocol asks for: messages, positions in a text, and names of files."""
+"""Parts of the Language Server Protocol: messages, positions in a text, and names of files."""

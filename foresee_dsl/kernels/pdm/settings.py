@@ -20,7 +20,8 @@ ACCELERATION_STEP_S = 0.2
 the most expensive part."""
 
 MINIMUM_GAP_M = 2.0
-"""Standstill gap, m: IDM, table I (with PDM's 1 m a car stops 1 m behind a lorry at every light)."""
+"""Standstill gap to the actor ahead, m: IDM, table I. PDM has 1 m, with which a car stops only 1 m behind a lorry at
+every light."""
 HEADWAY_S = 1.5
 ACCELERATION_MPS2 = 1.5
 BRAKING_MPS2 = 3.0

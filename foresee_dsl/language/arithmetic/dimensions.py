@@ -45,7 +45,7 @@ _SYMBOLS = ("m", "s", "deg", "kg")
 
 
 def named(powers: Powers) -> Dimension | None:
-    """Return the dimension with these powers, `ratio` for none at all; None where the language has no name for it."""
+    """Return the dimension with these powers, `ratio` for none at all; None if the language has no name for it."""
     return _NAMED.get(powers)
 
 

@@ -185,7 +185,7 @@ def _check_class(
 def _models(
     actor: m.Ego | m.Actor, parameters: dict[str, m.Param], cases: Sequence[m.Case]
 ) -> Iterator[tuple[m.Item, str, str]]:
-    """Yield the models that an actor can have, each with the item and the field where it is written."""
+    """Yield the models that an actor can have, each with the item and the field that names it."""
     if isinstance(actor.model, str):
         yield actor, "model", actor.model
         return

@@ -35,7 +35,7 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
         case m.Mutant():
             _check_mutant(findings, model)
             _check_expected(findings, model, [])
-        case m.Extension():  # what shows before it is joined with what it extends
+        case m.Extension():  # errors that show before it is joined with the scenario that it extends
             findings.only_once([item for item in model.body if isinstance(item, m.Tags)])
             _check_changes(findings, [item for item in model.body if isinstance(item, m.Change)], parameters=True)
         case m.Network():
@@ -89,7 +89,7 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
 
 
 def _check_expected(findings: Findings, model: m.Scenario | m.Clip | m.Mutant, cases: Sequence[str] | None) -> None:
-    """Check that a driver has one expected result, and that its case exists; `cases`: None where they are not known."""
+    """Check that a driver has one expected result, and that its case exists; `cases`: None if they are not known."""
     seen: set[tuple[str, str | None]] = set()
     for item in (item for item in model.body if isinstance(item, m.Expected)):
         if (item.driver, item.case) in seen:

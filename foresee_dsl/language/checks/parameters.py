@@ -28,7 +28,7 @@ _MODEL = re.compile(r"[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*")
 WORD_TYPES = tuple(name for name in get_args(m.ParamType) if name not in get_args(Dimension))
 """Types of parameters whose values are words."""
 _ON_STEP = 1e-6
-"""How far from a whole number of steps a value may be (ours: far above rounding, far below any step)."""
+"""Largest distance of a value from a whole number of steps (ours: far above rounding, far below any step)."""
 
 
 def check_parameters(findings: Findings, scenario: m.Scenario) -> None:

@@ -31,7 +31,7 @@ _WORD_OF_OTHERS: Mapping[tuple[type[m.Item], str], ParamType] = {
     (m.Measure, "other"): "junction",
     (m.Named, "name"): "junction",
 }
-"""The type of parameter that may replace the word of a field, where the field's name does not tell it."""
+"""The type of parameter that may replace the word of a field, if the field's name does not determine it."""
 
 
 _ONLY_VALUES = {m.Clip: "a clip", m.Mutant: "a mutant", m.Catalogue: "a catalogue of models", m.Campaign: "a campaign"}

@@ -36,7 +36,8 @@ class _Allowance:
 
 
 _ON_THE_NETWORK = frozenset({"FS330", "FS331", "FS332"})
-"""Lints that are computed only on the built network, so that it is unknown earlier whether a comment is needed."""
+"""Codes of lints that need the built network. Before it is built, an allow comment for them may not be called
+unnecessary."""
 
 
 def left(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:

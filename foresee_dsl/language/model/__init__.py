@@ -1,7 +1,7 @@
 """The typed model of everything that a `.foresee` file can state.
 
-One class a statement; blocks keep their statements in `body`, in the author's order, so that printing a model gives
-the file back. A class carries how it is written (`item.Item`); `ITEMS` are all of them.
+Each statement has a class. Blocks keep their statements in `body`, in the author's order, so that printing a model
+gives the file back. A class contains the pattern of its text (`item.Item`); `ITEMS` lists all classes.
 """
 # ruff: noqa: F403, F405 - every class of these modules is part of the model, so that a new one need not be listed here
 

@@ -11,9 +11,9 @@ from foresee_dsl.language.model.item import Bounds, Item
 
 
 class TurnsTo(Item):
-    """`king_oak turns to ew_go`: the signal shows that stage from its beginning, then its programme goes on.
+    """`king_oak turns to ew_go`: the signal switches to the beginning of that stage; then its programme continues.
 
-    With `amber` or `red`: from where that stage's amber, or the red for all behind it, begins.
+    With `amber` or `red` it switches to the amber, or to the all-red, that ends that stage.
     """
 
     pattern = "{junction} turns to {stage} [{light}]"
@@ -45,8 +45,8 @@ class StopsAt(Item):
     """`bus stops at market for 8 s`: brakes so that its front stands at the end of that stop (or at a place), stands
     there for the time or for good, then drives on.
 
-    At a stop it changes to the stop's lane. It brakes with 3 m/s^2 at most; one that can no longer stop there comes to
-    stand behind it, one that is more than 5 m past it drives on.
+    For a stop it changes to the stop's lane. It brakes with at most 3 m/s^2. An actor that can no longer stop there
+    stops behind the stop; an actor that is more than 5 m past it drives on.
     """
 
     pattern = "{actor} stops at {where} [for {duration}]"
@@ -61,11 +61,11 @@ HARDEST_MPS2 = 12.0
 
 
 class BrakesFor(Item):
-    """`lead brakes 6 m/s^2 for 2 s`: it brakes with this deceleration from now on; where it comes to stand, it stands
-    for the rest of the time; then it goes on as before. Without a time it stands for good.
+    """`lead brakes 6 m/s^2 for 2 s`: it brakes with this deceleration for the time, and stands if it stops earlier;
+    then it drives on as before. Without a time it brakes to a stand and stays there.
 
-    It brakes harder where it must. Within its model's limits: with `emergency_braking` at most, and under a steering
-    offset with `braking`.
+    It brakes harder if traffic requires that. The model's limits apply: `emergency_braking`, and under a steering
+    offset `braking`.
     """
 
     pattern = "{actor} brakes {braking} [for {duration}]"
@@ -80,10 +80,10 @@ WIDEST_LINE_M = 5.0
 
 
 class ChangesLine(Item):
-    """`cutter changes line to 0.8 m over 2 s`: it keeps that far to the left of its lane's middle from now on
-    (negative: right), as the statement `line` says of the beginning.
+    """`cutter changes line to 0.8 m over 2 s`: from now on it keeps this distance to the left of its lane's middle
+    (negative: right), as the statement `line` does from the beginning.
 
-    It moves over linearly in that time, without one with 1 m/s; never faster than a quarter of its speed.
+    It moves over linearly in the given time, or at 1 m/s without a time; never faster than a quarter of its speed.
     """
 
     pattern = "{actor} changes line to {to} [over {over}]"
@@ -94,9 +94,8 @@ class ChangesLine(Item):
 
 
 class KeepsBeside(Item):
-    """`cutter keeps 1.2 m left of ego for 4 s`: so much room between the sides of the two footprints, measured across
-    its lane; within 5 m of its lane's middle. Afterwards it stays where it is across its lane.
-    """
+    """`cutter keeps 1.2 m left of ego for 4 s`: it keeps this lateral gap between the two footprints, measured across
+    its lane; it stays within 5 m of its lane's middle. Afterwards it keeps the lateral position that it has then."""
 
     pattern = "{actor} keeps {room} {side} of {other} [for {duration}]"
     words = "keeps (action): so much room to the side of another actor | cutter keeps 1.2 m left of ego for 4 s"
@@ -110,10 +109,10 @@ class KeepsBeside(Item):
 
 class FollowsPath(Item):
     """`cutter follows [(10 m, 4 m), (30 m, 4 m)] then joins [mill_mid]`: leaves its lane (or its path) and follows a
-    polyline from where it is, without reacting to others; at its end it drives on in traffic along these edges, or
+    polyline from its position, without reacting to others; at its end it drives on in traffic along these edges, or
     stays there.
 
-    Between edges that do not touch it takes the shortest way. Only vehicles and bicycles join.
+    Between edges that do not touch it takes the shortest route. Only vehicles and bicycles join.
     """
 
     pattern = "{actor} follows {points} [then joins {edges}]"
@@ -129,8 +128,8 @@ class FollowsPath(Item):
 
 
 class Joins(Item):
-    """`then joins [mill_mid, oak_north]`: of a vehicle or bicycle with a path: at its end it drives on in traffic along
-    these edges. Between edges that do not touch it takes the shortest way."""
+    """`then joins [mill_mid, oak_north]`: a vehicle or bicycle with a path drives on in traffic along these edges when
+    it reaches the path's end. Between edges that do not touch it takes the shortest route."""
 
     pattern = "then joins {edges}"
 
@@ -138,11 +137,11 @@ class Joins(Item):
 
 
 class KeepsGap(Item):
-    """`lead follows ego gap 1.5 s`, `lead follows ego gap 20 m for 8 s`, `lead leads ego gap 20 m`: its speed is set so
-    that it stays so far behind the other (or ahead of it), from bumper to bumper along its own way; a time counts at
-    the speed of the one behind.
+    """`lead follows ego gap 1.5 s`, `lead follows ego gap 20 m for 8 s`, `lead leads ego gap 20 m`: its speed is
+    controlled so that this gap stays between the two, from bumper to bumper along its own route. A gap in seconds is a
+    length at the speed of the actor behind.
 
-    Within its model's limits. It keeps the gap as written, even if that is too small to be safe.
+    The model's limits apply. It keeps the gap as written, even if that is too small to be safe.
     """
 
     pattern = "{actor} {way} {other} gap {gap} [for {duration}]"
@@ -160,14 +159,13 @@ class KeepsGap(Item):
 
     @property
     def gap_is_time(self) -> bool:
-        """Whether the gap is a time; a parameter's dimension shows in its value."""
+        """Whether the gap is a time. For a parameter, the dimension of its value decides."""
         return isinstance(self.gap, v.Quantity) and self.gap.dimension == "time"
 
 
 class MatchesSpeed(Item):
-    """`lead matches ego plus 2 m/s`, `lead matches ego times 0.8 for 4 s`: its speed is the other's at each moment,
-    times a ratio, and so much more (or less: `plus -2 m/s`); within its model's limits.
-    """
+    """`lead matches ego plus 2 m/s`, `lead matches ego times 0.8 for 4 s`: its speed is the other's present speed times
+    a factor plus a difference (`plus -2 m/s`: less); the model's limits apply."""
 
     pattern = "{actor} matches {other} [times {factor}] [plus {more}] [for {duration}]"
     words = """
@@ -184,7 +182,8 @@ class MatchesSpeed(Item):
 
 
 class Reverses(Item):
-    """`van reverses 6 m at 5 km/h`: brakes to a stand, drives backwards so far along its lane, then on as before."""
+    """`van reverses 6 m at 5 km/h`: brakes to a stand, drives this distance backwards along its lane, then drives on as
+    before."""
 
     pattern = "{actor} reverses {length} at {speed}"
     words = "reverses (action): drives backwards along its lane | van reverses 6 m at 5 km/h"
@@ -195,7 +194,7 @@ class Reverses(Item):
 
 
 class Leaves(Item):
-    """`lead leaves`: it is gone from now on."""
+    """`lead leaves`: from now on the actor is absent."""
 
     pattern = "{actor} leaves"
     words = "leaves (action): an actor is gone from now on | lead leaves"
@@ -205,10 +204,11 @@ class Leaves(Item):
 
 class Synchronises(Item):
     """`cutter synchronises at 5 m before j4 on cutter.route with ego at 10 m before j4 on ego.route speed 8 m/s`: its
-    speed is set so that its front is at its place when the other's is at the other place, within its model's limits.
+    speed is controlled so that its front reaches its place when the other's front reaches the other place; the model's
+    limits apply.
 
-    The other's speed is taken as at least 3 m/s. With a `speed` it has that there, and drives it from then on; without
-    one it drives on as before.
+    The other's speed is taken as at least 3 m/s. With a `speed` it has that speed at its place and keeps it afterwards;
+    without one it drives on as before.
     """
 
     pattern = "{actor} synchronises at {place} with {other} at {there} [speed {speed}]"
@@ -225,9 +225,9 @@ class Synchronises(Item):
 
 
 class Door(Item):
-    """`door of van opens left`, `door of van closes left`: the front door of a car, van or truck, parked or not, stands
-    out to its side; what runs into it has a collision. Left when no side is given.
-    """
+    """`door of van opens left`, `door of van closes left`: opens or closes the front door of a car, van or truck,
+    parked or not. An open door is an obstacle beside the vehicle that others can collide with. The default side is
+    left."""
 
     pattern = "door of {actor} {what} [{side}]"
     words = """

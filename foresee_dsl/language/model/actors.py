@@ -85,9 +85,9 @@ class Path(Item):
 class PathAlong(Item):
     """`path along ego.route from 2 m to 96 m offset 1.9 m`: a smooth line beside a part of an actor's route.
 
-    The lengths count from where that actor starts, as those of places do. The other way round, `from 96 m to 2 m`, it
-    leads against the route; the offset is to the left of the route either way. Corners of the route's line become arcs,
-    so that an actor that follows the line slows down in its bends and not at its corners.
+    The lengths are measured from that actor's start, as those of places are. In the other order, `from 96 m to 2 m`,
+    the line leads against the route; the offset is to the left of the route in both cases. Corners of the route's line
+    become arcs, so that an actor that follows the line slows down in its bends and not at its corners.
     """
 
     pattern = "path along {actor}.route from {begin} to {end} [offset {offset}]"
@@ -99,12 +99,12 @@ class PathAlong(Item):
 
 
 AnyPath = Path | PathAlong
-"""What leads an actor off the lanes."""
+"""A path of an actor off the lanes."""
 
 
 class StartAt(Item):
-    """`start at PLACE`: where the actor's front (a pedestrian's or obstacle's middle) is at the beginning; or `start at
-    market`, at the end of that bus stop and in its lane."""
+    """`start at PLACE`: place of the actor's front (of a pedestrian's or obstacle's middle) at the beginning; or `start
+    at market`: at the end of that bus stop and in its lane."""
 
     pattern = "start at {place}"
     words = """
@@ -123,7 +123,7 @@ class StartSpeed(Item):
 
 
 class CruiseSpeed(Item, kind="speed"):
-    """`speed 50 km/h`: what it drives or walks where nothing hinders it (default: the limit, or a walking pace)."""
+    """`speed 50 km/h`: its speed when nothing hinders it (default: the limit, or a walking pace)."""
 
     pattern = "speed {speed}"
     words = "speed (statement): how fast: an actor where nothing hinders it, or a road's limit | speed 50 km/h"
@@ -132,7 +132,7 @@ class CruiseSpeed(Item, kind="speed"):
 
 
 class GoalAt(Item, kind="goal"):
-    """`goal PLACE`: where the route ends for the ego (default: the end of the last edge)."""
+    """`goal PLACE`: the end of the ego's route (default: the end of the last edge)."""
 
     pattern = "goal {place}"
     words = "goal (statement): where the ego's route ends | goal 40 m past j4 on ego.route"
@@ -151,7 +151,7 @@ class IgnoresRule(Item, kind="ignores"):
 
 
 class MeetsState(Item):
-    """`meets ego at j4 after 1.5 s`: in force from the beginning; see the action `Meets`."""
+    """`meets ego at j4 after 1.5 s`: the action `Meets`, in force from the beginning."""
 
     pattern = "meets {other} at {junction} {order} {gap}"
     words = """
@@ -166,7 +166,7 @@ class MeetsState(Item):
 
 
 class Walked(Item):
-    """`moving 4.20 m along its path`: how far a path-follower has come (written into clips)."""
+    """`moving 4.20 m along its path`: distance that a path-follower has already covered (written into clips)."""
 
     pattern = "moving {along}"
     words = "moving (statement): how far along its path an actor is already | moving 2.60 m"
@@ -187,11 +187,10 @@ class Steers(Item):
 
 
 class Timing(Item):
-    """`timing 0.80`: its speed along its own path, as a ratio of what it would have driven; it still stops where it
-    must.
+    """`timing 0.80`: factor on its speed along its own path; it still stops where it must.
 
-    It scales the speed at the beginning, the cruise speed and the target speeds of triggers. With a factor other than
-    1 an actor no longer adapts to the other actor that it `meets`, because that would cancel the factor: its speed for
+    It scales the speed at the beginning, the cruise speed and the target speeds of triggers. With a factor other than 1
+    an actor no longer adapts to the other actor that it `meets`, because that would cancel the factor: its speed for
     the meeting at the first moment, times the factor, becomes its cruise speed for good.
     """
 
@@ -202,7 +201,7 @@ class Timing(Item):
 
 
 class Delay(Item):
-    """`delay 0.50 s`: it moves off that much later (an actor that waits for a trigger: after the trigger)."""
+    """`delay 0.50 s`: it moves off this much later (an actor that waits for a trigger: this long after the trigger)."""
 
     pattern = "delay {time}"
     words = "delay (statement): an actor moves off that much later | delay 0.5 s"
@@ -211,11 +210,12 @@ class Delay(Item):
 
 
 class Line(Item):
-    """`line 0.60 m`: it keeps that far to the left of its own path, or of the middle of its lane (negative: right).
+    """`line 0.60 m`: it keeps this distance to the left of its own path, or of the middle of its lane (negative:
+    right).
 
-    On a path it goes there from where it is at the beginning, straight, over 5 m of the path (or what is left of it).
-    On a lane it moves over as it would when it changes lane. Its speed along its way stays what it was. On a lane also
-    `line 0.60 m from 2.00 s for 3.00 s`: from then on, for so long; then it goes back to the middle.
+    On a path it moves there from its start in a straight line, over the first 5 m of the path (or the rest of a shorter
+    path). On a lane it moves over as in a lane change. Its speed along its route does not change. On a lane, `line 0.60
+    m from 2.00 s for 3.00 s` limits the time; afterwards the actor returns to the middle.
     """
 
     pattern = "line {left} [from {start}] [for {duration}]"
@@ -227,11 +227,11 @@ class Line(Item):
 
 
 class Brakes(Item):
-    """`brakes 4.00 m/s^2 from 2.00 s for 1.50 s`: it brakes so hard from then on, for so long, and drives or walks on
-    as before; one that comes to stand stands for the rest of the time.
+    """`brakes 4.00 m/s^2 from 2.00 s for 1.50 s`: it brakes with this deceleration during this time, then drives or
+    walks on as before; an actor that stops earlier stands until the time is over.
 
-    From the beginning, and to the end, when no times are given. It still brakes harder where it must. In that time it
-    does not do what triggers tell it about its speed.
+    Without times it brakes from the beginning to the end. It brakes harder if traffic requires that. During the time it
+    ignores what triggers order about its speed.
     """
 
     pattern = "brakes {braking} [from {start}] [for {duration}]"
@@ -243,11 +243,11 @@ class Brakes(Item):
 
 
 class PassesInLane(Item):
-    """`passes in lane`: a bicycle or motorcycle keeps to the right of its lane and passes vehicles within that lane
-    where the lane is wide enough: at a red light it goes past the queue.
+    """`passes in lane`: a bicycle or motorcycle keeps to the right of its lane and passes vehicles within that lane if
+    the lane is wide enough: at a red light it goes past the queue.
 
-    Without it, SUMO keeps the actor in the middle of its lane, behind the vehicle ahead. With it, SUMO decides where
-    in their lanes all vehicles of the scenario drive that it controls.
+    Without it, SUMO keeps the actor in the middle of its lane, behind the vehicle ahead. With it, SUMO decides the
+    lateral position of all vehicles of the scenario that it controls.
     """
 
     pattern = "passes in lane"
@@ -260,8 +260,8 @@ class PassesInLane(Item):
 class State(Phrase, kind=""):
     """`at (61.90 m, 101.55 m) heading 0.3 deg speed 17.22 m/s`: an exact state at the beginning.
 
-    The position is the middle of the front bumper for anything with wheels, of the footprint for the rest; heading
-    counter-clockwise from east.
+    The position is the middle of the front bumper of an actor with wheels, and the middle of the footprint of any
+    other; the heading is counter-clockwise from east.
     """
 
     pattern = "at {at} heading {heading} speed {speed} [acceleration {acceleration}] [steer {steer}]"
@@ -279,10 +279,10 @@ class State(Phrase, kind=""):
 
 
 class Recorded(Item):
-    """`recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s`: where the ego was that much after the beginning.
+    """`recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s`: state of the ego at this time after the beginning.
 
-    The ego follows its recorded states to the last of them, whatever its driver answers; from there on the driver
-    drives. So a driver that keeps in mind what it sees can see something before it counts (written into clips).
+    The ego follows its recorded states to the last of them, whatever its driver answers; then the driver takes over. In
+    this time a driver with a memory sees the scene before its answers count (written into clips).
     """
 
     pattern = "recorded {time} {state}"
@@ -381,10 +381,9 @@ class Traffic(Item):
 
 
 class Meets(Item):
-    """`runner meets ego at j4 after gap`: from now on its speed is set so that it reaches the point where the two
-    routes
-    cross in the junction `gap` after (or before) the other would; within its model's limits, never over 1.3 times
-    its cruise speed.
+    """`runner meets ego at j4 after gap`: from now on its speed is controlled so that it reaches the point where the
+    two routes cross in the junction this much after (or before) the other; within its model's limits, and never above
+    1.3 times its cruise speed.
 
     The other's speed is taken as at least 3 m/s, so that two actors do not wait for each other.
     """
@@ -409,7 +408,8 @@ class Ignores(Item, kind="does_ignore"):
 
 
 class Starts(Item):
-    """`walker starts`: an actor that any trigger starts stands still until then, or until it is told another speed."""
+    """`walker starts`: the actor moves off. An actor with such a trigger stands until then, or until it is ordered a
+    speed."""
 
     pattern = "{actor} starts"
     words = "starts (action): an actor that waited moves off | walker starts"
@@ -418,7 +418,8 @@ class Starts(Item):
 
 
 class ChangesSpeed(Item):
-    """`lead changes speed to 3 m/s over 2 s`: linear over the time; at its model's limits when no time is given."""
+    """`lead changes speed to 3 m/s over 2 s`: the speed changes linearly over the time; without a time, at its model's
+    limits."""
 
     pattern = "{actor} changes speed to {to} [over {over}]"
     words = "changes (action): its speed or its lane | lead changes speed to 3 m/s over 2 s"
@@ -449,7 +450,7 @@ class Stops(Item):
 
 
 class Wait(Item):
-    """`wait 2 s`: nothing happens for that time; what comes `then` waits for it."""
+    """`wait 2 s`: delays the next `then` by this time."""
 
     pattern = "wait {duration}"
     words = "wait (action): nothing happens for that time | wait 2 s"
@@ -498,7 +499,7 @@ Moves = (
 )
 """Actions that say how an actor moves."""
 WithoutActor = TurnsTo | Limit | Wait | Then
-"""Actions that belong to no actor."""
+"""Actions without an actor."""
 Action = Annotated[Moves | Door | WithoutActor, ONE_OF]
 
 Then.model_rebuild()

@@ -11,7 +11,7 @@ from foresee_dsl.language.model.values import FilePath, Id, Name, OfDimension, Q
 _Time = Annotated[Quantity, OfDimension("time")]
 _Count = Annotated[Quantity, OfDimension("count")]
 _Around = Annotated[_Time, Bounds(0.5, 60.0)]
-"""A campaign has no parameters, so its values are numbers."""
+"""A campaign has no parameters, so its values are plain numbers."""
 
 
 class Seeds(Item):
@@ -62,7 +62,7 @@ class Preset(Item):
 
 
 class ClipAround(Item):
-    """`clip before 5 s after 5 s`: what is cut out around a risky point."""
+    """`clip before 5 s after 5 s`: length of a clip before and after its risky point."""
 
     pattern = "clip before {before} after {after}"
 
@@ -71,7 +71,7 @@ class ClipAround(Item):
 
 
 class RiskyPoints(Item):
-    """`risky_points 4`: how many of a run, at most."""
+    """`risky_points 4`: maximum number of risky points per run."""
 
     pattern = "risky_points {count}"
     words = "risky_points (statement): how many risky points of a run are clipped, at most | risky_points 4"
@@ -80,7 +80,7 @@ class RiskyPoints(Item):
 
 
 class Children(Item):
-    """`children 4`: mutants of a clip."""
+    """`children 4`: number of mutants per clip."""
 
     pattern = "children {count}"
     words = "children (statement): how many mutants a clip gets | children 4"
@@ -98,7 +98,8 @@ class Repeat(Item):
 
 
 class Allocation(Item):
-    """`allocation adaptive`: children go where those before them found most; `even`: each clip gets as many."""
+    """`allocation adaptive`: clips whose mutants failed more often get more mutants; `even`: all clips get equally
+    many."""
 
     pattern = "allocation {how}"
     words = """
@@ -119,7 +120,7 @@ class FirstSeed(Item):
 
 
 class Budget(Item):
-    """`budget 30 min`: no new run begins later than that after the start."""
+    """`budget 30 min`: no new run begins later than this after the start."""
 
     pattern = "budget {time}"
     words = "budget (statement): no new run of a campaign begins later than that | budget 30 min"
@@ -146,7 +147,8 @@ CampaignItem = Annotated[
 
 
 class Campaign(Item):
-    """`campaign nightly { seeds "scenarios/**"; drivers [pdm]; budget 30 min }`: what `foresee campaign FILE` does."""
+    """`campaign nightly { seeds "scenarios/**"; drivers [pdm]; budget 30 min }`: the campaign that `foresee campaign
+    FILE` runs."""
 
     pattern = "campaign {name} { ...body }"
     words = "campaign (definition): which test cases are run, clipped and mutated, and how | campaign nightly { ... }"

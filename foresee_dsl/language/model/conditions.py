@@ -83,7 +83,7 @@ class Measure(Phrase):
     """The second actor or the junction."""
 
     def own_pattern(self) -> str:
-        """Return `{actor}.speed`, `distance({actor}, {other})` or the like, by what it measures."""
+        """Return the pattern of this measure, such as `{actor}.speed` or `distance({actor}, {other})`."""
         match self.what:
             case "time":
                 return self.what
@@ -130,7 +130,8 @@ class Predicate(Phrase):
 
 
 class InJunction(Phrase):
-    """`ego in junction j4`: some part of its footprint is inside the junction's outline; without a name, of any."""
+    """`ego in junction j4`: a part of its footprint is inside the junction's outline; without a name: inside any
+    junction."""
 
     pattern = "{actor} in junction [{junction}]"
     never_bare = ("and", "or", "for")
@@ -140,8 +141,8 @@ class InJunction(Phrase):
 
 
 class Ahead(Phrase):
-    """`lead ahead of ego`: all of its footprint lies beyond the other's front, along the other's way (its route, its
-    path, or straight on), however far to the side."""
+    """`lead ahead of ego`: its whole footprint lies beyond the other's front, along the other's way (its route, its
+    path, or straight on), at any lateral distance."""
 
     pattern = "{actor} ahead of {other}"
 
@@ -150,7 +151,7 @@ class Ahead(Phrase):
 
 
 class Behind(Phrase):
-    """`lead behind ego`: all of its footprint lies short of the other's rear, along the other's way."""
+    """`lead behind ego`: its whole footprint lies behind the other's rear, along the other's way."""
 
     pattern = "{actor} behind {other}"
 
@@ -159,8 +160,8 @@ class Behind(Phrase):
 
 
 class SameLane(Phrase):
-    """`cutter in lane of ego`: the middle of its footprint lies in the lane that the other's middle is in, or in one
-    that this lane leads on to along the other's route; or the other's middle so in the lane of this one."""
+    """`cutter in lane of ego`: the middle of its footprint lies in the other's lane, or in a lane that continues that
+    lane along the other's route; or the same holds with the two exchanged."""
 
     pattern = "{actor} in lane of {other}"
 
@@ -171,8 +172,8 @@ class SameLane(Phrase):
 class InLane(Phrase):
     """`ego in lane 2`, `ego in lane 2 of west`: the middle of its footprint lies in that lane of the edge.
 
-    Lanes are counted from the side that traffic keeps to; those that only cyclists, people or parked cars use do not
-    count.
+    Lanes are counted from the side that traffic keeps to, without lanes that only cyclists, pedestrians or parked cars
+    use.
     """
 
     pattern = "{actor} in lane {number} [of {road}]"
@@ -183,8 +184,8 @@ class InLane(Phrase):
 
 
 class Sees(Phrase):
-    """`ego sees walker`: the ego's sensors report it: it is in reach and in their field of view, not hidden, and not
-    missed at this moment. What they report reaches the driver a moment later."""
+    """`ego sees walker`: the ego's sensors report it: it is in range, in their field of view, not hidden, and not
+    missed at this moment. The report reaches the driver a moment later."""
 
     pattern = "{actor} sees {other}"
     words = "sees (condition): the ego's sensors report an actor | ego sees walker"
@@ -194,8 +195,8 @@ class Sees(Phrase):
 
 
 class InSight(Phrase):
-    """`walker in sight of bus`: no building and no actor hides it from the other's eyes, however far away and on
-    whichever side it is."""
+    """`walker in sight of bus`: no building and no actor hides it from the other's eyes, at any distance and on any
+    side."""
 
     pattern = "{actor} in sight of {other}"
     words = "sight (condition): nothing hides one actor from another | walker in sight of bus"
@@ -214,7 +215,7 @@ class Named(Phrase):
 
 
 class Within(Phrase):
-    """`ego within 5 m of walker`, of a junction, or of a place: its footprint is no further from the other's footprint,
+    """`ego within 5 m of walker`, of a junction, or of a place: distance from its footprint to the other's footprint,
     the junction's outline or the point."""
 
     pattern = "{actor} within {distance} of {of}"
@@ -228,8 +229,8 @@ class Within(Phrase):
 
 
 class Shows(Phrase):
-    """`ego.signal(j4) is red`: what the signal shows to the actor's way over the junction: green, amber or red.
-    `signal(j4) is ns_go`: the stage that the signal is in."""
+    """`ego.signal(j4) is red`: the signal's colour (green, amber or red) for the actor's movement over the junction.
+    `signal(j4) is ns_go`: the signal's stage."""
 
     pattern = "[{actor}.]signal({junction}) is {state}"
     words = """
@@ -243,12 +244,12 @@ class Shows(Phrase):
 
 
 class Sustained(Phrase, kind="for"):
-    """`CONDITION for 2 s`: it has held at every frame of that time, without a break. Binds stronger than `not`.
+    """`CONDITION for 2 s`: it has held at every frame of this time. Binds stronger than `not`.
 
-    `CONDITION for 2 s since -1.30 s`: before the run it held since that time and not just before that; then the `for`
-    holds at 0.70 s if nothing breaks it, and after a break takes its full time. `since 0 s`: it did not hold just
-    before the beginning. A condition that is looked at later (of a `then when`) held from that time until then. Clips
-    write it.
+    `CONDITION for 2 s since -1.30 s`: the condition has held since 1.30 s before the run, so that the `for` holds at
+    0.70 s if nothing interrupts it; after an interruption it takes its full time. `since 0 s`: it did not hold just
+    before the beginning. A condition that is evaluated only later (that of a `then when`) held from that time until
+    then. Clips contain `since`.
     """
 
     pattern = "{condition} for {duration} [since {since}]"
@@ -261,7 +262,7 @@ class Sustained(Phrase, kind="for"):
     condition: "Condition"
     duration: v.Time
     since: Annotated[v.Time, Bounds(-1e9, 0.0)] | None = None
-    """0 s or earlier; without it, nothing is known of the time before the run."""
+    """0 s or earlier; without it, nothing is assumed about the time before the run."""
 
 
 class Not(Phrase):
@@ -285,7 +286,7 @@ class Both(Phrase, kind="and"):
 
 
 class Either(Phrase, kind="or"):
-    """`A or B or C`; binds weaker than `and`, brackets as usual."""
+    """`A or B or C`; binds weaker than `and`; brackets are allowed."""
 
     pattern = "{conditions: or }"
     in_brackets = ("or",)
@@ -341,5 +342,5 @@ TAKEN = frozenset(
         *("collision", "arrived", "signal"),
     )
 )
-"""Words that begin a condition or an action, or stand before one: an actor or a label of that name could not be told
-from them. A test holds the list against the grammar."""
+"""Words that begin a condition or an action, or stand before one: the parser could not tell an actor or a label with
+such a name from them. A test compares the list with the grammar."""

@@ -131,7 +131,7 @@ OWNERS: Mapping[str, Owner] = MappingProxyType(
 
 
 def changeable_of(owner: str) -> tuple[str, ...]:
-    """Return the properties that a `change` line may name of an actor or owner; empty if any name is allowed."""
+    """Return the properties that a `change` line may name for an actor or owner; empty if any name is allowed."""
     return OWNERS[owner].properties if owner in OWNERS else tuple(PROPERTIES)
 
 
@@ -183,7 +183,7 @@ Droppable = Literal[
 
 
 class Add(Item):
-    """`add vehicle late: car.compact { ... }`: one statement more."""
+    """`add vehicle late: car.compact { ... }`: adds a statement."""
 
     pattern = "add {item}"
     words = "add (statement): one statement more than in the extended scenario | add weather rain 0.3"
@@ -192,7 +192,7 @@ class Add(Item):
 
 
 class Replace(Item):
-    """`change vehicle runner: car.suv { ... }`: the statement of the same kind and name is this one now.
+    """`change vehicle runner: car.suv { ... }`: replaces the statement of the same kind and name.
 
     A statement that a scenario has at most once (the ego, the network, `weather`, `end`) needs no name; a `when` or
     `expect` needs one.
@@ -219,7 +219,7 @@ ExtensionItem = Annotated[Doc | Tags | Expected | Add | Replace | Change | Drop,
 class Extension(Item):
     """`scenario wet_runner extends "runner.foresee" { ... }`: the other scenario with its cases, and these differences.
 
-    `doc`, `tags` and `expected` are its own; tags that it does not give are the other's.
+    `doc`, `tags` and `expected` are its own; without own tags it has the other's.
     """
 
     pattern = "scenario {name} extends {parent} { ...body }"
@@ -237,7 +237,7 @@ Pin = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{12}$")]
 
 
 class Window(Item):
-    """`window 12.40 s..22.40 s`: in the parent's time."""
+    """`window 12.40 s..22.40 s`: the part of the parent's run that the clip contains, in the parent's time."""
 
     pattern = "window {start}..{end}"
     words = "window (statement): the seconds of the parent's run that a clip holds | window 12.40 s..22.40 s"
@@ -266,8 +266,8 @@ class Risk(Item):
 
 
 class Goal(Item, kind="clip_goal"):
-    """`goal (118.30 m, 40.10 m)`: the waypoint of the ego's route nearest to where the parent's ego was at the
-    window's end."""
+    """`goal (118.30 m, 40.10 m)`: the waypoint of the ego's route that is nearest to the parent's ego at the window's
+    end."""
 
     pattern = "goal {at}"
 
@@ -275,10 +275,10 @@ class Goal(Item, kind="clip_goal"):
 
 
 class Fidelity(Item):
-    """`fidelity 0.00 m ego 0.12 m`: how far the run of the unmutated clip is from its parent's, at most.
+    """`fidelity 0.00 m ego 0.12 m`: largest distance between the run of the unmutated clip and its parent's run.
 
-    The first length is about the other actors, the one behind `ego` about the ego, whose driver starts afresh. Without
-    a second length, the first is about all actors.
+    The first length is that of the other actors; the length behind `ego` is that of the ego, whose driver starts
+    afresh. Without a second length, the first one is that of all actors.
     """
 
     pattern = "fidelity {deviation} [ego {ego}]"
@@ -299,7 +299,7 @@ ClipItem = Annotated[
 class Clip(Item):
     """`clip NAME of "parent.foresee" case r02 pin sha256:... { ... }`.
 
-    The parent gives network, models, weather and expectations; everything that moves is in the clip.
+    The network, models, weather and expectations are the parent's; the clip contains everything that moves.
     """
 
     pattern = "clip {name} of {parent} [case {case}] pin {pin} { ...body }"
@@ -317,7 +317,7 @@ class Clip(Item):
 
     @property
     def start_s(self) -> float:
-        """Where its window begins, in the parent's time."""
+        """Beginning of its window, in the parent's time, s."""
         window = next((item for item in self.body if isinstance(item, Window)), None)
         return window.start.si if window and isinstance(window.start, Quantity) else 0.0
 
@@ -328,7 +328,7 @@ class Clip(Item):
 
 
 class Origin(Item):
-    """Where a mutant comes from; nothing in it changes what the mutant means."""
+    """The source of a mutant: its tool, driver, operators and results; no line of it changes the mutant's meaning."""
 
     pattern = (
         "origin { operator; preset; seed; why; tool; driver; found; minimised; preventable; anticipating; avoided }"

@@ -6,13 +6,13 @@ from foresee_dsl.language.model.item import Item, Names
 from foresee_dsl.language.model.values import ActorName, Id, Name
 
 FailureName = Literal["F1", "F2", "F3", "F4", "F5", "stuck", "timeout"]
-"""How a run can fail: the names of `simulate.results.verdict`. A crash cannot be expected."""
+"""Names of failures, as in `simulate.results.verdict`. A crash cannot be expected."""
 
 
 class Expected(Item):
     """`expected pdm fails F2 with walker`, `expected "pdm 2" passes`, `expected idm in case r02 fails`.
 
-    The driver is named as on the command line, or by its own name, with its version where only that one is meant.
+    The driver has its name on the command line, or its own name with a version if only that version is meant.
     """
 
     pattern = "expected {driver} [in case {case}] {outcome} [{failure}] [with {actor}]"
@@ -31,8 +31,8 @@ class Expected(Item):
 
     driver: Id
     case: Annotated[Name, Names("case")] | None = None
-    """Of a scenario with cases: the one that is meant; without it, each of them."""
+    """The case of a scenario with cases; None: every case."""
     outcome: Literal["passes", "fails"]
     failure: FailureName | None = None
-    """None: any."""
+    """The kind of failure; None: any."""
     actor: ActorName | None = None

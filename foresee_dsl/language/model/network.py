@@ -19,9 +19,8 @@ class Doc(Item):
 
 
 class Stage(Item):
-    """`stage ns_go for 25 s green [north, south]`: one stage of a junction's signal; every movement that starts on
-    the named
-    roads has green (left turns and turns over crossings give way to what conflicts), the rest red."""
+    """`stage ns_go for 25 s green [north, south]`: one stage of a junction's signal. Every movement that starts on the
+    named roads has green (left turns and turns over crossings give way to conflicting traffic); all others have red."""
 
     pattern = "stage {name} for {duration} green {green}"
     words = """
@@ -35,11 +34,11 @@ class Stage(Item):
 
 
 class Junction(Item):
-    """`junction j4 at (0 m, 0 m) signals { ... }`: where roads meet, or where one ends.
+    """`junction j4 at (0 m, 0 m) signals { ... }`: a place where roads meet or one road ends.
 
-    Control: `signals` (stages in the order written, each followed by 3 s amber and 2 s all red), `priority` (the
-    wider or faster road goes first), `right_before_left`, `stop` (all-way stop). With `crossings`, pedestrians can
-    cross every road that has a sidewalk; with `crossings [south, east]` only those.
+    Control: `signals` (stages in the order written, each followed by 3 s amber and 2 s all red), `priority` (the wider
+    or faster road goes first), `right_before_left`, `stop` (all-way stop). With `crossings`, pedestrians can cross
+    every road that has a sidewalk; with `crossings [south, east]` only those.
     """
 
     pattern = "junction {name} at {at} [{control}] [{ crossings [{crossings}]; ...stages }]"
@@ -118,8 +117,8 @@ class Road(Item):
 
 
 class Building(Item):
-    """`building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m), (10 m, 40 m)]`: hides what is behind it; its outline
-    is closed by itself."""
+    """`building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m), (10 m, 40 m)]`: hides everything behind it. The outline
+    is closed automatically."""
 
     pattern = "building {name} {outline}"
     words = "building (statement): hides what is behind it | building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m)]"
@@ -130,8 +129,7 @@ class Building(Item):
 
 class BusStop(Item, kind="stop"):
     """`stop market on mill_west at 60 m length 20 m bay 3 m`: a bus stop on the rightmost lane for cars of a road's
-    edge; the front of a vehicle that stops there stands at that length along it (a negative one counts back from the
-    edge's end).
+    edge. The front of a vehicle that stops there stands at this length along the edge (negative: from the edge's end).
 
     With a bay, buses stop on a lane of that width beside the others, which begins and ends with the bay's tapers.
     """
@@ -183,11 +181,11 @@ _Overhang = Annotated[v.Length, Bounds(0.0, 100.0)]
 
 
 class VehicleModel(Item, kind="model"):
-    """`model car.compact { ... }`: one entry of a catalogue. What is absent takes the class's default
-    (`compile.catalogue`); for obstacles only the size matters, pedestrians have no wheels.
+    """`model car.compact { ... }`: one entry of a catalogue. A missing value is the class's default
+    (`compile.catalogue`). Obstacles need only the size; pedestrians have no wheels.
 
-    Front overhang, wheelbase and rear overhang make up the length: of the three, one that is absent is what the others
-    leave. `cruise_speed` is its speed where the scenario gives none, `max_speed` the highest that it can reach.
+    Front overhang, wheelbase and rear overhang add up to the length; if one of the three is missing, it is the rest of
+    the length. `cruise_speed` is its speed if the scenario does not state one, `max_speed` its highest possible speed.
     """
 
     pattern = (

@@ -171,7 +171,7 @@ def form_of(kind: type[Item], field: str) -> FieldForm:
     form = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME)  # the last: `Word` is an `Id`
     parameter = any(isinstance(leaf, type) and leaf.__name__ == "Ref" for leaf in leaves)
     dimension = next((d for leaf in leaves if (d := getattr(leaf, "dimension", None)) in get_args(Dimension)), None)
-    names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the last: the outermost
+    names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the last one is the outermost
     bounds = next((leaf for leaf in leaves if isinstance(leaf, Bounds)), None)
     words = tuple(leaf for leaf in leaves if isinstance(leaf, str))
     return FieldForm(form, parameter, dimension, words, names, bounds)

@@ -64,7 +64,8 @@ class UseNetwork(Item):
 
 
 class UseModels(Item):
-    """`use models "models.foresee"`: a catalogue in addition to the bundled one; its entries win."""
+    """`use models "models.foresee"`: a catalogue in addition to the bundled one; its entries replace bundled ones of
+    the same name."""
 
     pattern = "use models {path}"
 
@@ -83,7 +84,7 @@ class Range(Phrase, kind=""):
 
 
 class Uniform(Phrase):
-    """`as uniform`: every value of the range (every step, every option) is as likely; the default."""
+    """`as uniform`: every value of the range (every step, every option) is equally likely; the default."""
 
     pattern = "uniform"
     words = "uniform (link): every value of the range is as likely | as uniform"
@@ -100,7 +101,7 @@ class Normal(Phrase):
 
 
 class Choice(Phrase):
-    """`as choice(3, 1)`: how often each option is drawn, relative to the others."""
+    """`as choice(3, 1)`: relative frequency of each option."""
 
     pattern = "choice({weights:, })"
     words = "choice (link): how often each option is drawn, relative to the others | as choice(3, 1)"
@@ -109,8 +110,8 @@ class Choice(Phrase):
 
 
 class Grid(Phrase):
-    """`as grid`: nothing is drawn; the steps (or options) are taken in turn, so that every combination of all grids
-    comes before one comes again."""
+    """`as grid`: the steps (or options) are taken in turn instead of at random, so that all combinations of all grids
+    occur before one is repeated."""
 
     pattern = "grid"
     words = "grid (link): values are taken in turn, every combination once | as grid"
@@ -142,11 +143,11 @@ class Param(Item):
     range: Range | None = None
     options: Annotated[tuple[ParamValue, ...], Field(min_length=1)] | None = None
     distribution: Distribution | None = None
-    """How `cases ... from seed` and `foresee sample` draw its values."""
+    """Distribution from which `cases ... from seed` and `foresee sample` draw its values."""
 
 
 class Require(Item):
-    """`require gap < 2 s or approach is south`: what the values of a case must satisfy, written and drawn ones."""
+    """`require gap < 2 s or approach is south`: a condition on the values of each case, written or drawn."""
 
     pattern = "require {condition}"
     words = "require (statement): what the values of a case must satisfy | require gap < 2 s"
@@ -168,7 +169,8 @@ _Share = Annotated[Ratio, Bounds(0.0, 1.0)]
 
 
 class Weather(Item):
-    """`weather rain 0.3, wetness 0.4`: ratios from 0 to 1. Wetness lowers the friction; the rest is for sensors."""
+    """`weather rain 0.3, wetness 0.4`: ratios from 0 to 1. Wetness lowers the friction; rain, fog and sun affect the
+    sensors."""
 
     pattern = "weather [rain {rain}], [fog {fog}], [wetness {wetness}], [sun {sun}]"
     words = """
@@ -191,11 +193,10 @@ class Weather(Item):
 
 
 class Slippery(Item):
-    """`slippery oil at 12 m before j4 on ego.route radius 2.5 m friction 0.2`: a round patch of the ground on which
-    tyres hold less.
+    """`slippery oil at 12 m before j4 on ego.route radius 2.5 m friction 0.2`: a round patch of slippery ground.
 
-    The friction is that of the patch, whatever the weather; where the road is more slippery anyway, the road's counts.
-    The driver under test is not told.
+    Its friction does not depend on the weather; if the road around it is more slippery, the road's friction applies.
+    The driver under test gets no information about it.
     """
 
     pattern = "slippery {name} at {place} radius {radius} friction {friction}"
@@ -225,7 +226,7 @@ class Expect(Item):
     """
 
     name: Annotated[Name, Names("label", defines=True)] | None = None
-    """What `extends`, mutants and messages call it by: `expect safe: always ttc(ego, lead) > 1 s`."""
+    """The label that `extends`, mutants and messages use: `expect safe: always ttc(ego, lead) > 1 s`."""
     mode: Literal["never", "always", "eventually"]
     within: Annotated[Time, Bounds(0.0)] | None = None
     condition: Condition
@@ -269,11 +270,11 @@ class Case(Item):
 
 
 class SignalState(Item, kind="signal"):
-    """`signal j4 stage ns_go elapsed 11.35 s`: what a junction's signal shows at the beginning.
+    """`signal j4 stage ns_go elapsed 11.35 s`: state of a junction's signal at the beginning.
 
-    For a signal that the language wrote, and of an OpenDRIVE map, the stage's name, and time since its green began
-    (amber and all red follow the green and belong to the stage); for one of a SUMO net, the phase's index as `phase_N`,
-    with time since it began.
+    For signals of the language's networks and of OpenDRIVE maps: the stage's name, and the time since its green began
+    (amber and all red follow the green and belong to the stage). For signals of SUMO nets: the phase's index as
+    `phase_N`, and the time since it began.
     """
 
     pattern = "signal {junction} stage {stage} elapsed {elapsed}"

@@ -25,7 +25,8 @@ class BannedTurn(Item):
 
 
 class LaneTurns(Item):
-    """`lane 1 of west goes [right, straight]`: where a lane leads at the end of its edge; lane 1 is the rightmost."""
+    """`lane 1 of west goes [right, straight]`: turns that a lane leads to at the end of its edge; lane 1 is the
+    rightmost."""
 
     pattern = "lane {lane} of {edge} goes {turns}"
     words = """
@@ -59,7 +60,7 @@ class Roundabout(Item):
     speed: Annotated[v.Speed, Bounds(0.1)] | None = None
     sidewalk: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
     crossings: tuple[v.Name, ...] | None = None
-    """The roads that can be crossed where they meet the ring: empty for all, None for none."""
+    """The roads that have a crossing at the ring: empty for all, None for none."""
 
     def fits_one_line(self, lines: int) -> bool:
         """Return whether it has few settings."""
@@ -109,9 +110,10 @@ class OffRamp(Item):
 
 
 class Zebra(Item):
-    """`zebra school on west at 40 m { width 4 m; island 2 m }`: a crossing without a signal, at which people go first.
+    """`zebra school on west at 40 m { width 4 m; island 2 m }`: a crossing without a signal, where pedestrians have
+    priority.
 
-    It is a junction of this name. With an island people cross one direction at a time.
+    It is a junction of this name. With an island, pedestrians cross one direction at a time.
     """
 
     pattern = "zebra {name} on {road} at {at} [{ width; island }]"
@@ -134,7 +136,8 @@ class Zebra(Item):
 class Bump(Item):
     """`bump hump on west at 60 m { speed 20 km/h; length 4 m }`: a speed bump with that speed limit.
 
-    It is the limit of a short piece of the road; nothing goes up and down. It begins at a junction of this name.
+    The limit applies to a short piece of the road, which begins at a junction of this name; vehicles do not move
+    vertically.
     """
 
     pattern = "bump {name} on {road} at {at} [{ speed; length }]"
@@ -152,7 +155,7 @@ class Bump(Item):
 
 
 class LaneEnd(Item):
-    """`lane 3 of a1 ends at 500 m`: a lane drop: from there the edge has a lane less; lane 1 is the rightmost."""
+    """`lane 3 of a1 ends at 500 m`: a lane drop: from there on the edge has one lane less; lane 1 is the rightmost."""
 
     pattern = "lane {lane} of {edge} ends at {at}"
     words = "ends (link): where a lane ends, so that its vehicles change lane | lane 3 of a1 ends at 500 m"

@@ -51,7 +51,7 @@ class Quantity(Phrase, kind=""):
 
     @property
     def dimension(self) -> Dimension:
-        """The unit's dimension; `ratio` for a bare number (which may also stand where a count is asked)."""
+        """The unit's dimension; `ratio` for a bare number, which is also allowed for a count."""
         return UNITS[self.unit].dimension if self.unit else "ratio"
 
     @property
@@ -69,7 +69,7 @@ class Quantity(Phrase, kind=""):
 
 
 class Ref(Phrase, kind=""):
-    """The name of a parameter where a value may stand; gone once the scenario is concrete."""
+    """The name of a parameter in the place of a value; a concrete scenario has none."""
 
     pattern = "{name}"
 
@@ -138,7 +138,7 @@ AnyValue = Quantity | Ref | Expression
 
 
 class Calculated(Quantity, kind=""):
-    """The result of an expression in the statement of a parameter, with the others' defaults; and the expression."""
+    """The result of an expression in a parameter's statement, with the defaults of the others; and the expression."""
 
     pattern = "{expression}"
 
@@ -146,7 +146,7 @@ class Calculated(Quantity, kind=""):
 
     @property
     def plain(self) -> Quantity:
-        """The value alone, as a case has it."""
+        """The value alone, as in a case."""
         return Quantity(value=self.value, unit=self.unit)
 
 
@@ -249,8 +249,8 @@ class AlongRoute(Phrase):
 
 
 class PastJunction(Phrase):
-    """`12 m past j4 on ego.route offset -1 m`, or `before`: along an actor's route, from where it leaves
-    (`past`) or enters (`before`) the junction."""
+    """`12 m past j4 on ego.route offset -1 m`, or `before`: a distance along an actor's route, measured from where the
+    route leaves (`past`) or enters (`before`) the junction."""
 
     pattern = "{at} {side} {junction} on {actor}.route [offset {offset}]"
     words = """
@@ -266,10 +266,11 @@ class PastJunction(Phrase):
 
 
 class AheadOf(Phrase):
-    """`10 m ahead of bus offset 1 m`: from an actor's front onwards along its way: its route, its path, or straight on.
+    """`10 m ahead of bus offset 1 m`: a distance from an actor's front along its way: its route, its path, or straight
+    on.
 
-    As far to the side as the actor is, and by the offset further (left positive). At the beginning it is counted from
-    where the actor starts, in conditions and actions from where it is then; so are the places below.
+    The place has the actor's lateral position plus the offset (left positive). At the beginning it is measured from the
+    actor's start, in conditions and actions from its position then; the same holds for the places below.
     """
 
     pattern = "{at} ahead of {actor} [offset {offset}]"
@@ -296,7 +297,7 @@ class BehindOf(Phrase):
 
 
 class Beside(Phrase):
-    """`beside bus left 1.5 m`: to the left or right of an actor, so far from its side, level with its middle."""
+    """`beside bus left 1.5 m`: a distance to the left or right of an actor's side, level with its middle."""
 
     pattern = "beside {actor} {side} {at}"
     words = "beside (link): a place to the side of an actor, level with its middle | start at beside ego left 1.5 m"
@@ -307,7 +308,7 @@ class Beside(Phrase):
 
 
 class PlaceOf(Phrase):
-    """`the place of bus`: where an actor is: the middle of its front (of a pedestrian or obstacle, its middle)."""
+    """`the place of bus`: an actor's position: the middle of its front (of a pedestrian or obstacle, its middle)."""
 
     pattern = "the place of {actor}"
     words = """
@@ -319,7 +320,7 @@ class PlaceOf(Phrase):
 
 
 class AtStop(Phrase):
-    """A bus stop of the network, by its name: where the front of a vehicle that stops there stands."""
+    """A bus stop of the network, by its name: the place of the front of a vehicle that stops there."""
 
     pattern = "{stop}"
 
@@ -327,7 +328,7 @@ class AtStop(Phrase):
 
 
 OfActor = AheadOf | BehindOf | Beside | PlaceOf
-"""Places relative to an actor: from where it starts, or in conditions and actions from where it is then."""
+"""Places relative to an actor: to its start, or in conditions and actions to its position then."""
 Place = Annotated[Point | AlongEdge | AlongRoute | PastJunction | AheadOf | BehindOf | Beside | PlaceOf, ONE_OF]
 StopOrPlace = Annotated[
     AtStop | Point | AlongEdge | AlongRoute | PastJunction | AheadOf | BehindOf | Beside | PlaceOf, ONE_OF

@@ -85,7 +85,7 @@ def check_models(
 
 
 def _place(actor: m.Ego | m.Actor | None, document: Document | None, case: str | None) -> tuple[m.Item | None, str]:
-    """Return where an actor's model is written: in the actor, or in the case or parameter that it refers to."""
+    """Return the item that names an actor's model: the actor, or the case or parameter that it refers to."""
     scenario = document.model if document is not None else None
     if actor is None or not isinstance(actor.model, m.Ref) or not isinstance(scenario, m.Scenario):
         return actor, "model"  # only scenarios have parameters

@@ -1,4 +1,4 @@
-"""Joins a scenario with the one that it extends: applies what it adds, changes and drops."""
+"""Joins an extension with the scenario that it extends: applies its additions, changes and drops."""
 
 from __future__ import annotations
 

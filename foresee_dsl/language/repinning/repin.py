@@ -313,7 +313,7 @@ def _edit(derived: DerivedFile) -> list[str]:
     if not derived.has_old_parent:
         unknown = "  the change is unknown: git has no version of the parent with this pin"
         return [unknown] if derived.new_pin else []
-    lines = [f"  the parent as pinned is in commit {derived.commit}"]
+    lines = [f"  the pinned version of the parent is in commit {derived.commit}"]
     for title, changes in (
         ("reaches this file", derived.reaching),
         ("does not reach this file: it has its own statement, or does not use the changed one", derived.overridden),

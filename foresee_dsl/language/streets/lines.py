@@ -43,7 +43,7 @@ def at(line: Sequence[XY], s: float) -> tuple[XY, float]:
 
 
 def beside(point: XY, heading_rad: float, right_m: float, ahead_m: float = 0.0) -> XY:
-    """Return the point so far to the right of, and ahead of, a place with a heading."""
+    """Return the point at a lateral distance (to the right) and a distance ahead of a place with a heading, m."""
     c, s = math.cos(heading_rad), math.sin(heading_rad)
     return point[0] + ahead_m * c + right_m * s, point[1] + ahead_m * s - right_m * c
 

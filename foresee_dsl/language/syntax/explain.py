@@ -66,7 +66,7 @@ _OFTEN = (
         "write " + write(r"within 60 s \g<rest>") + ", for example",
     ),
 )
-"""Frequent errors that the grammar notices only further on: a pattern, the message and the help."""
+"""Frequent errors that the grammar notices only at a later word: a pattern, the message and the help."""
 
 
 _OF_NETWORKS = ("network_item", "junction_item", "road_item", "roundabout_item", "ramp_item")

@@ -25,7 +25,7 @@ _Child = _Tree | Token | None
 
 _BEHIND_SPEED = re.compile(r"(\w+)\.speed")
 _BEHIND_DOT = re.compile(r"\{actor\}\.\]?(\w+)")
-"""The word behind an actor's name and a dot in a pattern."""
+"""A pattern's word behind an actor's name and a dot, such as `speed` in `ego.speed`."""
 _MEANT_PROPERTIES = {
     **dict.fromkeys(("velocity", "v", "pace", "vel", "speed_mps"), "speed"),
     **dict.fromkeys(("accel", "deceleration", "decel", "a", "braking"), "acceleration"),

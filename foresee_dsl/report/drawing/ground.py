@@ -51,8 +51,8 @@ class Layer(StrEnum):
 LINES = (Layer.MARKING, Layer.EDGE_LINE, Layer.STOP_LINE)
 """Layers of lines; the others are of areas."""
 _FAST_MPS = 80 / 3.6 - 0.01
-"""A road whose speed limit is at least this, m/s, has solid lines at its edges. Ours, after Germany's roads outside of
-towns, which have them (guideline RMS) and 100 km/h, or 80 where the road is narrow."""
+"""Speed limit from which a road has solid lines at its edges, m/s. Ours, after Germany's roads outside of towns, which
+have them (guideline RMS) and 100 km/h, or 80 on narrow roads."""
 _SAME_LINE_M = 1.0
 """Two directions of a road whose left sides are nearer to each other than this share a middle line, m. Ours: a median
 is wider."""

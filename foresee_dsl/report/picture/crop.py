@@ -20,7 +20,7 @@ stands still if an actor moves by a metre."""
 FLATTEST, TALLEST = 0.5, 1.1
 """Smallest and largest ratio of height to width. Ours: both fit a screen beside a text, and an upright phone."""
 _ZONE_REACH_M = 60.0
-"""A trigger place with a larger side need not be wholly in the picture, m (ours)."""
+"""Largest side of a trigger place that must be completely in the picture, m (ours)."""
 
 
 def frame_of(subject: Subject, width: float, *, whole: bool) -> Frame:

@@ -15,7 +15,7 @@ from foresee_dsl.report.terminal.tables import plain_table
 _LEAST = 0.0005
 """Parts below this share of their group's time share one row. Ours: each would read 0.0 %."""
 _COLUMNS = 80
-"""Width of the sentence, as of the table below it, through a pipe too."""
+"""Width of the sentence: that of the table below it, also in a pipe."""
 
 
 def print_profile(console: Console, profile: Profile) -> None:

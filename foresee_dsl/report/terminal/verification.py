@@ -22,7 +22,7 @@ def print_verification(console: Console, rechecks: Sequence[Recheck], written: S
     `written`: the files whose expected results were updated; None without `--update`.
     """
     if not rechecks:
-        console.print("no tests there: `foresee keep` writes mutants with what is expected of them", soft_wrap=True)
+        console.print("no tests there: `foresee keep` writes mutants with expected results", soft_wrap=True)
         return
     for recheck in sorted(rechecks, key=lambda recheck: (_ORDER[recheck.status], recheck.file)):
         line = Text.assemble((f"{recheck.status.label:<{_WIDTH}}", recheck.status.style), recheck.file)

@@ -77,7 +77,7 @@ def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
 
 def lateral_limit_mps2(model: str, friction: float) -> float:
     """Return the largest lateral acceleration of a model (`class.variant`): that of its tyres at this friction, or less
-    where it would tip over."""
+    if it would tip over."""
     return min(friction, TIPS_AT_G.get(model.partition(".")[0], inf)) * GRAVITY_MPS2
 
 

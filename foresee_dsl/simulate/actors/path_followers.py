@@ -135,7 +135,7 @@ class PathFollower:
         return self.along_m >= self.line.length_m
 
     def hold(self, most_mps2: float) -> None:
-        """Limit its acceleration and braking to this value, or to its own rates where they are lower."""
+        """Limit its acceleration and braking to this value, or to its own rates if they are lower."""
         for name, rate in self._rates.items():
             self.record[name] = min(rate, most_mps2)
 

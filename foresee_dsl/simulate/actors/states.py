@@ -99,7 +99,7 @@ class Actor:
 
     @property
     def along(self) -> float:
-        """m along its path; NaN where it follows none."""
+        """Length along its path, m; NaN without a path."""
         return self._along
 
     @along.setter

@@ -26,7 +26,7 @@ COMMITS_M = 15.0
 """Distance before the junction from which an actor that `meets` keeps its speed, m. Ours: about one second at 50 km/h;
 a later change of speed would reveal it."""
 COMMITS_WALKING_M = 2.0
-"""The same for pedestrians and bicycles on a path, m. Ours: one or two paces of reaction."""
+"""As `COMMITS_M`, for pedestrians and bicycles on a path, m. Ours: one or two paces of reaction."""
 MET_M = 6.0
 """Distance inside the junction, about its middle, up to which it keeps its speed, m. Ours: most junctions of two-lane
 roads are 12 m to 20 m wide."""

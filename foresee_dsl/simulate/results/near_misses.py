@@ -215,7 +215,7 @@ def _conflicts(run: _Run) -> tuple[NearMiss | None, NearMiss | None]:
         rows, ttc, drac = _with(run, ego, actor, looked_at, places)
         if rows.size:
             near.append((actor, np.unique([rows[ttc.argmin()], rows[drac.argmax()]])))
-    # Then all frames around the worst evaluated frames of each actor.
+    # Then evaluate all frames around each actor's worst frames so far.
     for actor, worst in near:
         about = np.unique(np.clip(worst[:, None] + np.arange(-_SKIPPED, _SKIPPED + 1), 0, frames - 1))
         rows, ttc, drac = _with(run, ego, actor, about, _ahead(run, ego, about))

@@ -1,7 +1,7 @@
-"""The learned drivers `fusion` and `fusion_safe`: networks that look at pictures (docs/background/learned.md).
+"""The learned drivers `fusion` and `fusion_safe`: networks whose inputs are pictures (docs/background/learned.md).
 
-Without the package onnxruntime (the extra `learned`) and without weights all other drivers work; nothing of it is
-imported before a learned driver's first `reset`.
+All other drivers work without the package onnxruntime (the extra `learned`) and without weights: onnxruntime and the
+networks are imported only at a learned driver's first `reset`.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from foresee_learned.weights import Weights
 
 HANDOVER_S = 1.0
-"""How long a driver watches at a clip's beginning before it drives: its pictures show where the others were 1.0 s ago
-(`inputs.PAST_S`)."""
+"""Time for which a driver watches at a clip's beginning before it drives, s: its pictures show the positions of the
+others 1.0 s ago (`inputs.PAST_S`)."""
 
 
 class _LearnedDriver:
-    """A network, and what turns its answers into pedals.
+    """A driver with a network and a controller that turns the network's answers into pedals.
 
-    `seed` changes nothing; the same observations after the same `reset` give the same answers.
+    `seed` has no effect; the same observations after the same `reset` give the same answers.
     """
 
     name: str
@@ -76,7 +76,7 @@ class _LearnedDriver:
 
     @property
     def state(self) -> Decisions:
-        """What the driver knows since `reset`."""
+        """The driver's memory since `reset`."""
         if self._state is None:
             raise DriverError(f"the driver {self.name} was stepped before reset")
         return self._state

@@ -1,4 +1,4 @@
-"""What the learned drivers share: ten decisions a second, and steering along the last one in between."""
+"""The common part of the learned drivers: ten decisions a second, and steering along the last one in between."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from foresee_learned.session import Answer, Network
 
 
 class Decision(NamedTuple):
-    """What the ego shall do until the next decision.
+    """The driver's plan until the next decision.
 
     Attributes:
-        waypoints: [N, 2] m ahead and to the left, where the ego was.
-        target_mps: the speed to have in `within_s`. hardest: brake as hard as the vehicle can instead.
+        waypoints: [N, 2] m ahead and to the left of the ego at the time of the decision.
+        target_mps: speed to reach within `within_s`.
+        hardest: if true, brake as hard as the vehicle can instead.
     """
 
     waypoints: FloatArray
@@ -30,7 +31,7 @@ class Decision(NamedTuple):
 
 
 class _Last(NamedTuple):
-    """The last decision, what it was made on, and its waypoints in the world."""
+    """The last decision, its basis, and its waypoints in world coordinates."""
 
     observation: Observation
     inputs: LearnedInputs
@@ -39,7 +40,7 @@ class _Last(NamedTuple):
 
 
 class Decisions(ABC):
-    """What lasts from one `reset` to the next: the others' past places, the last decision, the pilot."""
+    """The memory of a driver since `reset`: the others' past places, the last decision, the pilot."""
 
     def __init__(self, network: Network, mission: Mission, vehicle: VehicleLimits) -> None:
         self._network, self.mission, self.vehicle = network, mission, vehicle
@@ -49,14 +50,14 @@ class Decisions(ABC):
 
     @abstractmethod
     def decide(self, observation: Observation, answer: Answer) -> Decision:
-        """Decide on what the network answered."""
+        """Return the decision for the network's answer."""
 
     @abstractmethod
     def reasons(self, observation: Observation, inputs: LearnedInputs, decision: Decision) -> Sequence[Reason]:
-        """Say why the last decision was made."""
+        """Return the reasons for the last decision."""
 
     def step(self, observation: Observation) -> Control:
-        """Decide where the object list is new (see `DECIDES_S`), and follow the last decision."""
+        """Decide if the object list is new (see `DECIDES_S`), and follow the last decision."""
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
         if self._last is None or self._measured_s is None or measured_s - self._measured_s > cfg.DECIDES_S:
             self._measured_s = measured_s
@@ -69,7 +70,7 @@ class Decisions(ABC):
         )
 
     def answer_to(self, inputs: LearnedInputs) -> Answer:
-        """Ask the network."""
+        """Return the network's answer."""
         pictures: dict[str, NDArray[Any]] = {
             "birds_eye": inputs.birds_eye,
             "forward": inputs.forward,
@@ -78,5 +79,5 @@ class Decisions(ABC):
         return self._network.answer(pictures)
 
     def explain(self) -> Sequence[Reason]:
-        """Return why it made its last decision."""
+        """Return the reasons for its last decision."""
         return () if self._last is None else self.reasons(*self._last[:3])

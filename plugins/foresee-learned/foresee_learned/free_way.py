@@ -1,4 +1,4 @@
-"""How far the way along the waypoints is free of the others, now and in the next seconds."""
+"""Computes up to which length the way along the waypoints is free of the others, now and in the next seconds."""
 
 from __future__ import annotations
 
@@ -22,11 +22,13 @@ _AHEAD = attrgetter("ahead_m")
 
 
 class FreeWay(NamedTuple):
-    """How far the way along the waypoints is free, and which object limits it.
+    """The free length of the way along the waypoints, and the object that limits it.
 
     Attributes:
-        free_m: [N] how far the ego may have come after each step of the linear programme, infinite where nothing binds.
-        first: the object that binds most at the earliest step, or None. first_m: how far its way is free.
+        free_m: [N] largest length that the ego may have covered after each step of the linear programme, m; infinite
+            without a limit.
+        first: the object with the smallest limit at the earliest step, or None.
+        first_m: its limit, m.
     """
 
     free_m: FloatArray
@@ -35,11 +37,12 @@ class FreeWay(NamedTuple):
 
 
 class Basis(NamedTuple):
-    """What a decision was made on: speeds in m/s, and what they come from.
+    """The basis of a decision: speeds (m/s) and their sources.
 
     Attributes:
-        planned_mps: the waypoints' speed. safe_mps: the fastest safe one, None where there is none. stop: the stop line
-            that binds, and how far it is away, m.
+        planned_mps: the waypoints' speed.
+        safe_mps: the highest safe speed; None if no speed is safe.
+        stop: the stop line that applies, and its distance, m.
     """
 
     planned_mps: float
@@ -51,9 +54,11 @@ class Basis(NamedTuple):
 def rules_of(
     vehicle: VehicleLimits, side_m: float = cfg.SIDE_MARGIN_M, small_margin_m: float = cfg.SMALL_MARGIN_M
 ) -> Records:
-    """Return the vehicle's footprint and the rules for it as the kernel takes them, [1].
+    """Return the vehicle's footprint and its rules in the form that the kernel takes, [1].
 
-    `side_m`: air on either side of it. `small_margin_m`: by which small objects are larger, on each side.
+    Args:
+        side_m: lateral clearance on both sides.
+        small_margin_m: enlargement of small objects on each side.
     """
     rules = Rules(
         length=vehicle.length_m,
@@ -74,7 +79,7 @@ def rules_of(
 
 
 def free_way(waypoints: FloatArray, others: Sequence[Occupied], rules: Records) -> FreeWay:
-    """Return how far the way is free along waypoints ([N, 2] m ahead and to the left, the ego is at 0, 0)."""
+    """Return the free length along waypoints ([N, 2] m ahead and to the left; the ego is at 0, 0)."""
     ahead = sorted((occupied for occupied in others if occupied.ahead_m > 0.0), key=_AHEAD)[: cfg.MOST_OBJECTS]
     if ahead:
         rows = [(o.ahead_m, o.left_m, o.heading_rad, o.length_m, o.width_m, o.speed_mps) for o in ahead]

@@ -31,7 +31,7 @@ _STOPS = SIGNALS.index("red"), SIGNALS.index("amber")
 
 
 class FusionSafeState(Decisions):
-    """What the driver knows since `reset`."""
+    """The driver's memory since `reset`."""
 
     def __init__(self, network: Network, mission: Mission, vehicle: VehicleLimits) -> None:
         super().__init__(network, mission, vehicle)
@@ -42,7 +42,7 @@ class FusionSafeState(Decisions):
         self._creeping = Creeping()
 
     def decide(self, observation: Observation, answer: Answer) -> Decision:
-        """Drive as fast as the waypoints say, but no faster than is safe."""
+        """Drive at the speed of the waypoints, but not faster than is safe."""
         now_mps, waypoints = observation.ego.speed_mps, answer["waypoints"].astype(np.float64)
         planned_mps, stop = planned_speed(waypoints), self._stop(answer)
         creeps = self._creeping.begins_or_goes_on(observation.time_s, now_mps, held=stop is not None)
@@ -60,7 +60,7 @@ class FusionSafeState(Decisions):
         return Decision(waypoints, planned_mps, cfg.PLANNED_S)
 
     def reasons(self, observation: Observation, inputs: LearnedInputs, decision: Decision) -> Sequence[Reason]:  # noqa: ARG002
-        """Name the waypoints, the object that binds, and the stop line."""
+        """Return as reasons the waypoints, the object that limits the speed, and the stop line."""
         from foresee_learned.reasons import reasons_of_basis
 
         return () if self._basis is None else reasons_of_basis(observation, self._basis, self.vehicle)
@@ -68,10 +68,10 @@ class FusionSafeState(Decisions):
     def _safe(
         self, waypoints: FloatArray, others: Sequence[Occupied], now_mps: float, room_m: float
     ) -> tuple[float | None, FreeWay]:
-        """Return the fastest safe speed, and the free way that it comes from: with the usual air beside the ego, or
-        where that is faster at creeping speed, with less beside what stands.
+        """Return the highest safe speed and its free way.
 
-        `room_m`: to the stop line that binds.
+        It is computed with the usual lateral clearance, and with a smaller clearance beside standing objects if that
+        allows a higher speed up to creeping speed. `room_m`: distance to the stop line that applies.
         """
         way = free_way(waypoints, others, self._rules)
         safe_mps = fastest_safe_speed(now_mps, np.minimum(way.free_m, room_m), self._bounds)
@@ -86,8 +86,8 @@ class FusionSafeState(Decisions):
         return slow_mps, min(beside, moving, key=lambda item: item.first_m)
 
     def _stop(self, answer: Answer) -> tuple[JunctionPassage, float] | None:
-        """Return the route's next stop line and how far the front is from it, m, where the network sees that it
-        binds."""
+        """Return the route's next stop line and the front's distance to it, m, if the network's answer says that it
+        applies."""
         if answer["stop_line"].item(0) < cfg.STOP_PROBABILITY:
             return None
         if float(sum(answer["signal"][k] for k in _STOPS)) < cfg.STOP_PROBABILITY:
@@ -111,7 +111,7 @@ def planned_speed(waypoints: FloatArray) -> float:
 
 
 class _Remembered(NamedTuple):
-    """An object where it was last seen: x, y (m) and heading (rad) in the world, and when."""
+    """An object at the place where it was last seen: x, y (m) and heading (rad) in the world, and the time."""
 
     x: float
     y: float
@@ -121,8 +121,8 @@ class _Remembered(NamedTuple):
 
 
 class Objects:
-    """The road users of the density map, of which the network loses one for a frame now and then: adds to what is seen
-    now what was seen a moment ago, moved on by its speed."""
+    """The road users of the density map, with a short memory: the network sometimes misses an object for a frame. Such
+    an object is added at the place to which its speed has moved it."""
 
     def __init__(self) -> None:
         self._remembered: list[_Remembered] = []
@@ -165,7 +165,7 @@ def _apart_m(occupied: Occupied, other: Occupied) -> float:
 
 
 def _moved(remembered: _Remembered, ego: EgoState, time_s: float) -> Occupied:
-    """Return an object in the ego's present frame, where it has come since it was seen."""
+    """Return an object in the ego's present frame, moved by its speed since it was seen."""
     way = remembered.was.speed_mps * (time_s - remembered.time_s)
     dx = remembered.x + way * math.cos(remembered.heading_rad) - ego.x
     dy = remembered.y + way * math.sin(remembered.heading_rad) - ego.y
@@ -182,15 +182,18 @@ def _moved(remembered: _Remembered, ego: EgoState, time_s: float) -> Occupied:
 
 
 class Creeping:
-    """Decides when the ego creeps: it remembers since when the ego stands, and until when it creeps."""
+    """Decides when the ego creeps: it stores the time since which the ego stands, and the time until which it
+    creeps."""
 
     def __init__(self) -> None:
         self._stands_since_s: float | None = None
         self._until_s = -math.inf
 
     def begins_or_goes_on(self, now_s: float, speed_mps: float, *, held: bool) -> bool:
-        """Return whether the ego is to creep at a time; `held`: by a stop line that binds. To be asked in each
-        decision, with times that rise."""
+        """Return whether the ego is to creep at a time; call it at each decision, with increasing times.
+
+        `held`: whether a stop line applies.
+        """
         if held:
             self._until_s = -math.inf
         elif now_s < self._until_s:
@@ -210,8 +213,10 @@ def along_the_route(mission: Mission, at_s: float, ego: EgoState, times_s: Seque
     """Return waypoints along the route at the speed of creeping, [N, 2] m ahead of the ego and to its left.
 
     Args:
-        mission: has the route. at_s: how far along it the ego is, m.
-        ego: where it is. times_s: of the waypoints, from now.
+        mission: has the route.
+        at_s: the ego's length along it, m.
+        ego: the ego's place.
+        times_s: times of the waypoints, from now.
     """
     s = at_s + cfg.CREEPS_MPS * np.array(times_s)
     dx = np.interp(s, mission.s, mission.centreline[:, 0]) - ego.x
@@ -224,7 +229,8 @@ def along_the_route(mission: Mission, at_s: float, ego: EgoState, times_s: Seque
 
 
 class Speeds(NamedTuple):
-    """What bounds the speeds: `step_s`: T. `most_mps`; `acceleration_mps2`, `braking_mps2`: both positive."""
+    """Limits of the speeds. `step_s`: duration of a step (T); `most_mps`: highest speed; `acceleration_mps2`,
+    `braking_mps2`: both positive."""
 
     step_s: float
     most_mps: float
@@ -263,8 +269,8 @@ def fastest_safe_speed(now_mps: float, free_m: FloatArray, bounds: Speeds) -> fl
 
 @lru_cache(maxsize=4)
 def _sums(steps: int) -> tuple[FloatArray, FloatArray]:
-    """Return, for the first m speeds of step k ([k, m]), the sum of their weights, and of the weighted multiples of
-    `fall` by which they are slower than v1; where m > k those of m = k."""
+    """Return sums of the first m speeds of step k ([k, m]): of their weights, and of the weighted multiples of `fall`
+    by which they are below v1. For m > k the values are those of m = k."""
     term = np.arange(steps)
     weight = np.where(term[None, :] < term[:, None], 2.0, np.where(term[None, :] == term[:, None], 1.0, 0.0))
     return np.cumsum(weight, axis=1), np.cumsum(weight * term, axis=1)

@@ -1,6 +1,6 @@
-"""What the learned drivers' networks see: two pictures and a few numbers, made from an observation.
+"""The inputs of the learned drivers' networks: two pictures and a few numbers, made from an observation.
 
-Training makes its inputs with this very code from recorded observations, so that nothing differs between the two.
+Training makes its inputs with this same code from recorded observations, so that the two cannot differ.
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ Place = tuple[float, float, float]
 """x, y (m) and heading (rad)."""
 
 AHEAD_M, BEHIND_M, SIDE_M = 48.0, 16.0, 32.0
-"""What the networks see of the view from above: all of it ahead (the braking distance from 70 km/h with 4 m/s^2), and
-to the sides and behind as far as an overtaking or crossing car comes within two seconds at 50 km/h and at 30."""
+"""The part of the view from above that the networks get: all of it ahead (the braking distance from 70 km/h with 4
+m/s^2), and behind and to the sides the way of an overtaking car (at 50 km/h) and of a crossing car (at 30 km/h) in two
+seconds."""
 DRAWN_CHANNELS = tuple(name for name in BIRDS_EYE_CHANNELS if name != "ego")
 """Channels taken from the bird's-eye view: all but the ego's own footprint, which is the same in every picture."""
 PAST_S = (0.5, 1.0)
-"""How long ago the object lists of the past channels were seen."""
+"""Age of the object lists of the past channels, s."""
 CHANNELS = (*DRAWN_CHANNELS, *(f"past_{seconds}_s" for seconds in PAST_S))
 """Channels of `LearnedInputs.birds_eye`."""
 _SCALE = BIRDS_EYE.m_per_px
@@ -43,16 +44,17 @@ FORWARD_SHAPE = FORWARD.shape
 TURNS = ("straight", "left", "right", "back")
 """Turn commands (`JunctionPassage.turn`); none of them: no junction ahead within `COMMAND_M`."""
 COMMAND_M = 40.0
-"""A junction's turn is commanded from this far before its stop line to its end. Ours: half of what is seen."""
+"""Distance before a junction's stop line from which its turn is commanded, up to the junction's end, m. Ours: half of
+the view."""
 GOALS_M = (8.0, 24.0)
-"""The goal points: on the route, this far ahead. The first is what one steers for at town speed, the second shows the
-bend behind it. TransFuser's lie 7.5 m to 50 m ahead (its route planner's least and largest distance)."""
+"""Distances of the goal points along the route, m. The driver steers for the first one at town speed; the second shows
+the bend behind it. TransFuser's lie 7.5 m to 50 m ahead (its route planner's least and largest distance)."""
 VECTOR = (
     *("speed_mps", "speed_limit_mps"),
     *(f"goal_{distance:.0f}_m_{axis}" for distance in GOALS_M for axis in ("ahead_m", "left_m")),
     *(f"turn_{turn}" for turn in TURNS),
 )
-"""What `LearnedInputs.vector` holds, in this order; turns are 0 or 1."""
+"""Content of `LearnedInputs.vector`, in this order; turns are 0 or 1."""
 
 _WINDOW = Window(
     round(BIRDS_EYE.rows_ahead - AHEAD_M / _SCALE),
@@ -61,31 +63,32 @@ _WINDOW = Window(
 )
 """The part of the view from above that is drawn."""
 _OWN = Window(0, 0, *BIRDS_EYE_SHAPE[1:])
-"""The same in its own pixels, in which the route and the past are drawn."""
+"""That part in its own pixels; the route and the past are drawn in them."""
 _DRAWN = len(DRAWN_CHANNELS)
 _LEAST_PX = 2.0
-"""As in `simulate.rasters.birdseye`: sides are drawn at least so long."""
+"""Shortest length of a side when drawn, px, as in `simulate.rasters.birdseye`."""
 _ROUTE = CHANNELS.index("route")
 _ROUTE_M = 1.5
-"""How wide the route is in the view from above."""
+"""Width of the route in the view from above, m."""
 _EDGE_M = 2.0
-"""A piece of the route whose middle is this far outside the picture covers no pixel of it, m."""
+"""Distance of a piece's middle from the picture beyond which the piece covers no pixel of it, m."""
 _BACK_M, _ON_M = 10.0, 25.0
-"""The ego's place on its route is searched from this far behind its last place to this far ahead of where it can have
-come since, m."""
+"""The ego's place on its route is searched from `_BACK_M` behind its last place to `_ON_M` ahead of the farthest place
+that it can have reached, m."""
 _TURNED_M2 = 20.0
-"""A place where the route runs the other way counts as farther off by this much, m^2: two lanes of 3.3 m lie beside
-each other where it turns back."""
+"""Penalty for a place at which the route runs in the opposite direction, as a squared distance, m^2: where a route
+turns back, its two lanes of 3.3 m lie beside each other."""
 _SLACK_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class LearnedInputs:
-    """One decision's inputs.
+    """The inputs of one decision.
 
     Attributes:
         birds_eye: [20, 128, 128], channels as in `CHANNELS`; `AHEAD_M` ahead, `BEHIND_M` behind, `SIDE_M` to each side.
-        forward: [13, 64, 160], the view ahead as it is. vector: [10] float32, see `VECTOR`.
+        forward: [13, 64, 160], the unchanged view ahead.
+        vector: [10] float32, see `VECTOR`.
     """
 
     birds_eye: Picture
@@ -94,7 +97,7 @@ class LearnedInputs:
 
 
 class InputMaker:
-    """Makes the inputs of one run, from one observation after the other."""
+    """Makes the inputs of one run from consecutive observations."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:  # noqa: ARG002  room for what it can do
         """Begin at the mission's start, with no past."""
@@ -103,27 +106,27 @@ class InputMaker:
 
     @property
     def place_s(self) -> float:
-        """How far along its route the ego was when the last inputs were made, m."""
+        """The ego's length along its route when the last inputs were made, m."""
         return self._route.at_s
 
     def make(self, observation: Observation) -> LearnedInputs:
-        """Return the inputs; their past is that of the observations before."""
+        """Return the inputs; their past is taken from earlier observations."""
         self.note(observation)
         return self.draw(observation, [self._ago(observation.time_s, seconds) for seconds in PAST_S])
 
     def note(self, observation: Observation) -> None:
-        """Remember an observation that needs no inputs, for later ones' past; `make` does so by itself."""
+        """Store an observation without inputs, as part of the past of later ones; `make` does this itself."""
         now = observation.time_s
         self._seen.append((now, observation.actors))
         while len(self._seen) > 1 and self._seen[1][0] <= now - max(PAST_S) + _SLACK_S:
             self._seen.popleft()
 
     def draw(self, observation: Observation, past: Sequence[Sequence[SeenActor]]) -> LearnedInputs:
-        """Return the inputs with a past that is given.
+        """Return the inputs with a given past.
 
         Args:
-            observation: not earlier than those before.
-            past: for each of `PAST_S` the object list that long ago, empty where there was none.
+            observation: not earlier than the observations before.
+            past: for each time of `PAST_S` the object list at that time; empty if there was none.
         """
         views, ego = observation.views, observation.ego
         if views is None:
@@ -142,7 +145,7 @@ class InputMaker:
         return LearnedInputs(birds_eye, views.forward(), vector)
 
     def _ago(self, now_s: float, seconds: float) -> tuple[SeenActor, ...]:
-        """Return the newest object list that is at least so old; none where the run is younger."""
+        """Return the newest object list that is at least this old; none if the run is younger."""
         for time_s, actors in reversed(self._seen):
             if time_s <= now_s - seconds + _SLACK_S:
                 return actors
@@ -152,8 +155,8 @@ class InputMaker:
 def _boxes_along(mission: Mission) -> FloatArray:
     """Return the mission's line, a box for each step: [N, 5] x, y, heading, length, width.
 
-    The view from above ends the route at the goal. A clip's goal is where its window ends, in the middle of its
-    parent's route: drawn to the end of the mission's line, the route looks the same in both.
+    The view from above shows the route only up to the goal. A clip's goal is the end of its window, in the middle of
+    its parent's route. Drawn to the end of the mission's line, the route looks the same in both.
     """
     points = np.asarray(mission.centreline, dtype=np.float64)
     step = np.diff(points, axis=0)
@@ -192,7 +195,7 @@ def _covered(pose: Place, boxes: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 class _Route:
-    """Where the ego is on its route, and what lies ahead on it."""
+    """The ego's place on its route, and the route ahead of it."""
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
@@ -222,7 +225,7 @@ class _Route:
         return np.array(numbers, dtype=np.float32)
 
     def _place(self, time_s: float, ego: EgoState) -> float:
-        """Return how far along its route the ego is, m: the nearest place that it can have come to."""
+        """Return the ego's length along its route, m: the nearest place that it can have reached."""
         driven = max(time_s - self._time_s, 0.0) * max(ego.speed_mps, 15.0)
         low, high = np.searchsorted(self._s, (self.at_s - _BACK_M, self.at_s + _ON_M + driven))
         part = slice(max(int(low) - 1, 0), max(int(high), 2))

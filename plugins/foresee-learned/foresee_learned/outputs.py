@@ -1,7 +1,7 @@
-"""What the networks answer: names, shapes and units of the outputs of their ONNX files.
+"""The outputs of the networks: names, shapes and units in their ONNX files.
 
-Both take `INPUTS` (`learned.inputs`, each with a first axis of 1). Places are in the ego's frame: metres ahead of its
-centre and to its left.
+Both networks take `INPUTS` (`learned.inputs`, each with a first axis of 1). Places are in the ego's frame: metres ahead
+of its centre and to its left.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ FUSION_TIMES_S = tuple(0.25 * k for k in range(1, 9))
 SPEED_BINS_MPS = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0, 25.0)
 """`target_speed` [1, 14] of `fusion`: the probability of each of these speeds (they sum up to 1)."""
 TARGET_SPEED_S = 1.0
-"""The ego shall have the target speed this long from now. So the mean acceleration that is asked for is the target
-speed less the present one, divided by this."""
+"""Time from now at which the ego should have the target speed, s. The required mean acceleration is the target speed
+minus the present one, divided by this."""
 
 FUSION_SAFE_OUTPUTS = ("waypoints", "density", "stop_line", "signal")
 FUSION_SAFE_TIMES_S = tuple(0.3 * k for k in range(1, 11))
@@ -43,7 +43,7 @@ square's middle; heading relative to the ego's; speed over ground."""
 STOP_LINE_M = 30.0
 """`stop_line` [1, 1]: probability that the ego has to stop for a stop line at most this far ahead."""
 SIGNALS = ("red", "amber", "green", "other")
-"""`signal` [1, 4]: probabilities of what the route's next signal shows; other: off, not seen, or none."""
+"""`signal` [1, 4]: probabilities of the state of the route's next signal; other: off, not seen, or none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Occupied:
 
 
 def square_middle(row: int, column: int) -> tuple[float, float]:
-    """Return where the middle of a square of the density map is: metres ahead, metres left."""
+    """Return the middle of a square of the density map: metres ahead, metres left."""
     return DENSITY_AHEAD_M - (row + 0.5) * DENSITY_CELL_M, DENSITY_SIDE_M - (column + 0.5) * DENSITY_CELL_M
 
 
@@ -70,8 +70,8 @@ def target_speed(probabilities: Outputs) -> float:
 
 
 def road_users(density: Outputs, least_probability: float = 0.5) -> Iterator[Occupied]:
-    """Yield the road users of a density map [1, 8, 24, 24]: squares that are at least so probably occupied, and more so
-    than their eight neighbours."""
+    """Yield the road users of a density map [1, 8, 24, 24]: squares that are at least this probably occupied, and more
+    probably than their eight neighbours."""
     occupied = density[0, 0]
     columns = occupied.shape[1]
     for square in np.flatnonzero(occupied >= least_probability).tolist():

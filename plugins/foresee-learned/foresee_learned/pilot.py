@@ -1,6 +1,7 @@
-"""Waypoints and a target speed to pedals, 20 times a second: pure pursuit across, a PID controller along.
+"""Turns waypoints and a target speed into pedals, 20 times a second: pure pursuit for the steering, a PID controller
+for the speed.
 
-Waypoints are laid down in the world when they are decided, so that between two decisions they stay where they are
+Waypoints are converted to world coordinates when they are decided, so that they stay in place between two decisions
 while the ego moves along them.
 """
 
@@ -18,7 +19,8 @@ from foresee_learned.kernels.waypoints import aim
 
 
 def laid_down(waypoints: FloatArray, ego: EgoState) -> FloatArray:
-    """Return waypoints ([N, 2] m ahead and to the left) in the world, behind the ego's own place: [N + 1, 2] m."""
+    """Return waypoints ([N, 2] m ahead and to the left) in world coordinates, after the ego's own place: [N + 1, 2]
+    m."""
     cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
     turn = np.array([[cos, sin], [-sin, cos]])
     path: FloatArray = np.concatenate([np.zeros((1, 2)), waypoints]) @ turn + (ego.x, ego.y)
@@ -26,7 +28,7 @@ def laid_down(waypoints: FloatArray, ego: EgoState) -> FloatArray:
 
 
 class Pilot:
-    """Drives one vehicle along waypoints; it remembers the errors of the speed of the last second."""
+    """Drives one vehicle along waypoints; it stores the errors of the speed of the last second."""
 
     def __init__(self, vehicle: VehicleLimits) -> None:
         self._vehicle = vehicle
@@ -36,9 +38,10 @@ class Pilot:
     def follow(
         self, path: FloatArray, target_mps: float, within_s: float, ego: EgoState, *, hardest: bool = False
     ) -> Control:
-        """Return what keeps the ego on a path of the world ([N, 2] m, from `laid_down`), and brings it to a speed.
+        """Return the control that keeps the ego on a path of the world ([N, 2] m, from `laid_down`) and brings it to a
+        speed.
 
-        `within_s`: how soon. `hardest`: brake as hard as the vehicle can instead.
+        `within_s`: time to reach the speed. `hardest`: brake as hard as the vehicle can instead.
         """
         car = self._vehicle
         steer = self._angle(path, ego) / car.steer_max_rad
@@ -50,7 +53,7 @@ class Pilot:
         return Control(steer, 0.0, min(-acceleration / car.emergency_braking_mps2, 1.0))
 
     def _acceleration(self, target_mps: float, within_s: float, ego: EgoState) -> float:
-        """Return the acceleration for a target speed; a car that is to stand is held by the brake."""
+        """Return the acceleration for a target speed; with a target of 0 the brake holds a standing car."""
         if target_mps < cfg.TARGET_STANDS_MPS and ego.speed_mps < cfg.TARGET_STANDS_MPS:
             self._errors.clear()
             return -self._vehicle.braking_mps2

@@ -1,8 +1,8 @@
-"""Why a learned driver did what it did.
+"""Reasons for the decisions of a learned driver.
 
-`fusion_safe` knows what binds. `fusion` does not, so its network is asked again with one object, or the stop lines,
-painted out of both pictures: where that makes it faster, the object is a reason. Painting out leaves a hole as no
-picture of the training has, so small differences mean nothing.
+`fusion_safe` computes which object or stop line limits its speed. `fusion` does not: its network is queried again with
+one object, or the stop lines, painted out of both pictures. If that makes the driver faster, the object is a reason.
+Training pictures have no such holes, so small differences mean nothing.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from foresee_learned.outputs import Occupied
 
 LEAST_MPS = 0.3
-"""Least change of the target speed without an object that makes it a reason, m/s. Ours: the change by 2 m/s^2 in one
-and a half decisions."""
+"""Least increase of the target speed without an object that makes the object a reason, m/s. Ours: the change by 2 m/s^2
+in one and a half decisions."""
 NEAREST = 12
 """Maximum number of objects, the nearest ones, that are painted out. Ours: 60 ms for a step."""
 SAME_M = 4.0
-"""An object of the density map is taken for the nearest object of the list, if that is within this. Ours: a car's
+"""Distance within which the nearest object of the list is taken for an object of the density map, m. Ours: a car's
 length."""
 _AROUND_M = 0.75
-"""Painted out with a margin. Ours: one pixel and a half, as boxes are drawn larger than they are."""
+"""Margin of painted-out objects, m. Ours: one and a half pixels, as boxes are drawn larger than they are."""
 _ROAD_USERS = [CHANNELS.index(n) for n in CHANNELS if n in {"vehicle", "two_wheeler", "pedestrian", "obstacle"}]
 _ROAD_USERS += [CHANNELS.index(n) for n in CHANNELS if n.startswith(("velocity", "past"))]
 _STOP_LINES = [CHANNELS.index(n) for n in CHANNELS if n.startswith("stop_")]
@@ -44,7 +44,7 @@ _LAMPS = [FORWARD_CHANNELS.index(n) for n in ("red", "amber", "green")]
 def reasons_by_erasing(
     observation: Observation, inputs: LearnedInputs, decision: Decision, decide: Callable[[LearnedInputs], Decision]
 ) -> tuple[Reason, ...]:
-    """Return what makes the driver faster where it is painted out, the strongest first; then its plan."""
+    """Return the objects without which the driver is faster, the strongest first; then its plan."""
     erased = sorted(_erased(observation, inputs, decision, decide), key=lambda pair: -pair[0])
     now_mps = observation.ego.speed_mps
     wish = (decision.target_mps - now_mps) / decision.within_s
@@ -55,7 +55,7 @@ def reasons_by_erasing(
 def _erased(
     observation: Observation, inputs: LearnedInputs, decision: Decision, decide: Callable[[LearnedInputs], Decision]
 ) -> Iterator[tuple[float, Reason]]:
-    """Yield how much faster the driver is without an object, m/s, and that object as a reason."""
+    """Yield for each object the increase of the driver's speed without it, m/s, and the object as a reason."""
     for seen in observation.actors[:NEAREST]:
         faster = decide(_without(observation, inputs, seen)).target_mps - decision.target_mps
         if faster >= LEAST_MPS:
@@ -107,7 +107,7 @@ def _paint_out_ahead(forward: Picture, place: tuple[float, float, float], seen: 
 
 
 def reasons_of_basis(observation: Observation, basis: Basis, vehicle: VehicleLimits) -> tuple[Reason, ...]:
-    """Return what a decision of `fusion_safe` was made on: what binds first."""
+    """Return the reasons for a decision of `fusion_safe`: the strictest limit of its speed first."""
     now_mps = observation.ego.speed_mps
     wish = (basis.planned_mps - now_mps) / cfg.PLANNED_S
     plan = Reason("plan", f"its waypoints are for {basis.planned_mps * 3.6:.0f} km/h", acceleration_mps2=wish)
@@ -129,7 +129,7 @@ def reasons_of_basis(observation: Observation, basis: Basis, vehicle: VehicleLim
 
 
 def _nearest(observation: Observation, other: Occupied) -> SeenActor | None:
-    """Return the object of the list that an object of the density map is."""
+    """Return the object of the list that corresponds to an object of the density map."""
     away = []
     for seen in observation.actors:
         ahead, left, _ = _seen_from(observation, seen)
@@ -139,7 +139,7 @@ def _nearest(observation: Observation, other: Occupied) -> SeenActor | None:
 
 
 def _seen_from(observation: Observation, seen: SeenActor) -> tuple[float, float, float]:
-    """Return where an object is ahead of the ego and to its left (m), and how it is turned (rad)."""
+    """Return an object's distance ahead of the ego and to its left (m), and its relative heading (rad)."""
     ego = observation.ego
     dx, dy, cos, sin = seen.x - ego.x, seen.y - ego.y, math.cos(ego.heading_rad), math.sin(ego.heading_rad)
     return dx * cos + dy * sin, dy * cos - dx * sin, seen.heading_rad - ego.heading_rad

@@ -1,8 +1,8 @@
-"""Inference: a network of an ONNX file on one CPU thread, the same bits each time.
+"""Inference: runs a network of an ONNX file on one CPU thread, with identical bits each time.
 
-onnxruntime is imported here and nowhere else, when a network is first used. A session is made once a process for each
-file's hash. One thread in and between operators, no other provider than the CPU: the order of all sums is fixed, so
-that answers depend on nothing but the inputs, the weights, the library's version and the kind of processor.
+onnxruntime is imported only here, when a network is first used. A process creates one session per file hash. With one
+thread in and between operators, and no provider other than the CPU, the order of all sums is fixed: answers depend only
+on the inputs, the weights, the library's version and the kind of processor.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Network:
         return {name: np.asarray(value[0], np.float32) for name, value in answers.items()}
 
     def answers(self, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """Return the outputs for a batch, as they come: both have its axis first."""
+        """Return the unchanged outputs for a batch; inputs and outputs have the batch's axis first."""
         outputs = self._session.run(None, {name: inputs[name] for name in self._inputs})
         return dict(zip(self._outputs, outputs, strict=True))
 

@@ -1,7 +1,7 @@
-"""The weights of the learned drivers: where they are, and whether they are what was trained.
+"""The weights of the learned drivers: finds the files and checks that they are the trained ones.
 
 They come with the package, with their SHA-256 in `weights/SHA256SUMS`. The environment variable `FORESEE_WEIGHTS` names
-a folder that is looked at instead; where that has no `SHA256SUMS`, its files are taken as they are.
+a folder to use instead; if that has no `SHA256SUMS`, its files are used without a check.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ SUMS = "SHA256SUMS"
 """As the program `sha256sum` writes it: a line for each file, its hash, two blanks, its name."""
 _BUNDLED = Path(__file__).parent / "weights"
 _SHORT = 8
-"""Hexadecimal digits of a hash where people read it; keys have all of them. Ours."""
+"""Number of hexadecimal digits of a hash in texts; keys have all of them. Ours."""
 
 
 class Weights(NamedTuple):
-    """A file of weights that is as it should be: where it is, its SHA-256, and whether `SHA256SUMS` names it."""
+    """A checked file of weights: its path, its SHA-256, and whether `SHA256SUMS` names it."""
 
     file: Path
     sha256: str
@@ -38,7 +38,7 @@ class Weights(NamedTuple):
         """Read the file.
 
         Raises:
-            DriverError: it is not the one that was found.
+            DriverError: its content has changed since it was checked.
         """
         content = self.file.read_bytes()
         if (digest := hashlib.sha256(content).hexdigest()) != self.sha256:
@@ -81,7 +81,7 @@ def checked(file: Path, *, sums_needed: bool = True) -> Weights:
 
 
 def _wanted(file: Path, sums_needed: bool) -> str | None:
-    """Return the hash that a file should have; None where a folder of one's own says nothing about it."""
+    """Return the hash that a file should have; None if a folder of the user's own has none for it."""
     sums = file.with_name(SUMS)
     if not sums_needed and not sums.exists():
         return None

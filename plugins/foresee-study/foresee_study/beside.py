@@ -57,9 +57,9 @@ def in_words(results: Results, question: str, *, headlines: bool = False) -> tup
     """Return a sentence for each figure of a question that the paper also has, and for each driver.
 
     Args:
-        results: the study's.
-        question: its name.
-        headlines: only the main figures; of all drivers together, where the paper has that figure.
+        results: the study's results.
+        question: name of the question.
+        headlines: only the main figures, for all drivers together if the paper has that figure.
     """
     sentences: list[str] = []
     for figure in FIGURES:

@@ -158,7 +158,9 @@ def _load(file: Path, document: str) -> Any:  # noqa: ANN401 - Measured or Fuzze
         return _adapter(document).validate_python(data, strict=False)
     except ValueError as err:  # pydantic's errors are some of these
         why = type(err).__name__
-        raise ForeseeError(f"{file} cannot be read ({why}): run the study again, its store has all") from err
+        raise ForeseeError(
+            f"{file} cannot be read ({why}): run the study again; the results of its runs are in the store"
+        ) from err
 
 
 @cache

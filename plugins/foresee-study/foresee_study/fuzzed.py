@@ -1,4 +1,4 @@
-"""What a study keeps of DriveFuzz on its test cases, for rq4."""
+"""Summaries of DriveFuzz's runs that a study stores for rq4."""
 
 from __future__ import annotations
 
@@ -8,17 +8,20 @@ from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
-from foresee_study.fuzz.records import FuzzResult, SeedFuzz
+from foresee_study.fuzz.records import FuzzedCase, FuzzResult
 from foresee_study.halves import Half, half_of
 
 
 @dataclass(frozen=True)
-class FuzzedSeed:
-    """A test case and what became of it.
+class CaseSummary:
+    """A test case and the result of fuzzing it.
 
     Attributes:
-        plain: how it ends unmutated. failed: how the mutation that ended it failed; None where none did.
-        runs: of mutated test cases. simulated_s, wall_s: what they took.
+        name, family, half: the test case.
+        plain: verdict without mutation; None if it was not run.
+        failed: verdict of the failing mutation that ended it; None without a failure.
+        runs: number of runs of mutated test cases.
+        simulated_s, wall_s: simulated time and wall time of these runs, s.
     """
 
     name: str
@@ -33,7 +36,7 @@ class FuzzedSeed:
 
 @dataclass(frozen=True)
 class Fuzzed:
-    """One iteration of DriveFuzz. `iteration`: 1 or 2. repetition: from 0."""
+    """One iteration (1 or 2) of DriveFuzz with a driver, in a repetition (from 0)."""
 
     driver: str
     repetition: int
@@ -41,7 +44,7 @@ class Fuzzed:
     cycles: int
     mutations: int
     tool: str
-    seeds: tuple[FuzzedSeed, ...]
+    seeds: tuple[CaseSummary, ...]
 
     @property
     def name(self) -> str:
@@ -50,19 +53,21 @@ class Fuzzed:
 
     @property
     def failed(self) -> frozenset[str]:
-        """The names of the test cases in which it found a failure."""
-        return frozenset(seed.name for seed in self.seeds if seed.failed is not None)
+        """The names of the test cases in which DriveFuzz found a failure."""
+        return frozenset(case.name for case in self.seeds if case.failed is not None)
 
 
 def fuzzed(result: FuzzResult, cases: dict[str, TestCase], *, repetition: int, iteration: int) -> Fuzzed:
-    """Return what a study keeps; `cases`: the seeds by address."""
+    """Return the summary of a fuzzing run; `cases`: its test cases by address."""
     settings = result.settings
-    seeds = tuple(sorted((_seed(entry, cases[entry.test_case]) for entry in result.seeds), key=lambda seed: seed.name))
+    seeds = tuple(
+        sorted((_summary(entry, cases[entry.test_case]) for entry in result.seeds), key=lambda case: case.name)
+    )
     return Fuzzed(settings.driver, repetition, iteration, settings.cycles, settings.mutations, __version__, seeds)
 
 
-def _seed(result: SeedFuzz, case: TestCase) -> FuzzedSeed:
-    return FuzzedSeed(
+def _summary(result: FuzzedCase, case: TestCase) -> CaseSummary:
+    return CaseSummary(
         name=case_name(case),
         family=result.family,
         half=half_of(case.id),

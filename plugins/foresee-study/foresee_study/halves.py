@@ -11,7 +11,7 @@ from foresee_dsl.language.project.document import TestCase
 
 
 class Half(StrEnum):
-    """Which test cases are meant."""
+    """A half of the test cases, or all."""
 
     EVEN = "even"
     ODD = "odd"

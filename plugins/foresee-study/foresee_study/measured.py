@@ -1,6 +1,7 @@
-"""What a study keeps of one campaign: a few words for each run, small enough to be carried from machine to machine.
+"""Measurements of one campaign that a study stores: a few values for each run, small enough to copy between machines.
 
-The store has everything, for this version of the tool; from these files tables and figures can be made again later.
+The store has the complete results, but only for one version of the tool. These files stay readable, so that tables and
+figures can be made again later.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ careful driver, which brakes; the anticipating driver."""
 
 
 class Child(NamedTuple):
-    """A mutated clip as it was run.
+    """A mutant's run.
 
-    `story`: of a failure, what is the same in equal stories of its family, as a hash. `avoided_by`: who avoids it or
-    would have, letters of `AVOIDERS`.
+    `story`: for a failure, a hash that equal stories of a family share. `avoided_by`: the judges that avoid it, letters
+    of `AVOIDERS`.
     """
 
     verdict: Verdict
@@ -48,7 +49,7 @@ class Child(NamedTuple):
 
 @dataclass(frozen=True)
 class MeasuredClip:
-    """A clip, run unmutated, and its children. `position`: 0 for the first of its test case, by rank."""
+    """A clip, run unmutated, and its mutants. `position`: rank in its test case, from 0."""
 
     position: int
     verdict: Verdict
@@ -59,7 +60,7 @@ class MeasuredClip:
 
 @dataclass(frozen=True)
 class MeasuredCase:
-    """A test case as it was run, and its clips; it has clips only if it passed."""
+    """A test case's unmutated run, and its clips; it has clips only if it passed."""
 
     name: str
     family: str
@@ -72,25 +73,25 @@ class MeasuredCase:
 
     @property
     def passed(self) -> bool:
-        """Whether it is usable: the paper, too, leaves out those that fail unmutated."""
+        """Whether it is usable: like the paper, the study leaves out test cases that fail unmutated."""
         return self.verdict is Verdict.PASS
 
     @property
     def children(self) -> Iterator[Child]:
-        """The children of all clips."""
+        """The mutants of all its clips."""
         return (child for clip in self.clips for child in clip.children)
 
     @property
     def fails(self) -> bool:
-        """Whether a child of it fails: collides, or is stuck."""
+        """Whether one of its mutants fails: collides, or is stuck."""
         return any(child.verdict.is_failure for child in self.children)
 
     def count(self, what: Counted) -> int:
-        """Return how many collisions, findings or avoidable findings its children gave."""
+        """Return the number of collisions, findings or avoidable findings of its mutants."""
         return counted(self.children, what)
 
     def first_points(self, count: int) -> MeasuredCase:
-        """Return it with at most a number of risky points."""
+        """Return the test case with at most `count` risky points."""
         return replace(self, clips=tuple(clip for clip in self.clips if clip.position < count))
 
 
@@ -99,9 +100,12 @@ class Measured:
     """One campaign of a study.
 
     Attributes:
-        group: the test cases: `bundled`, or the name of a town. driver, ranker, preset, before_s, after_s,
-            risky_points, children: as in its settings. repetition: from 0; seed: the campaign's.
+        group: the test cases: `bundled`, or the name of a town.
+        driver, ranker, preset, before_s, after_s, risky_points, children: as in the campaign's settings.
+        repetition: from 0.
+        seed: the campaign's seed.
         tool: the version that ran it.
+        cases: the test cases.
         against: the reference drivers that drove each of its failures; None in files written before this was recorded.
     """
 
@@ -123,8 +127,8 @@ class Measured:
     def driven_by_references(self) -> bool:
         """Whether reference drivers drove its failures, so that "another driver avoids it" can be counted.
 
-        Where the file does not record this, only an exhaustive search may have gone without them; it did where no
-        failure at all is avoided by another driver.
+        If the file does not record this, it is assumed, except for an exhaustive search in which no failure is avoided
+        by another driver.
         """
         if self.against is not None:
             return bool(self.against)
@@ -132,7 +136,7 @@ class Measured:
 
     @property
     def clip_s(self) -> float:
-        """The length of its clips."""
+        """The length of its clips, s."""
         return self.before_s + self.after_s
 
     @cached_property
@@ -141,43 +145,45 @@ class Measured:
         return tuple(case for case in self.cases if case.passed)
 
     def first_points(self, count: int) -> Measured:
-        """Return what the campaign would have given with at most a number of risky points a test case. With fewer
-        points it has the first of the same clips, and nothing else depends on the number.
+        """Return the results that the campaign would have had with at most `count` risky points per test case.
+
+        With fewer points a test case has the first of the same clips; nothing else depends on the number.
         """
         return replace(self, risky_points=count, cases=tuple(case.first_points(count) for case in self.cases))
 
     def only(self, names: Iterable[str] | None = None, family: str | None = None) -> Measured:
-        """Return it with some of its test cases."""
+        """Return the campaign with some of its test cases only."""
         wanted = None if names is None else frozenset(names)
         kept = (c for c in self.cases if (wanted is None or c.name in wanted) and family in (None, c.family))
         return replace(self, cases=tuple(kept))
 
     @property
     def clips(self) -> int:
-        """The risky points that were studied."""
+        """Number of its risky points."""
         return sum(len(case.clips) for case in self.usable)
 
     @property
     def children_run(self) -> tuple[Child, ...]:
-        """The mutated clips of all test cases."""
+        """The mutants of all test cases."""
         return tuple(child for case in self.usable for child in case.children)
 
     def count(self, what: Counted) -> int:
-        """Return how many collisions, findings or avoidable findings there are."""
+        """Return the number of collisions, findings or avoidable findings."""
         return counted(self.children_run, what)
 
     def of_verdict(self, verdict: Verdict) -> int:
-        """Return how many children ended with a verdict."""
+        """Return the number of mutants with a verdict."""
         return sum(child.verdict is verdict for child in self.children_run)
 
     @property
     def simulated_s(self) -> float:
-        """What clips and children simulated; the test cases' own runs are the same for every ranker, and left out."""
+        """Simulated time of clips and mutants, s; without the test cases' own runs, which are the same for every
+        ranker."""
         return sum(run.simulated_s for run in self._derived)
 
     @property
     def wall_s(self) -> float:
-        """The time of one core that they took."""
+        """Wall time of clips and mutants on one core, s."""
         return sum(run.wall_s for run in self._derived)
 
     @property
@@ -194,7 +200,7 @@ def avoided(measured: Measured, who: str) -> int:
 
 
 def counted(children: Iterable[Child], what: Counted) -> int:
-    """Return how many collisions there are among runs, or how many different stories these have."""
+    """Return the number of collisions among runs, or the number of their different stories."""
     collisions = [child for child in children if child.verdict.is_collision]
     if what is Counted.COLLISIONS:
         return len(collisions)

@@ -14,7 +14,7 @@ from foresee_study.measured import AVOIDERS, Child, Measured, MeasuredCase, Meas
 
 
 def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
-    """Return what the store has of a campaign; steps that are missing are left out."""
+    """Return the stored results of a campaign; missing steps are left out."""
     settings = stages.settings
     result = assemble(stages, stages.out)
     wall_s = {(node.step.kind, node.step.name): row.wall_s for node, row in stages.walk() if row is not None}
@@ -68,7 +68,7 @@ def _clip(position: int, clip: ClipOutcome, wall_s: dict[tuple[str, str], float]
 
 
 def avoided_by(failure: ChildOutcome | SeedOutcome) -> str:
-    """Return who avoids a failure or would have, a letter of `AVOIDERS` each."""
+    """Return the judges that avoid a failure, letters of `AVOIDERS`."""
     careful, anticipating = failure.preventability, failure.anticipation
     who = {
         "d": bool(failure.avoided),
@@ -79,7 +79,8 @@ def avoided_by(failure: ChildOutcome | SeedOutcome) -> str:
 
 
 def _story(story: Story | None, family: str) -> str:
-    """Return what is the same in stories that are one finding, as a short text."""
+    """Return a short hash of a story's signature and its family: equal for stories of the same finding; "" without a
+    story."""
     if story is None:
         return ""
     return hashlib.sha256("\n".join((family, *story.signature)).encode()).hexdigest()[:12]

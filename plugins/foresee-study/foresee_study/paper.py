@@ -22,12 +22,12 @@ from foresee_study.tables.complementarity import iterations
 STANDS_FOR: Mapping[str, str] = MappingProxyType(
     {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "two drivers together"}
 )
-"""The paper's driver whose figures each of ours is compared with. Any other driver is compared with the paper's two
-together, or with InterFuser where the paper has no others."""
+"""The paper's driver whose figures each of ours is compared with. Any other driver is compared with the mean of the
+paper's two, or with InterFuser if the paper has no such mean."""
 
 
 class Unit(StrEnum):
-    """The unit of a figure. `neutral`: the value that means no difference; NaN where there is none such."""
+    """The unit of a figure. `neutral`: the value that means no difference; NaN if there is none."""
 
     neutral: float
 
@@ -46,7 +46,7 @@ class Unit(StrEnum):
 
 @dataclass(frozen=True)
 class Ours:
-    """Our value of a figure, and its interval by bootstrap over test cases where there is one."""
+    """Our value of a figure, and its bootstrap interval over test cases, if it has one."""
 
     value: float
     interval: Interval | None = None
@@ -57,8 +57,11 @@ class PaperFigure:
     """A figure of the paper.
 
     Attributes:
-        question: its name. what: in words. section: where the paper has it.
-        values: the paper's, by the driver that stands for its own. ours: computes it for a driver, or for all.
+        question: name of the question.
+        what: the figure in words.
+        section: its section in the paper.
+        values: the paper's values, by the driver of ours that is compared with its driver.
+        ours: computes our value for a driver, or for all.
         headline: whether the page of results states it; tables have every figure.
     """
 
@@ -71,7 +74,7 @@ class PaperFigure:
     headline: bool = True
 
     def of(self, driver: str) -> tuple[str, float]:
-        """Return whose figure of the paper a driver's is compared with, and that figure."""
+        """Return the driver of the paper that one of ours is compared with, and that driver's figure."""
         like = next(name for name in (driver, TOGETHER, "fusion_safe") if name in self.values)
         return STANDS_FOR[like], self.values[like]
 
@@ -112,7 +115,7 @@ def _collisions(of: MeasuredCase | Measured) -> float:
 
 
 def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results, str], Ours | None]:
-    """Return a function that computes collisions a risky point."""
+    """Return a function that computes the collisions per risky point."""
 
     def ours(results: Results, driver: str) -> Ours | None:
         campaigns = _campaigns(results, driver, ranker, clip_s, points)
@@ -122,10 +125,10 @@ def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results,
 
 
 def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
-    """Return a function that computes foresee's share of the exhaustive search's collisions, %.
+    """Return a function that computes foresee's collisions as a share of the exhaustive search's, %.
 
-    It is the mean of all of foresee's repetitions over the mean of the search's, of the drivers that were searched. The
-    search usually has one repetition. Foresee's share in that one alone would depend on which one it is.
+    It is the mean of foresee's repetitions divided by the mean of the search's, over the drivers that were searched.
+    The search usually has one repetition; foresee's result in only that repetition would depend on its seed.
     """
 
     def ours(results: Results, driver: str) -> Ours | None:
@@ -154,8 +157,8 @@ def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
 
 
 def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
-    """Return a function that computes how many more collisions an hour foresee finds than the exhaustive search, %, of
-    the drivers that were searched, and in all repetitions, as a rate needs no equal number of them."""
+    """Return a function that computes how many more collisions per hour foresee finds than the exhaustive search, %,
+    over the drivers that were searched. All repetitions count: a rate does not need equal numbers of them."""
 
     def ours(results: Results, driver: str) -> Ours | None:
         everything = _campaigns(results, driver, EXHAUSTIVE, clip_s)
@@ -187,7 +190,7 @@ def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
 
 
 def of_drivefuzz(results: Results, driver: str) -> Ours | None:
-    """Return foresee's additional failing test cases, % of DriveFuzz's."""
+    """Return a function that computes foresee's additional failing test cases, % of DriveFuzz's failing test cases."""
     both = [iteration for name in _drivers(results, driver) for pair in iterations(results, name) for iteration in pair]
     ours: dict[str, float] = {}
     theirs: dict[str, float] = {}
@@ -199,7 +202,8 @@ def of_drivefuzz(results: Results, driver: str) -> Ours | None:
 
 
 def children_of_drivefuzz(results: Results, driver: str) -> Ours | None:
-    """Return foresee's failing children on what DriveFuzz did not bring to fail, % of DriveFuzz's test cases."""
+    """Return a function that computes foresee's failing mutants of test cases in which DriveFuzz found no failure, % of
+    DriveFuzz's failing test cases."""
     both = [iteration for name in _drivers(results, driver) for pair in iterations(results, name) for iteration in pair]
     ours: dict[str, float] = {}
     theirs: dict[str, float] = {}
@@ -273,17 +277,18 @@ A_CHILD: Mapping[tuple[str, str], float] = MappingProxyType({
     ("fusion", "selforacle"): 23.34 / 695, (TOGETHER, "foresee"): 121.99 / 1811, (TOGETHER, "random"): 53.34 / 1811,
     (TOGETHER, "selforacle"): 88.34 / 1811,
 })  # fmt: skip
-"""Collisions a child (section 4.5, table 3): the sums over the number of its test cases, which it has once for all."""
+"""Collisions per mutant (section 4.5, table 3): the table's sums, divided by the number of test cases, which it states
+once for all."""
 
 
 def a_child_of_paper(driver: str, ranker: str) -> float | None:
-    """Return the paper's collisions a child, of the driver that this one is compared with."""
+    """Return the paper's collisions per mutant, for the paper's driver that this one is compared with."""
     return A_CHILD.get((driver if driver in STANDS_FOR else TOGETHER, ranker))
 
 
 def children_colliding(results: Results, driver: str, ranker: str) -> tuple[float, float] | None:
-    """Return the shares of foresee's and of another ranker's children that collide, with clips of the chosen length, of
-    the drivers and repetitions that both have; None where one of them has no child."""
+    """Return the shares of foresee's and of another ranker's mutants that collide, with clips of the chosen length,
+    over the drivers and repetitions that both have; None if one of the two has no mutant."""
     shares = []
     for pairs in _in_common(results, driver, ranker, CHOSEN_S):
         children = sum(len(m.children_run) for m in pairs)

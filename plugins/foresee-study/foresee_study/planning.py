@@ -18,10 +18,13 @@ from foresee_study.settings import BUNDLED, StudySettings, Wanted
 
 @dataclass(frozen=True)
 class Planned:
-    """What a question would run: its campaigns, and how many runs are in the store, are known to be missing, and may
-    follow.
+    """The work for a question.
 
-    `longest_s`: one core's time for all that, at most.
+    Attributes:
+        campaigns: number of its campaigns.
+        done, to_run: number of stored runs, and of missing ones that are known already.
+        at_most_more: maximum number of runs that may follow from these.
+        longest_s: maximum time of all missing runs on one core, s.
     """
 
     question: str
@@ -44,7 +47,7 @@ class Planned:
 
 
 def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, store: Store | None) -> tuple[Planned, ...]:
-    """Return what each question would run; what an earlier one runs already is not counted again."""
+    """Return the work for each question; runs of an earlier question are not counted again."""
     seen: set[str] = set()
     planned: set[Wanted] = set()
     plans = []
@@ -74,7 +77,7 @@ def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, stor
 
 
 def _following(node: Node, wanted: Wanted) -> tuple[int, int]:
-    """Return how many clips and children follow from a step without a result, at most."""
+    """Return the maximum number of clips and of mutants that follow from a step without a result."""
     points = min(wanted.risky_points, _USUAL_POINTS)
     match node.step.kind:
         case "seed" | "forecast":
@@ -86,14 +89,14 @@ def _following(node: Node, wanted: Wanted) -> tuple[int, int]:
 
 
 _USUAL_POINTS = 45
-"""Clips of a test case that is searched exhaustively, at most (paper, section 4.3: 45 of a run of 48 s)."""
+"""Maximum number of clips of a test case in the exhaustive search (paper, section 4.3: 45 of a run of 48 s)."""
 _CLIP_S, _CHILD_S = 0.3, 0.12
-"""Wall time of a clip and of a child, for a store that has none yet (ours: the bundled scenarios with `pdm`)."""
+"""Wall time of a clip and of a mutant, for a store that has none yet, s (ours: the bundled scenarios with `pdm`)."""
 _FUZZED_S = 0.7
-"""Wall time of a fuzzed test case (ours: the bundled scenarios with `pdm`)."""
+"""Wall time of a fuzzed test case, s (ours: the bundled scenarios with `pdm`)."""
 
 
 def _fuzzing(settings: StudySettings, cases: int) -> int:
-    """Return how many runs DriveFuzz makes in two iterations, at most: where nothing fails."""
+    """Return the maximum number of DriveFuzz's runs in two iterations: that without any failure."""
     each = cases * settings.fuzz_cycles * settings.fuzz_mutations
     return 2 * each * len(settings.drivers) * min(settings.fuzz_repetitions, settings.repetitions)

@@ -1,4 +1,4 @@
-"""The paper's five questions, as data: what each asks, and which campaigns answer it."""
+"""The paper's five questions, as data: the text of each, and the campaigns that answer it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ class Question:
     """One of the paper's questions.
 
     Attributes:
-        asks: the question in our words. wanted: returns the campaigns that it needs.
+        asks: the question in our words.
+        wanted: returns the campaigns that it needs.
     """
 
     name: str
@@ -54,7 +55,7 @@ def campaigns(
 def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[Wanted]:
     """Yield the searches of every second of the test cases.
 
-    Their failures, many and much alike, are driven only by reference drivers that the study names: this takes most of
+    Their failures are many and similar. Only reference drivers that the study names drive them, as that takes most of
     the time.
     """
     searches = campaigns(settings, (EXHAUSTIVE,), clips_s, drivers=settings.searched,
@@ -78,7 +79,8 @@ def _efficiency(settings: StudySettings) -> Iterator[Wanted]:
 
 
 def _complementarity(settings: StudySettings) -> Iterator[Wanted]:
-    """The first iteration; what the second needs is known after it (`study.complementing`)."""
+    """Return the campaigns of the first iteration; those of the second depend on its results
+    (`study.complementing`)."""
     return campaigns(settings, ("foresee",), repetitions=min(settings.fuzz_repetitions, settings.repetitions))
 
 

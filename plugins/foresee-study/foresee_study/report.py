@@ -1,4 +1,4 @@
-"""Everything that a study writes for people: tables in three formats, figures, and one page as Markdown."""
+"""Writes the results of a study: tables in three formats, figures, and one page as Markdown."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ def write_tables(tables: tuple[Table, ...], folder: StudyFolder) -> None:
 
 @dataclass(frozen=True)
 class Written:
-    """What was written. `tables`: by question. notes: what could not be made, and why."""
+    """The result of writing a report. `tables`: by question. `page`: its path. `notes`: missing parts, with the
+    reason."""
 
     tables: dict[str, tuple[Table, ...]]
     page: Path
@@ -53,10 +54,10 @@ class Written:
 
 
 def write_report(folder: StudyFolder, half: Half | None = None, page: Path | None = None) -> Written:
-    """Write the tables of a study's folder, for one half of the test cases (by default, as they were run).
+    """Write the tables of a study's folder, for one half of the test cases (by default, that of the study's settings).
 
     Raises:
-        ForeseeError: there is no study in the folder, or nothing of this half.
+        ForeseeError: there is no study in the folder, or it has no results for this half.
     """
     results = Results.of(folder, half)
     if not any(measured.cases for measured in results.campaigns):
@@ -134,7 +135,8 @@ def write_page(
 
 
 def _cost_lines(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
-    """Yield a line for each question: what its campaigns cost, shared ones counted in each."""
+    """Yield a line for each question with the cost of its campaigns; shared campaigns count for each of their
+    questions."""
     campaigns = {(m.group, m.driver, m.ranker, m.clip_s, m.seed, m.preset): m for m in results.campaigns}
     for name, cost in sorted(record.asked.items()):
         wanted = wanted_by([name], record.settings)

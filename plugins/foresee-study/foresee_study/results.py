@@ -20,11 +20,12 @@ TOGETHER = "all"
 
 @dataclass(frozen=True)
 class Results:
-    """The campaigns of a study, of one half of the test cases.
+    """The campaigns of a study, for one half of the test cases.
 
     Attributes:
-        preset: of the questions' campaigns; others (heavy weather) are asked for by name.
-        fuzzings: what DriveFuzz did, for rq4.
+        preset: the preset of the questions' campaigns; campaigns with another one (heavy weather) are selected by its
+            name.
+        fuzzings: DriveFuzz's results, for rq4.
     """
 
     campaigns: tuple[Measured, ...]
@@ -34,7 +35,7 @@ class Results:
 
     @classmethod
     def of(cls, folder: StudyFolder, half: Half | None = None) -> Results:
-        """Read them; by default of the half that was asked for when they were run.
+        """Read a study's results; by default for the half in its settings.
 
         Raises:
             ForeseeError: there are none.
@@ -50,12 +51,12 @@ class Results:
 
     @cached_property
     def drivers(self) -> tuple[str, ...]:
-        """The drivers that occur, those of `DRIVERS` first."""
+        """The drivers with results, those of `DRIVERS` first."""
         return _ordered({m.driver for m in self.campaigns}, DRIVERS)
 
     @cached_property
     def rankers(self) -> tuple[str, ...]:
-        """The rankers that occur, but for the exhaustive search."""
+        """The rankers with results, without the exhaustive search."""
         return _ordered({m.ranker for m in self.campaigns} - {EXHAUSTIVE}, RANKERS)
 
     @cached_property
@@ -114,8 +115,8 @@ class Results:
 def paired(first: Sequence[Measured], second: Sequence[Measured]) -> tuple[list[Measured], list[Measured]]:
     """Return the campaigns of two rankers that are compared with each other, of one driver.
 
-    Those of equal repetition go together. The exhaustive search draws no risky points, so where it has one repetition
-    it goes with each of the other's: with the first alone, the comparison would depend on that one's luck.
+    Campaigns of equal repetition form a pair. The exhaustive search does not choose risky points at random: its single
+    repetition is compared with each repetition of the other ranker, so that the comparison does not depend on one seed.
     """
     pairs = [
         (a, b)
@@ -127,14 +128,15 @@ def paired(first: Sequence[Measured], second: Sequence[Measured]) -> tuple[list[
 
 
 def _of_half(measured: Measured, half: Half) -> Measured:
-    """Return the part of a campaign in a half; those of other towns are all in both, as no setting was chosen there."""
+    """Return the part of a campaign that lies in a half. Test cases of other towns belong to both halves, as no setting
+    was chosen on them."""
     if half is Half.ALL or measured.group != BUNDLED:
         return measured
     return replace(measured, cases=tuple(case for case in measured.cases if case.half is half))
 
 
 def mean(values: Iterable[float]) -> float | None:
-    """Return the mean; None of no values."""
+    """Return the mean; None for no values."""
     numbers = list(values)
     return sum(numbers) / len(numbers) if numbers else None
 
@@ -142,7 +144,7 @@ def mean(values: Iterable[float]) -> float | None:
 def mean_count(campaigns: Sequence[Measured], what: Counted) -> float | None:
     """Return the mean number of collisions, findings or avoidable findings of a campaign's repetitions.
 
-    None where there are none, and of avoidable findings where no reference driver drove the failures.
+    None without repetitions, and for avoidable findings also if no reference driver drove the failures.
     """
     if what is Counted.AVOIDABLE and not all(m.driven_by_references for m in campaigns):
         return None
@@ -150,7 +152,7 @@ def mean_count(campaigns: Sequence[Measured], what: Counted) -> float | None:
 
 
 def total(values: Iterable[float | None]) -> float | None:
-    """Return the sum of the values that are not None; None where there is no such value."""
+    """Return the sum of the values that are not None; None if there is no such value."""
     present = [value for value in values if value is not None]
     return sum(present) if present else None
 

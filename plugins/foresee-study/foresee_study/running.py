@@ -1,4 +1,4 @@
-"""Runs the campaigns that questions need, each once, into one store; what is there is not run again."""
+"""Runs the campaigns that questions need, each once, into one store; stored results are not computed again."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ class StudyRun:
     """The result of a study run.
 
     Attributes:
-        asked: the questions that are answered completely, with their costs. broken: what could not be run at all.
+        asked: the questions that are answered completely, with their costs.
+        broken: runs that could not be done, in words.
+        interrupted: whether the study was stopped.
     """
 
     asked: dict[str, Cost]
@@ -46,14 +48,14 @@ class StudyRun:
 
 
 def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
-    """Return the settings without the drivers and rankers that are not installed, and what was left out, in words.
+    """Return the settings without the drivers and rankers that are not installed, and notes on the ones left out.
 
     Raises:
         ForeseeError: no driver, or no ranker, is left.
     """
     installed = ranker_names()
     rankers = tuple(name for name in settings.rankers if name in installed)
-    notes = [f"ranker {name}: left out, as none of that name is installed" for name in settings.rankers
+    notes = [f"ranker {name}: left out, because it is not installed" for name in settings.rankers
              if name not in installed]  # fmt: skip
     drivers = []
     for driver in settings.drivers:
@@ -70,7 +72,7 @@ def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
 
 
 def watched(wanted: Iterable[Wanted]) -> tuple[tuple[Wanted, ...], tuple[str, ...]]:
-    """Return the campaigns whose ranker knows their driver, and which pairs are left out, in words."""
+    """Return the campaigns whose ranker has weights for their driver, and notes on the pairs left out."""
     kept, notes = [], {}
     for campaign in wanted:
         ranker = load_ranker(campaign.ranker)
@@ -94,15 +96,20 @@ def run_study(
     options: RunOptions = RunOptions(),  # noqa: B008 - immutable
     say: Callable[[str], None] = lambda _: None,
 ) -> StudyRun:
-    """Run what questions need and is not in the store, and keep what each campaign gave.
+    """Run the campaigns that questions need and that are not stored, and keep the measurements of each.
 
     Args:
-        names: the questions. settings: as `possible` returns them.
-        say: is told, before each campaign, which one it is.
+        names: the questions.
+        settings: as `possible` returns them.
+        cases: the test cases by group.
+        folder: the study's folder.
+        store: the store of the runs.
+        listeners, options: as for a campaign.
+        say: is called with the name of each campaign before it runs.
 
     Raises:
         InputError: a test case is impossible on its network.
-        StoreError: the store cannot be written any more; what was finished is in it.
+        StoreError: the store cannot be written any more; it contains the finished runs.
     """
     folder.at.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".work-", dir=folder.at))
@@ -115,7 +122,7 @@ def run_study(
 
 
 class _Run:
-    """What was run of a study so far."""
+    """The progress of a study's run."""
 
     def __init__(
         self, settings: StudySettings, cases: Cases, folder: StudyFolder, store: Store, listeners: Sequence[Listener],
@@ -130,7 +137,7 @@ class _Run:
         self.broken: list[str] = []
 
     def answered(self, name: str) -> bool:
-        """Run what a question needs; return whether that was done to the end."""
+        """Run the campaigns of a question; return whether all were completed."""
         started = time.monotonic()
         wanted, _ = watched(wanted_by([name], self._settings))
         for k, campaign in enumerate(wanted):
@@ -144,7 +151,7 @@ class _Run:
         return True
 
     def _campaign(self, wanted: Wanted, cases: Sequence[TestCase], place: str = "rq4") -> Measured | None:
-        """Run a campaign and keep what it gave; None where it was stopped. Equal ones are run once."""
+        """Run a campaign and keep its measurements; None if it was stopped. Equal campaigns are run once."""
         if wanted in self._done:
             return self._done[wanted]
         self._say(f"{place}: {wanted.driver}, {wanted.ranker}, clips of {wanted.clip_s:g} s, seed {wanted.seed}, "
@@ -163,7 +170,7 @@ class _Run:
     def _fuzzed(
         self, settings: FuzzSettings, cases: Sequence[TestCase], repetition: int, iteration: int
     ) -> Fuzzed | None:
-        """Run one iteration of DriveFuzz and keep what it gave; None where it was stopped."""
+        """Run one iteration of DriveFuzz and keep its summary; None if it was stopped."""
         self._say(f"rq4: {settings.driver}, DriveFuzz, iteration {iteration}, {len(cases)} test cases, "
                   f"seed {settings.seed}")  # fmt: skip
         result = fuzz(cases, settings, out=self._work / "fuzzed", store=self._store, listeners=self._listeners,

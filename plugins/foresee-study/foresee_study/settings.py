@@ -1,4 +1,4 @@
-"""What a study is about, and the campaigns that it is made of."""
+"""Settings of a study, and the campaigns that its questions need."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from foresee_dsl.drivers.registry import handover_of, load_driver, reference_dri
 from foresee_study.halves import Half
 
 BUNDLED = "bundled"
-"""The group of the test cases that a study is given; those of a town have the town's name."""
+"""Name of the group of the study's own test cases; the group of a town has the town's name."""
 DRIVERS = ("fusion_safe", "fusion", "pdm", "frenetix")
-"""Ours: the two learned drivers stand for the paper's two, the planners are asked as well."""
+"""Drivers of a study. Ours: the two learned drivers stand for the paper's two; the two planners are additional."""
 RANKERS = ("foresee", "random", "selforacle", "proximity", "careful")
 REPETITIONS = 3
 """Paper, section 4.4."""
 EXHAUSTIVE = "exhaustive"
 EVERY_POINT = 1000
-"""Risky points of `exhaustive`: more than any test case has."""
+"""Number of risky points for `exhaustive`: more than any test case has."""
 POINTS = 4
 CHILDREN = 4
 """n_rp and c of the paper's best configuration (section 4.5, RQ1)."""
 SECOND_ITERATION = 1000
-"""Ours: seeds of rq4's second iteration begin so much later, so that nothing is drawn again."""
+"""Difference between the seeds of rq4's two iterations. Ours: large enough that no seed is used twice."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,17 @@ class StudySettings:
     """Settings of a study.
 
     Attributes:
-        drivers, rankers: those under test; the exhaustive search uses the first driver (`exhaustive_drivers`).
-        half: of the test cases. first: the maximum number of test cases; None: all.
-        repetitions: each with its own seed, from `seed` on. exhaustive_repetitions: of the exhaustive search.
-        preset: how clips are mutated; `paper` is comparable with the paper.
-        children: mutated children of a clip.
-        against: the reference drivers; None: those that come along.
-        fuzz_repetitions, fuzz_cycles, fuzz_mutations: of DriveFuzz, for rq4.
+        drivers, rankers: those under test.
+        half: the half of the test cases.
+        first: maximum number of test cases; None: all.
+        repetitions: number of repetitions, each with its own seed.
+        exhaustive_repetitions, exhaustive_drivers: repetitions of the exhaustive search, and how many of the first
+            drivers it uses.
+        seed: seed of the first repetition; the others have the next ones.
+        preset: preset of the mutations; results with `paper` are comparable with the paper's.
+        children: number of mutants per clip.
+        against: the reference drivers; None: the default ones.
+        fuzz_repetitions, fuzz_cycles, fuzz_mutations: settings of DriveFuzz, for rq4.
         towns: names of further groups of test cases, for rq5.
     """
 
@@ -60,16 +64,19 @@ class StudySettings:
 
     @property
     def searched(self) -> tuple[str, ...]:
-        """The drivers that are searched exhaustively."""
+        """The drivers for the exhaustive search."""
         return self.drivers[: self.exhaustive_drivers]
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """One campaign that a question needs. Questions that want an equal one share it.
+    """One campaign that a question needs. Questions that need equal campaigns share one.
 
     Attributes:
-        group: the test cases. clip_s: o_b + o_a. repetition: from 0. seed: of all random choices.
+        group: the test cases.
+        clip_s: length of a clip, s (the paper's o_b + o_a).
+        repetition: from 0.
+        seed: seed of all random choices.
     """
 
     group: str
@@ -90,7 +97,7 @@ class Wanted:
         return re.sub(r"[^\w.+-]+", "_", "-".join(parts))
 
     def campaign(self) -> CampaignSettings:
-        """Return its settings; the driver is made once, to ask for its hand-over.
+        """Return its settings; the driver is created once to read its hand-over time.
 
         Raises:
             ForeseeError: there is no such driver.

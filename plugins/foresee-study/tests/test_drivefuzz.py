@@ -21,7 +21,7 @@ from foresee_study.fuzz.mutation import Mutator
 from foresee_study.fuzz.quality import Quality, quality_of
 from foresee_study.fuzz.records import FuzzResult
 from foresee_study.fuzz.settings import FARTHEST_M, NEAREST_M, FuzzSettings
-from foresee_study.fuzz.texts import file_text, seed_of, text_of
+from foresee_study.fuzz.texts import file_text, original_of, text_of
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Executor, RunOptions, Update
@@ -151,7 +151,7 @@ def rows(out: Path) -> int:
 
 def test_draws_are_near_free_and_read_back(file: Path) -> None:
     case = load_test_case(f"{file}::after")
-    bundle, seed = compile_test_case(case), seed_of(case)
+    bundle, seed = compile_test_case(case), original_of(case)
     ego, kinds = bundle.scene.ego, set[str]()
     for number in range(40):
         rng = np.random.Generator(np.random.PCG64(number))
@@ -208,4 +208,4 @@ def test_clips_and_mutants_are_no_seeds(file: Path, tmp_path: Path) -> None:
     trace = run_test_case(case, "idm", 0).trace
     made = clip(case, trace, risky(trace, "other", 3.0), before_s=2, after_s=1, name="c", parent=file.name)
     with pytest.raises(ForeseeError, match="only scenarios can be extended"):
-        seed_of(expand_clip(made, case, source=tmp_path / "c.foresee"))
+        original_of(expand_clip(made, case, source=tmp_path / "c.foresee"))

@@ -14,7 +14,7 @@ from foresee_study.complementing import complement, split
 from foresee_study.curves import Curve, compared_areas, curve
 from foresee_study.folder import StudyFolder
 from foresee_study.fuzz.settings import FuzzSettings
-from foresee_study.fuzzed import Fuzzed, FuzzedSeed
+from foresee_study.fuzzed import CaseSummary, Fuzzed
 from foresee_study.halves import Half, half_of, of_half, sample
 from foresee_study.measured import Child, Counted, Measured, MeasuredCase, MeasuredClip
 from foresee_study.paper import children_colliding, children_of_drivefuzz, more_an_hour, of_exhaustive
@@ -56,7 +56,7 @@ def made(ranker: str, hits: int, *, driver: str = "pdm", seed: int = 0, repetiti
 
 def fuzzed(failing: set[str], iteration: int, names: list[str] = NAMES) -> Fuzzed:
     seeds = tuple(
-        FuzzedSeed(n, "3" if int(n[-1]) % 2 else "7", Half.ODD, Verdict.PASS, Verdict.F4 if n in failing else None,
+        CaseSummary(n, "3" if int(n[-1]) % 2 else "7", Half.ODD, Verdict.PASS, Verdict.F4 if n in failing else None,
                    10, 200.0, 5.0)
         for n in names
     )  # fmt: skip

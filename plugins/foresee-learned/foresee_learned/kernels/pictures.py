@@ -11,7 +11,7 @@ SNAP = 1024
 """Edges are rounded to this part of a pixel before they are compared with middles: sines and cosines that differ in
 their last digit from machine to machine then give the same pixels (ours)."""
 PARALLEL = 1e-9
-"""An edge whose direction has so small a part across a row is parallel to it."""
+"""An edge whose direction has a smaller component across a row than this counts as parallel to it."""
 
 
 @inner

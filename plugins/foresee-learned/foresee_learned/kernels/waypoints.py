@@ -1,4 +1,5 @@
-"""A path of waypoints: where to steer for on it, and how far along it the ego may go because of each of the others."""
+"""Kernels for a path of waypoints: the point to steer for, and how far along the path the others allow the ego to
+go."""
 
 from __future__ import annotations
 
@@ -73,9 +74,12 @@ def _at(s: float, along: FloatArray, values: FloatArray) -> float:
 
 @compiled(TABLE, FLOAT, FLOAT, FLOAT)
 def aim(path: FloatArray, x: float, y: float, ahead_m: float) -> FloatArray:
-    """Return [3], the point of a path ([N, 2] m) that is `ahead_m` behind the foot of x, y on it, and the path's
-    length, m. Beyond its end it goes on straight, in the direction of its last metre: single waypoints of a slow car
-    lie close together, and jitter."""
+    """Return [3]: the point of a path ([N, 2] m) that lies `ahead_m` beyond the foot of x, y on it, and the path's
+    length, m.
+
+    Beyond its end the path goes on straight, in the direction of its last metre: single waypoints of a slow car lie
+    close together, and jitter.
+    """
     along = _lengths(path)
     nearest, foot, whole = np.inf, 0.0, along[-1]
     for k in range(path.shape[0] - 1):
@@ -105,13 +109,14 @@ def aim(path: FloatArray, x: float, y: float, ahead_m: float) -> FloatArray:
 def bounds(
     waypoints: FloatArray, others: FloatArray, times_s: FloatArray, ends_s: FloatArray, rules: Records
 ) -> FloatArray:
-    """Return how far along a path the ego may have come because of each of the others, [others, ends] m; infinite
-    where one does not bind.
+    """Return how far along a path each of the others allows the ego to go, [others, ends] m; infinite without a limit.
 
     Args:
         waypoints: [N, 2] m ahead and to the left; the ego is at 0, 0.
         others: [K, 6] ahead, left (m), heading (rad), length, width (m), speed (m/s).
-        times_s: for which the others are placed. ends_s: of the bounds. rules: [1].
+        times_s: times at which the others are placed.
+        ends_s: times of the limits.
+        rules: [1].
     """
     rule = rules[0]
     limits = np.full((others.shape[0], ends_s.shape[0]), np.inf)
@@ -127,7 +132,7 @@ def bounds(
 
 @inner
 def _places(waypoints: FloatArray, sample: float) -> FloatArray:
-    """Return the ego's places along the waypoints, [K, 4]: how far along (m), x, y (m), heading (rad)."""
+    """Return the ego's places along the waypoints, [K, 4]: length along them (m), x, y (m), heading (rad)."""
     path = np.zeros((waypoints.shape[0] + 1, 2))
     path[1:] = waypoints
     s = _lengths(path)
@@ -149,8 +154,8 @@ def _places(waypoints: FloatArray, sample: float) -> FloatArray:
 
 @inner
 def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: Record, blocked: FloatArray) -> bool:
-    """Write how far along the ego first meets another at each of the times, m, infinite where it does not; say whether
-    it ever does."""
+    """Write the length at which the ego first meets another actor at each of the times, m, infinite if it does not;
+    return whether it ever does."""
     ahead, left, heading, length, width, speed = other[0], other[1], other[2], other[3], other[4], other[5]
     if length < rule["small"]:
         length, width = length + 2.0 * rule["small_margin"], width + 2.0 * rule["small_margin"]
@@ -185,9 +190,9 @@ def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: R
 def _bound(
     blocked: FloatArray, other: FloatArray, times_s: FloatArray, ends_s: FloatArray, rule: Record, limits: FloatArray
 ) -> None:
-    """Write how far along the ego may have come at the end of each step because of one of the others, m.
+    """Write how far along the path one of the others allows the ego to go up to the end of each step, m.
 
-    A step's bound is the least of the times around its end, as InterFuser's: the other may be half a step late.
+    A step's limit is the smallest of the times around its end, as in InterFuser: the other may be half a step late.
     """
     speed = other[5]
     soon_s = rule["slow_soon"] if speed < rule["slow"] else rule["soon"]

@@ -39,10 +39,11 @@ _AHEAD, _LEFT, _EGO = (BIRDS_EYE_CHANNELS.index(name) for name in ("velocity_ahe
 
 @dataclass(frozen=True, slots=True)
 class StopLine:
-    """Where the ego's route comes to a junction: the line's middle (m), the route's heading (rad), its width (m).
+    """A place where the ego's route reaches a junction: the line's middle (m), the route's heading (rad), its width
+    (m).
 
-    `signal` is the key into `Observation.signals`, or None. `heads` is where the signal's lamps are: x, y, height over
-    the road (m).
+    `signal`: the key into `Observation.signals`, or None. `heads`: places of the signal's lamps: x, y, height above the
+    road (m).
     """
 
     x: float
@@ -101,7 +102,7 @@ class BirdsEye:
         self._draw_map(pose, picture[:_MAP], window)
         picture[_MAP:] = 0
         flat = picture.reshape(len(BIRDS_EYE_CHANNELS), -1)
-        # Stop lines and road users together: few calls, each of which takes longer than its arithmetic.
+        # Stop lines and road users are drawn in the same calls: a call takes longer than its arithmetic.
         channels = [_STOP.get(signals.get(s.signal or "", ""), _STOP["other"]) for s in self._stops]
         box, pixel = self._pixels(pose, np.concatenate((self._lines, actors)), window)
         flat[np.concatenate((np.array(channels, np.int64), groups + _GROUP))[box], pixel] = 255

@@ -1,8 +1,8 @@
-"""The forward view: a pinhole camera over flat ground, with boxes and walls that hide what is behind them.
+"""The forward view: a pinhole camera over flat ground, with boxes and walls that hide everything behind them.
 
-The camera is level, so everything upright that a column of the picture shows lies in one vertical plane. A ray over
-the ground for each column finds where it enters each box and each wall; height and distance give the rows. The nearest
-wins, pixel by pixel.
+The camera is level, so everything upright in a column of the picture lies in one vertical plane. For each column, a ray
+over the ground gives the places where it enters each box and each wall; height and distance give the rows. In each
+pixel the nearest one is shown.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from foresee_learned.rasters.layout import (
 )
 
 _NEAR_M = 0.1
-"""Nothing nearer to the camera than this is drawn; a box that the camera stands in is drawn from here on."""
+"""Nothing nearer to the camera than this is drawn, m; a box around the camera is drawn from this distance on."""
 _SNAP = 1024
 """Rows are rounded to this fraction of a pixel, so that processors that differ in the last digit draw the same picture
 (ours)."""
@@ -42,7 +42,7 @@ _PLANES = np.arange(_CLASSES, dtype=np.uint8)[:, None, None]
 
 
 def _labels_of_ground() -> NDArray[np.uint8]:
-    """Return the class that each of the 256 values of a map's bits is seen as."""
+    """Return the class in the forward view for each of the 256 values of a map's bits."""
     values = np.arange(256)
     bit = {name: (values >> k & 1).astype(bool) for k, name in enumerate(MAP_BITS)}
     label = {name: FORWARD_CHANNELS.index(name) for name in ("road", "marking", "footway", "ground")}
@@ -110,7 +110,7 @@ class Camera:
         return picture
 
     def _draw_walls(self, pose: Pose, depth: NDArray[np.float32], label: NDArray[np.uint8], range_m: float) -> None:
-        """All buildings are equally high, so in each column the nearest wall hides the others."""
+        """Draw the nearest wall of each column, which hides all others, as all buildings are equally high."""
         if not len(self._walls):
             return
         ahead, left = self._seen_from(pose, self._walls[..., 0], self._walls[..., 1])

@@ -1,4 +1,4 @@
-"""Pictures of a run: the map, the route and the buildings are drawn once; each step adds what moves."""
+"""Pictures of a run: the map, the route and the buildings are drawn once; each step adds the moving objects."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ _FIRST_GROUP = FORWARD_CHANNELS.index(GROUPS[0])
 
 
 class Canvas:
-    """Draws a run's pictures from plain arrays; nothing is drawn, not even the map, before the first picture is asked
-    for."""
+    """Draws a run's pictures from plain arrays; the map too is drawn only when the first picture is requested."""
 
     def __init__(
         self,
@@ -78,13 +77,14 @@ class Canvas:
         *,
         range_m: float = CAMERA_RANGE_M,
     ) -> NDArray[np.uint8]:
-        """Draw what the camera shows, [13, 64, 160] uint8.
+        """Draw the view of the camera, [13, 64, 160] uint8.
 
         Args:
             pose: x, y (m) of the ego's middle, its heading (rad).
             bodies: [K, 6] x, y (m), heading (rad), length, width, height (m); NaN where one is absent.
-            groups: [K] index into `layout.GROUPS`. signals: the colours that are seen; lamps that are off are dark.
-            range_m: how far the weather lets it see.
+            groups: [K] index into `layout.GROUPS`.
+            signals: the colours that are seen; lamps that are off are dark.
+            range_m: range of sight in this weather, m.
         """
         boxes = np.column_stack((bodies[:, :5], np.zeros(len(bodies)), bodies[:, 5]))
         labels, half = groups + _FIRST_GROUP, SIGNAL_HEIGHT_M / 2
@@ -115,10 +115,11 @@ class Canvas:
 
 @dataclass(frozen=True)
 class _RunPictures:
-    """What the pictures of a run share.
+    """The common part of the pictures of a run.
 
     Attributes:
-        sizes: [K, 3] length, width, height of the others, m. groups: [K] index into `layout.GROUPS`.
+        sizes: [K, 3] length, width, height of the others, m.
+        groups: [K] index into `layout.GROUPS`.
     """
 
     canvas: Canvas
@@ -144,14 +145,14 @@ def canvas_of(run: RunViews) -> Canvas:
 
 
 def birds_eye_view(step: StepViews, window: Window | None = None) -> NDArray[np.uint8]:
-    """Draw what the observation says, where its localisation puts the ego, [19, 192, 192]; or a part of it."""
+    """Draw the observation from above, around the ego's estimated place, [19, 192, 192]; or a part of the picture."""
     actors, groups = seen_arrays(step.actors)
     pose = (step.ego.x, step.ego.y, step.ego.heading_rad)
     return canvas_of(step.run).birds_eye(pose, actors, groups, step.signals, window or WHOLE)
 
 
 def forward_view(step: StepViews) -> NDArray[np.uint8]:
-    """Draw what a camera shows, [13, 64, 160]: shapes as they are."""
+    """Draw the view of the camera, [13, 64, 160], with the true shapes."""
     run = _pictures_of(step.run)
     bodies = np.hstack((step.states[:, :3], run.sizes))
     return run.canvas.forward(step.pose, bodies, run.groups, step.signals, range_m=step.run.range_m)
@@ -180,7 +181,7 @@ def stops_of(mission: Mission) -> tuple[StopLine, ...]:
 
 
 class RecordedFrames:
-    """The arrays that a `Canvas` takes, from a trace: where all actors really were."""
+    """The arrays for a `Canvas` from a trace: the true positions of all actors."""
 
     def __init__(self, trace: Trace) -> None:
         """Read the actors of a run. A trace holds no heights, so each actor gets the usual height of its class."""

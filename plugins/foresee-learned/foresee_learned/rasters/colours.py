@@ -22,7 +22,7 @@ _COLOURS: dict[str, Colour] = {
     **{"vehicle": (30, 70, 160), "two_wheeler": (0, 150, 150), "pedestrian": (200, 40, 160)},
     **{"obstacle": (220, 120, 20), "ego": (255, 225, 0)},
 }
-"""Later ones are painted over earlier ones."""
+"""Colours of the channels; later ones are painted over earlier ones."""
 
 
 def coloured(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

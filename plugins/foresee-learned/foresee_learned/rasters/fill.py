@@ -1,4 +1,4 @@
-"""Filling shapes: a pixel belongs to a shape when its middle does, so that neighbours never share one.
+"""Fills shapes: a pixel belongs to a shape if its middle does, so that neighbouring shapes never share a pixel.
 
 Coordinates are in pixels, x to the right and y down; pixel (row, column) has its middle at (column + 0.5, row + 0.5).
 """
@@ -58,8 +58,8 @@ def box_pixels(boxes: FloatArray, window: Window) -> tuple[IntArray, IntArray]:
 
 
 def _runs(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
-    """Return for runs of `count` numbers from `first` on: the run's index and the number, of all, one after the
-    other."""
+    """Return two arrays over all numbers of some runs, one run after the other: the run's index, and the number. Each
+    run has `count` numbers from `first` on."""
     index = np.repeat(np.arange(len(first)), count)
     number = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
     return index, number

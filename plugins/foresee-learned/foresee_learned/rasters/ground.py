@@ -26,31 +26,33 @@ if TYPE_CHECKING:
 
 
 M_PER_PX = 0.25
-"""Side of a map's pixel. Ours: half of a pixel of the bird's-eye view, so that sampling is off by 0.18 m at most."""
+"""Side of a map's pixel, m. Ours: half of a pixel of the bird's-eye view, so that the error of sampling is at most 0.18
+m."""
 MARKING_M = 0.5
 """Width of markings and lane centres in pictures. Ours: painted lines are 0.12 to 0.25 m wide and would be missed by
 pixels of 0.5 m."""
 ROUTE_M = 1.5
-"""Width of the route. Ours: half a lane, so that it can be told from the lane centres."""
+"""Width of the route, m. Ours: half a lane, so that it differs from the lane centres."""
 _MARGIN_M = 25.0
-"""Margin of the map around the lanes, m. Ours: a run ends (off the road) long before its ego comes so far."""
+"""Margin of the map around the lanes, m. Ours: a run ends (off the road) long before its ego is this far away."""
 _MAX_PX = 64_000_000
-"""The most pixels of a map, one byte each; that is 4 km^2. A larger map gets larger pixels (ours: 64 MB in each worker
+"""Largest number of pixels of a map, one byte each: 4 km^2. A larger map gets larger pixels (ours: 64 MB in each worker
 process)."""
 _FRACTION = 12
-"""Fractional bits of a coordinate (fixed point, in pixels) while the map is sampled. Of 32 bits enough are left for a
-map 500,000 pixels wide, and the corners of a picture of 200 pixels are off by 0.03 of a map's pixel."""
+"""Fractional bits of a coordinate (fixed point, in pixels) while the map is sampled. The rest of the 32 bits is enough
+for a map 500,000 pixels wide; the error at the corners of a picture of 200 pixels is 0.03 of a map's pixel."""
 
 _drawn_maps: WeakKeyDictionary[RoadNetwork, GroundMap] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
 class GroundMap:
-    """What lies where on the ground of a network.
+    """The ground of a network, as bits for each pixel.
 
     Attributes:
         bits: [H, W] uint8, row 0 in the north: bit k is set where the ground is `MAP_BITS[k]`.
-        west_m, north_m: the outer corner of pixel (0, 0). m_per_px: side of a pixel.
+        west_m, north_m: the outer corner of pixel (0, 0).
+        m_per_px: side of a pixel.
     """
 
     bits: NDArray[np.uint8]
@@ -60,7 +62,7 @@ class GroundMap:
 
     @classmethod
     def of(cls, network: RoadNetwork) -> GroundMap:
-        """Draw a network's ground, or return what was drawn of the same network before."""
+        """Return a network's ground; it is drawn at the first call for a network."""
         if network not in _drawn_maps:
             _drawn_maps[network] = cls._drawn(network)
         return _drawn_maps[network]

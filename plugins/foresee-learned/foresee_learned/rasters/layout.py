@@ -1,4 +1,4 @@
-"""What the pictures' channels, sizes and values mean (docs/reference/rasters.md shows the same as tables)."""
+"""Channels, sizes and values of the pictures (docs/reference/rasters.md shows the same as tables)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FORWARD_CHANNELS = (
 """Channels of the forward view: planes of classes, of which a pixel has one or none, and the inverse depth."""
 MAP_BITS = BIRDS_EYE_CHANNELS[:8]
 GROUPS: tuple[str, ...] = ("vehicle", "two_wheeler", "pedestrian", "obstacle")
-"""What kinds of road users a picture tells apart; arrays name them by their index."""
+"""Kinds of road users that a picture distinguishes; arrays contain the index."""
 GROUP_OF: dict[str, int] = {
     **{"car": 0, "van": 0, "truck": 0, "bus": 0},
     **{"motorcycle": 1, "bicycle": 1, "pedestrian": 2, "obstacle": 3},
@@ -31,23 +31,26 @@ HEIGHTS_M: dict[str, float] = {
     **{"car": 1.5, "van": 2.3, "truck": 3.5, "bus": 3.1},
     **{"motorcycle": 1.7, "bicycle": 1.75, "pedestrian": 1.75, "obstacle": 1.0},
 }
-"""Heights by kind, riders included, for recorded runs, whose traces hold none. Ours: middling models of each kind."""
+"""Heights by kind, including riders, m, for recorded runs, whose traces contain none. Ours: average models of each
+kind."""
 VELOCITY_ZERO = 128
 """Value of a velocity channel on a road user that stands still; 0 where there is none."""
 VELOCITY_PER_MPS = 5
-"""Steps of a velocity channel to a metre a second. Ours: reaches 25 m/s (91 km/h) either way, in steps of 0.2 m/s."""
+"""Steps of a velocity channel per m/s. Ours: reaches 25 m/s (91 km/h) in both directions, in steps of 0.2 m/s."""
 INVERSE_DEPTH_SCALE = 510.0
-"""Value of the inverse depth at 1 m. Ours: full (255) at 2 m, where hardly anything but a crash is seen; 5 at 100 m."""
+"""Value of the inverse depth at 1 m. Ours: 255, the largest value, at 2 m, a distance that occurs only in a crash; 5 at
+100 m."""
 CAMERA_HEIGHT_M = 1.4
-"""Ours: behind the windscreen of a car 1.5 m high."""
+"""Height of the camera, m. Ours: behind the windscreen of a car 1.5 m high."""
 CAMERA_AHEAD_M = 0.3
-"""From the middle of the footprint to the camera. Ours: the upper edge of a car's windscreen."""
+"""Distance from the middle of the footprint to the camera, m. Ours: the upper edge of a car's windscreen."""
 BUILDING_HEIGHT_M = 9.0
-"""Of every building: the network gives outlines only. Ours: three storeys; they hide all that is behind them."""
+"""Height of every building, m: the network contains outlines only. Ours: three storeys, which hide everything behind
+them."""
 SIGNAL_HEIGHT_M = 1.0
-"""Ours: three lamps of 0.3 m (EN 12368 has 0.2 m and 0.3 m) with their frame."""
+"""Height of a signal head, m. Ours: three lamps of 0.3 m (EN 12368 has 0.2 m and 0.3 m) with their frame."""
 SIGNAL_WIDTH_M = 0.5
-"""Ours: a lamp of 0.3 m with its backplate."""
+"""Width of a signal head, m. Ours: a lamp of 0.3 m with its backplate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +103,8 @@ class ForwardLayout:
         return self.columns / 2 / math.tan(self.view_rad / 2)
 
     def pixel(self, ahead_m: float, left_m: float, height_m: float) -> tuple[int, int]:
-        """Return row and column of a point in the camera's frame, its height above the road; `ahead_m` is over 0."""
+        """Return row and column of a point in the camera's frame, with its height above the road; `ahead_m` is
+        positive."""
         row = math.floor(self.rows / 2 - (height_m - CAMERA_HEIGHT_M) / ahead_m * self.focal_px)
         return row, math.floor(self.columns / 2 - left_m / ahead_m * self.focal_px)
 
@@ -108,4 +112,4 @@ class ForwardLayout:
 BIRDS_EYE = BirdsEyeLayout()
 FORWARD = ForwardLayout()
 WHOLE = Window(0, 0, BIRDS_EYE.rows, BIRDS_EYE.columns)
-"""All of the view from above."""
+"""The whole view from above."""

@@ -24,14 +24,15 @@ Cases = Annotated[
 
 def fuzz(
     paths: Cases,
-    out: Annotated[Path, typer.Option("--out", help="The folder to write into.")] = Path("fuzz"),
-    cycles: Annotated[int, typer.Option(min=1, max=1000, help="Cycles of a seed, at most.")] = 10,
-    mutations: Annotated[int, typer.Option(min=1, max=1000, help="Mutations in each cycle.")] = 8,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("fuzz"),
+    cycles: Annotated[int, typer.Option(min=1, max=1000, help="Maximum number of cycles per test case.")] = 10,
+    mutations: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutations per cycle.")] = 8,
     together: Annotated[
         bool,
         typer.Option(
             "--together",
-            help="Each mutation changes actors and weather, and one in four the ground too; else one of the three.",
+            help="Each mutation changes both actors and weather, and one in four also the ground; without this option "
+            "it changes one of the three.",
         ),
     ] = False,
     driver: common.DriverOption = "pdm",
@@ -45,18 +46,18 @@ def fuzz(
     shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = "",
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
-    memory: Annotated[float, typer.Option(min=100, help="Memory in MB that a worker may take.")] = 4096,
+    memory: Annotated[float, typer.Option(min=100, help="Memory limit of a worker, MB.")] = 4096,
     budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Run again what crashed or hung before.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Repeat runs that crashed or hung before.")] = False,
     exit_zero: common.ExitZeroOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     json: JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
-    """Mutate whole test cases, cycle after cycle, until the driver fails: DriveFuzz, which knows no risky points.
+    """Mutate whole test cases, cycle after cycle, until the driver fails (DriveFuzz); risky points are not used.
 
-    Each mutation adds or moves an actor near the ego's start, changes the weather, or puts a slippery patch; the worst
-    drive of a cycle is mutated next. Exit code 1 when a test case failed, mutated or not.
+    Each mutation adds or moves an actor near the ego's start, changes the weather, or adds a slippery patch. The worst
+    drive of a cycle is mutated in the next one. Exit code 1 when a test case failed, mutated or not.
 
     [dim]foresee fuzz scenarios/scenario7.foresee --out fuzz --jobs 2
     foresee fuzz scenarios/scenario7.foresee::r02 --cycles 3 --mutations 4[/dim]
@@ -75,7 +76,7 @@ def fuzz(
     from foresee_study.fuzz.folder import as_text
     from foresee_study.fuzz.settings import FuzzSettings
     from foresee_study.fuzz.terminal import FuzzProgress, print_fuzz
-    from foresee_study.fuzz.texts import seed_of
+    from foresee_study.fuzz.texts import original_of
 
     find_driver(driver)  # an unknown name is reported before anything runs
     stop = StopSignal()
@@ -88,7 +89,7 @@ def fuzz(
     )
     cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
     for case in cases:
-        seed_of(case)  # what cannot be extended is reported before there is a store
+        original_of(case)  # what cannot be extended is reported before there is a store
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
     settings = FuzzSettings(driver, cycles, mutations, seed, together)

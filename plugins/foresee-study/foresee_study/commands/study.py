@@ -35,13 +35,13 @@ REPORT = "report"
 
 def study(
     question: Annotated[
-        str, typer.Argument(metavar="QUESTION", help="rq1 to rq5, several with commas, all, or report.")
+        str, typer.Argument(metavar="QUESTION", help="rq1 to rq5 (several with commas), all, or report.")
     ],
     paths: Annotated[
         list[str] | None,
         typer.Argument(
             metavar="[PATH]...",
-            help="Scenario files, folders or test cases; by default the bundled ones. Of report: the study's folder.",
+            help="Scenario files, folders or test cases (default: the bundled ones). For report: the study's folder.",
             autocompletion=case_addresses,
         ),
     ] = None,
@@ -51,7 +51,7 @@ def study(
     ] = None,
     drivers: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="Drivers, with commas; fusion_safe,fusion,pdm,frenetix."),
+        typer.Option(metavar="NAMES", help="Drivers, with commas; by default fusion_safe,fusion,pdm,frenetix."),
     ] = None,
     rankers: Annotated[
         str | None,
@@ -63,24 +63,26 @@ def study(
         str | None,
         typer.Option(
             metavar="HALF",
-            help="even, odd or all: of the test cases, by a hash of their names. Settings are chosen on the even half "
-            "and reported on the odd one, which is the default.",
+            help="Half of the test cases, by a hash of their names: even, odd or all. Settings were chosen on the even "
+            "half; results are reported on the odd half, which is the default.",
             show_default=False,
         ),
     ] = None,
     cases: Annotated[
-        int | None, typer.Option("--cases", min=1, help="Maximum number of test cases, from all families.")
+        int | None, typer.Option("--cases", min=1, help="Maximum number of test cases, spread over all families.")
     ] = None,
     only: OnlyOption = None,
-    repetitions: Annotated[int, typer.Option(min=1, max=100, help="Repetitions, each with a seed of its own.")] = 3,
+    repetitions: Annotated[
+        int, typer.Option(min=1, max=100, help="Number of repetitions, each with its own seed.")
+    ] = 3,
     exhaustive: Annotated[
         str,
         typer.Option(
-            metavar="D,R", help="Search exhaustively: of the first D drivers, R repetitions. 0,0: not at all."
+            metavar="D,R", help="Exhaustive search: R repetitions with each of the first D drivers; 0,0: none."
         ),
     ] = "1,1",
     preset: common.PresetOption = "paper",
-    children: Annotated[int, typer.Option(min=1, max=1000, help="Mutated children of a clip.")] = 4,
+    children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants per clip.")] = 4,
     against: Annotated[
         str | None,
         typer.Option(
@@ -89,33 +91,37 @@ def study(
     ] = None,
     fuzzing: Annotated[
         str,
-        typer.Option(metavar="R,C,M", help="rq4: DriveFuzz with R repetitions, C cycles and M mutations a cycle."),
+        typer.Option(metavar="R,C,M", help="For rq4, DriveFuzz: R repetitions, C cycles, M mutations per cycle."),
     ] = "1,10,8",
     towns: Annotated[
         list[Path] | None,
-        typer.Option("--town", help="rq5: a folder of test cases of another town; may be given several times."),
+        typer.Option("--town", help="For rq5: a folder of test cases of another town; may be given several times."),
     ] = None,
     seed: common.SeedOption = 0,
     jobs: Jobs = CPUS,
     shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = "",
-    executor: Annotated[str, typer.Option(help="What runs it: local (processes here), dask (a cluster).")] = "local",
+    executor: Annotated[
+        str, typer.Option(help="Where runs are executed: local (processes here), dask (a cluster).")
+    ] = "local",
     scheduler: Annotated[
         str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started here.")
     ] = "",
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
-    memory: Annotated[float, typer.Option(min=100, help="Memory in MB that a worker may take.")] = 4096,
+    memory: Annotated[float, typer.Option(min=100, help="Memory limit of a worker, MB.")] = 4096,
     budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Run again what crashed or hung in an earlier study.")] = False,
-    plan: Annotated[bool, typer.Option("--plan", help="Only say how much each question would run.")] = False,
-    page: Annotated[Path | None, typer.Option(help="Also write the page of results here.")] = None,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Repeat runs that crashed or hung in an earlier study.")
+    ] = False,
+    plan: Annotated[bool, typer.Option("--plan", help="Only show how many runs each question needs.")] = False,
+    page: Annotated[Path | None, typer.Option(help="Also write the page of results to this file.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Ask the paper's questions of this tool: run what each needs, and write tables, figures and a page of results.
+    """Answer the paper's questions with this tool: run the campaigns, and write tables, figures and a page of results.
 
-    Everything goes into one store: questions share their runs, and a study that was stopped continues where it was.
+    All results are in one store: questions share their runs, and the same command continues a stopped study.
 
     [dim]foresee study rq2 --drivers pdm --repetitions 1 --jobs 2
     foresee study all --half all --plan
@@ -214,7 +220,7 @@ def _run(
         say(note)
     with ExitStack() as stack:
         stack.enter_context(only_writer(folder.at, "--out"))
-        folder.noted(settings, {}, notes)  # a study that is killed can be reported as far as it came
+        folder.noted(settings, {}, notes)  # so that the finished part of a killed study can be reported
         opened = stack.enter_context(Store(store))
         listeners, _ = progress(stack, screen, quiet=quiet, log=None)
         stack.enter_context(stop.listening())
@@ -281,7 +287,9 @@ def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Pa
     rows = [(p.question, p.campaigns, p.done, p.to_run, p.at_most_more, duration(p.longest_s / jobs)) for p in plans]
     heads = ("question", "campaigns", "runs done", "to run", "at most more", f"at most, {jobs} workers")
     screen.print(plain_table(heads, rows))
-    screen.print("What an earlier question runs is not counted again. Runs with reference drivers come on top.")
+    screen.print(
+        "Runs that an earlier question needs too are not counted again. Runs with reference drivers are not included."
+    )
 
 
 def _print_took(screen: Console, folder: StudyFolder, costs: dict[str, Cost]) -> None:

@@ -142,7 +142,8 @@ def _faults(benchmark: Benchmark) -> list[str]:
     lines = [
         "## Faults",
         "",
-        "Threshold; at the middle strength the fault's failing children of all (of plain: test cases).",
+        "Threshold: the weakest strength that is detected. Numbers: at the middle strength, the failing mutants that "
+        "the fault causes, of all failing ones (for plain: test cases).",
         "",
     ]
     rows = []

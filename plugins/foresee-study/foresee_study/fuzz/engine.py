@@ -1,7 +1,7 @@
-"""DriveFuzz over many test cases: each is mutated cycle after cycle; the worst drive of a cycle is the next parent.
+"""Runs DriveFuzz on many test cases: each is mutated cycle after cycle; the worst drive of a cycle is the next parent.
 
-The mutations of a cycle are independent of each other, and each is stored under a key of everything that it depends on.
-So the result is the same for any number of workers, and a stopped command continues where it was. Mutations after a
+The mutations of a cycle are independent of each other, and each result is stored under a key of all its inputs. So the
+result is the same for any number of workers, and a stopped command continues with the missing runs. Mutations after a
 failure in its cycle do not count.
 """
 
@@ -30,8 +30,8 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz import settings as s
 from foresee_study.fuzz.folder import FOLDER, publish
 from foresee_study.fuzz.quality import Quality
-from foresee_study.fuzz.records import Cycle, FuzzResult, FuzzRun, Outcome, SeedFuzz, decode, encode
-from foresee_study.fuzz.texts import Seed, file_text, seed_of
+from foresee_study.fuzz.records import Cycle, FuzzedCase, FuzzResult, FuzzRun, Outcome, decode, encode
+from foresee_study.fuzz.texts import Original, file_text, original_of
 from foresee_study.fuzz.worker import Job, run_job
 
 KIND = "fuzz"
@@ -51,12 +51,17 @@ def fuzz(
     """Fuzz test cases; write `fuzz.json` and every mutated test case that was run.
 
     Args:
-        cases: the seeds: written or random scenarios, or results of an earlier fuzzing run. A seed that fails without
-            mutation is not mutated. out: folder in which `mutated` and `fuzz.json` are replaced. store: open for
-            writing; a campaign's store can be used.
+        cases: the original test cases: written or random scenarios, or results of an earlier fuzzing run. A test case
+            that fails without mutation is not mutated.
+        settings: those of the run.
+        out: folder in which `mutated` and `fuzz.json` are replaced.
+        store: open for writing; a campaign's store can be used.
+        listeners: are notified of each run.
+        options: number of workers, limits, stop signal.
 
     Raises:
-        InputError: a seed is impossible on its network. ForeseeError: a seed is a clip or a mutant. Nothing was run.
+        InputError: a test case is impossible on its network; nothing was run.
+        ForeseeError: a test case is a clip or a mutant; nothing was run.
         StoreError: the store cannot be written any more; it contains the finished runs.
     """
     started = time.monotonic()
@@ -65,7 +70,7 @@ def fuzz(
     run = _Fuzzing(cases, settings, out, store, listeners, options, started)
     interrupted = run.until_done()
     result = FuzzResult(
-        settings, tuple(seed.result() for seed in run.seeds), interrupted, tuple(sorted(run.broken)),
+        settings, tuple(progress.result() for progress in run.progress), interrupted, tuple(sorted(run.broken)),
         time.monotonic() - started,
     )  # fmt: skip
     publish(result, out)
@@ -73,11 +78,11 @@ def fuzz(
 
 
 @dataclass
-class _Seed:
-    """The progress of one seed."""
+class _Progress:
+    """The progress of one test case."""
 
     case: TestCase
-    seed: Seed
+    original: Original
     name: str
     settings: s.FuzzSettings
     out: Path
@@ -87,19 +92,20 @@ class _Seed:
     """The lines of the parent of each cycle."""
     chosen: list[int] = field(default_factory=list)
     waits: set[int] = field(default_factory=set)
-    """The numbers of the mutations in progress in the cycle; 0: the seed itself."""
+    """The numbers of the mutations in progress in the cycle; 0: the unmutated test case."""
     lost: bool = False
-    """Whether the seed cannot be continued."""
+    """Whether the test case cannot be continued."""
 
     @property
     def over(self) -> bool:
-        """Whether nothing is left to do for the seed."""
+        """Whether no run remains for the test case."""
         if self.lost or self.plain is None:
             return self.lost
         return self.plain.verdict is not Verdict.PASS or self._failed() > 0 or len(self.chosen) == self.settings.cycles
 
     def _failed(self) -> int:
-        """Return the number of the mutation that ends the seed, in its last cycle: the first failing one; 0: none."""
+        """Return the number of the first failing mutation of the last cycle, which ends the test case; 0 if none
+        failed."""
         runs = self.cycles[-1] if self.cycles else {}
         failed = min((k for k, outcome in runs.items() if outcome.verdict.is_failure), default=0)
         return failed if failed and all(k in runs for k in range(1, failed)) else 0
@@ -130,8 +136,8 @@ class _Seed:
             self.chosen.append(best)
             self.parents.append(runs[best].lines if best else self.parents[-1])
 
-    def result(self) -> SeedFuzz:
-        """Return the result of the seed so far."""
+    def result(self) -> FuzzedCase:
+        """Return the result of the test case so far."""
         failed, cycles = self._failed(), []
         for k, runs in enumerate(self.cycles, start=1):
             last = k == len(self.cycles)
@@ -141,7 +147,7 @@ class _Seed:
             chosen = self.chosen[k - 1] if k <= len(self.chosen) else 0
             if counted:
                 cycles.append(Cycle(k, tuple(self._named(k, n, outcome) for n, outcome in counted.items()), chosen))
-        return SeedFuzz(self.case.id, self.case.family, self.plain, tuple(cycles))
+        return FuzzedCase(self.case.id, self.case.family, self.plain, tuple(cycles))
 
     def _named(self, cycle: int, number: int, outcome: Outcome) -> FuzzRun:
         name = f"{self.name}_c{cycle:02d}_m{number}"
@@ -150,9 +156,9 @@ class _Seed:
                  f"score {outcome.quality.score:.2f}: {outcome.reason or 'passed'}")  # fmt: skip
         if not file:
             return FuzzRun(name, cycle, number, "", "", outcome)
-        text = file_text(name, self.seed, self.out / file, outcome.lines, about=about, driver=self.settings.driver,
+        text = file_text(name, self.original, self.out / file, outcome.lines, about=about, driver=self.settings.driver,
                          outcome=outcome)  # fmt: skip
-        address = f"{file}::{self.seed.case}" if self.seed.case else file
+        address = f"{file}::{self.original.case}" if self.original.case else file
         return FuzzRun(name, cycle, number, file, address, outcome, text)
 
 
@@ -168,10 +174,10 @@ class _Fuzzing:
         self._folder = out.resolve() / FOLDER / "one"
         names = _names(cases)
         mine = [c for c in cases if options.shard.holds(hashlib.sha256(c.meaning.encode()).hexdigest())]
-        self.seeds = [_Seed(case, seed_of(case), names[case.id], settings, out.resolve()) for case in mine]
+        self.progress = [_Progress(case, original_of(case), names[case.id], settings, out.resolve()) for case in mine]
         self.broken: list[str] = []
         self._executor: Executor | None = None
-        self._running: dict[str, tuple[_Seed, int, Job]] = {}
+        self._running: dict[str, tuple[_Progress, int, Job]] = {}
         budget_s = options.limits.budget_s
         self._ends_s = math.inf if budget_s is None else started_s + budget_s
 
@@ -180,14 +186,14 @@ class _Fuzzing:
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1 AND kind = ?", (KIND,))
         for listener in self._listeners:
-            listener.planned(KIND, len(self.seeds) * (1 + self._settings.cycles * self._settings.mutations))
+            listener.planned(KIND, len(self.progress) * (1 + self._settings.cycles * self._settings.mutations))
         try:
             self._hand_out()
             if self._executor is not None:
                 for update in self._executor.updates(self._stop):
                     self._handle(update)
                     self._hand_out()
-            return any(not seed.over for seed in self.seeds)
+            return any(not progress.over for progress in self.progress)
         finally:
             if self._executor is not None:
                 self._executor.close()
@@ -196,33 +202,34 @@ class _Fuzzing:
         return self._options.stop() or time.monotonic() > self._ends_s
 
     def _hand_out(self) -> None:
-        """Begin mutations: of each seed only enough to keep the workers busy, because a failure ends the seed."""
+        """Begin mutations: of each test case only enough to keep the workers busy, because a failure ends the test
+        case."""
         ahead = True
         while ahead and not self._stop():
             ahead = False
-            open_ = [seed for seed in self.seeds if not seed.over]
+            open_ = [progress for progress in self.progress if not progress.over]
             most = max(1, math.ceil(self._options.jobs / max(len(open_), 1)))
-            for seed in open_:
-                for number in seed.next(most):
-                    ahead |= self._begin(seed, number)
+            for progress in open_:
+                for number in progress.next(most):
+                    ahead |= self._begin(progress, number)
 
-    def _begin(self, seed: _Seed, number: int) -> bool:
+    def _begin(self, progress: _Progress, number: int) -> bool:
         """Take a mutation's result from the store, or pass it to a worker; return whether it was in the store."""
-        cycle = len(seed.cycles) if number else 0
-        parent = seed.parents[-1] if number else ""
-        job = Job(seed.seed, parent, cycle, number, seed.case.meaning, self._settings, self._folder,
+        cycle = len(progress.cycles) if number else 0
+        parent = progress.parents[-1] if number else ""
+        job = Job(progress.original, parent, cycle, number, progress.case.meaning, self._settings, self._folder,
                   self._options.limits.deadlines)  # fmt: skip
         key = self._key(job)
         row = self._store.get(key)
         if row is not None:
             self._tell(row, new=False)
-            seed.take(number, decode(row.record))
+            progress.take(number, decode(row.record))
             return True
-        seed.waits.add(number)
+        progress.waits.add(number)
         # A mutation has a limited number of attempts of some seconds each; the last run has its full length.
-        simulated_s = longest_s(seed.case) + s.TRIES * s.FIRST_S
+        simulated_s = longest_s(progress.case) + s.TRIES * s.FIRST_S
         task = Task(job.name, run_job, job, self._options.limits.for_run(simulated_s), key)
-        self._running[key] = seed, number, job
+        self._running[key] = progress, number, job
         if self._executor is None:
             self._executor = self._options.executor(self._options)
         self._executor.add([task], (cycle,))
@@ -235,7 +242,7 @@ class _Fuzzing:
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:DIGITS]
 
     def _handle(self, update: Update) -> None:
-        seed, number, job = self._running.pop(update.task.key)
+        progress, number, job = self._running.pop(update.task.key)
         outcome, broken = update.value, isinstance(update.value, Broken)
         ended_outside = isinstance(update.value, Broken) and update.value.how == "killed"
         if isinstance(update.value, Broken):
@@ -251,7 +258,7 @@ class _Fuzzing:
         )  # fmt: skip
         # A process that was ended from outside has no result: the next fuzzing run repeats it.
         self._tell(row if ended_outside else self._store.add(row), new=True)
-        seed.take(number, outcome)
+        progress.take(number, outcome)
 
     def _tell(self, row: Row, *, new: bool) -> None:
         for listener in self._listeners:
@@ -259,7 +266,7 @@ class _Fuzzing:
 
 
 def _names(cases: Sequence[TestCase]) -> dict[str, str]:
-    """Return the file name of each seed: its scenario and case, with a number if two names are equal."""
+    """Return the file name of each test case: its scenario and case, with a number if two names are equal."""
     names: dict[str, str] = {}
     for case in cases:
         name, again = case_name(case), 1

@@ -25,8 +25,8 @@ def publish(result: FuzzResult, out: Path) -> None:
         shutil.rmtree(left, ignore_errors=True)
     work = out / f".fuzz-{os.getpid()}"
     (work / FOLDER).mkdir(parents=True)
-    for seed in result.seeds:
-        for run in seed.every:
+    for case in result.seeds:
+        for run in case.every:
             if run.outcome.lines:
                 file = work / run.file
                 file.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Creates one mutation of a test case: the parent's added and changed lines, plus one more change."""
+"""Creates one mutation of a test case: the added and changed lines of its parent, plus one more change."""
 
 from __future__ import annotations
 
@@ -48,14 +48,17 @@ class Mutator:
     """Mutates one test case.
 
     Args:
-        case: the parent with its mutations. seed: the parent's seed, without mutations. lines: the parent's added and
-            changed lines. bundle: the compiled parent. rng: source of all random choices.
+        case: the parent, an original test case or a mutated one.
+        original: the test case without mutations.
+        lines: the parent's added and changed lines.
+        bundle: the compiled parent.
+        rng: source of all random choices.
     """
 
     def __init__(
-        self, case: TestCase, seed: TestCase, lines: Sequence[Line], bundle: SumoBundle, rng: np.random.Generator
+        self, case: TestCase, original: TestCase, lines: Sequence[Line], bundle: SumoBundle, rng: np.random.Generator
     ) -> None:
-        self._case, self._seed, self._lines = case, seed, tuple(lines)
+        self._case, self._original, self._lines = case, original, tuple(lines)
         self._bundle, self._rng = bundle, rng
         self._specs = {name: spec_of(model) for name, model in sorted(case.models.items())}
 
@@ -68,7 +71,7 @@ class Mutator:
         return self._weather() if draw < s.PATCH_SHARE + s.WEATHER_SHARE else self._actor()
 
     def all_changes(self) -> Mutated | None:
-        """Add or move an actor, change the weather, and in one of four add a patch; None as in `one_change`."""
+        """Add or move an actor, change the weather, and in one of four cases add a patch; None as in `one_change`."""
         changes: list[Callable[[], Mutated | None]] = [self._actor, self._weather]
         if float(self._rng.random()) < s.PATCH_SHARE:
             changes.append(self._patch)
@@ -85,7 +88,7 @@ class Mutator:
         rain, fog, wetness, sun = (_number(float(self._rng.random()), "ratio") for _ in range(4))
         weather = m.Weather(rain=rain, fog=fog, wetness=wetness, sun=sun)
         others = tuple(line for line in self._lines if not isinstance(line.item, m.Weather))
-        line = m.Replace(item=weather) if self._seed.scenario.one(m.Weather) is not None else m.Add(item=weather)
+        line = m.Replace(item=weather) if self._original.scenario.one(m.Weather) is not None else m.Add(item=weather)
         return Mutated((*others, line), print_item(weather))
 
     def _patch(self) -> Mutated | None:
@@ -147,7 +150,7 @@ class Mutator:
         return models[int(self._rng.integers(len(models)))]
 
     def _placed(self, name: str, spec: ModelSpec, manner: Manner, around: Around) -> m.Actor | None:
-        """Return the statement of an actor at the first random place that is free; None without one."""
+        """Return the statement of an actor at the first free place in a random order; None if no place is free."""
         begin = self._on_foot if spec.kind == "pedestrian" else self._on_wheels
         for body, state, placed in begin(spec, manner, around):
             if around.is_free(placed):

@@ -28,7 +28,7 @@ BESIDE_M = 1.5
 
 @dataclass(frozen=True)
 class LanePlace:
-    """A place on a lane: the length along it of an actor's front."""
+    """A place on a lane: position of an actor's front along it, m."""
 
     lane: Lane
     along_m: float
@@ -43,8 +43,9 @@ class Around:
     """The places around the ego's start in a scene, and the actors that occupy some of them.
 
     Args:
-        bundle: the compiled parent. rng: source of all random choices. gone: an actor whose place counts as free,
-            because it is moved.
+        bundle: the compiled parent.
+        rng: source of all random choices.
+        gone: an actor that is moved, so that its present place counts as free.
     """
 
     def __init__(self, bundle: SumoBundle, rng: np.random.Generator, gone: str = "") -> None:
@@ -57,8 +58,10 @@ class Around:
         self._taken = [shapely.Polygon(footprint(actor)) for actor in self._others]
 
     def on_lanes(self, spec: ModelSpec, *, blocks: bool = False) -> Iterator[LanePlace]:
-        """Yield places on lanes for a model, in random order; `blocks`: the actor stands there for the whole run, so on
-        the ego's route there must be another lane beside it."""
+        """Yield places on lanes for a model, in random order.
+
+        `blocks`: the actor stands there for the whole run, so a place on the ego's route needs another lane beside it.
+        """
         places = self._lane_places(lane_kind(spec), blocks=blocks)
         for k in self.rng.permutation(len(places))[: s.PLACES_TRIED]:
             yield places[int(k)]
@@ -77,7 +80,8 @@ class Around:
             yield places[int(k)]
 
     def on_ground(self) -> XY | None:
-        """Return the middle of a slippery patch: a place on a lane, within the same distance as actors."""
+        """Return the centre of a slippery patch on a lane, m, at a distance from the ego as for actors; None without a
+        place."""
         places = [place for place in self._lane_places("car") if place.lane.speed_mps > 0]
         if not places:
             return None
@@ -85,7 +89,8 @@ class Around:
         return x, y
 
     def is_free(self, actor: PlacedActor) -> bool:
-        """Return whether no actor is near, and no vehicle would drive into it before it could stop."""
+        """Return whether an actor has free space around it, and a vehicle also enough free lane in front of and behind
+        it."""
         box = shapely.Polygon(footprint(actor))
         if any(box.distance(other) < s.ROOM_M for other in self._taken):
             return False

@@ -24,13 +24,13 @@ by the steering wheel's angle, which in a kinematic model is geometry alone."""
 ROLLS_MPS = 5.0 / 3.6
 """Speed below which over- and understeer do not count, m/s: DriveFuzz's 5 km/h."""
 SWINGS_MPS2 = 0.1 * 9.81
-"""Oversteer: difference of the lateral acceleration from its mean over `MEAN_S`, m/s^2: DriveFuzz's 0.1 g between its
-two low-pass filters."""
+"""Oversteer: least difference of the lateral acceleration from its mean over `MEAN_S`, m/s^2: DriveFuzz's 0.1 g between
+its two low-pass filters."""
 SPINS_RAD_S = float(np.radians(17.5))
 """Oversteer: yaw rate above which DriveFuzz's fuzzy rules do not call it small, rad/s."""
 MEAN_S = 1.0
-"""Window of that mean, s. Ours: a moving mean of 1 s passes frequencies below 0.44 Hz, like DriveFuzz's heavy filter of
-0.5 Hz."""
+"""Window of the moving mean, s. Ours: a moving mean of 1 s passes frequencies below 0.44 Hz, like DriveFuzz's heavy
+filter of 0.5 Hz."""
 STEERS_RAD = float(np.radians(1.0))
 """Understeer: least angle of the front wheels, rad. Ours, for DriveFuzz's 10 degrees of the steering wheel."""
 WIDE_SHARE = 0.9
@@ -43,7 +43,8 @@ TOUCHES_M = 0.1
 
 @dataclass(frozen=True)
 class Quality:
-    """The number of frames (of 0.05 s) of bad driving, by kind; and 1 / the least distance to another actor (1/m)."""
+    """The number of frames (of 0.05 s) of bad driving by kind, and the inverse of the least distance to another actor,
+    1/m."""
 
     hard_acceleration: int = 0
     hard_braking: int = 0

@@ -1,4 +1,4 @@
-"""What a fuzzing run gives: runs of mutated test cases, cycles of them, seeds, and the whole."""
+"""Records of a fuzzing run: runs of mutated test cases, their cycles, the test cases, and the whole run."""
 
 from __future__ import annotations
 
@@ -18,12 +18,16 @@ from foresee_study.fuzz.settings import FuzzSettings
 
 @dataclass(frozen=True)
 class Outcome:
-    """One mutated test case as it was run; what the store holds.
+    """The result of one mutated test case, as stored.
 
     Attributes:
-        lines: what it adds to and changes of its seed: the lines of its file, without those of its head.
-        what: its mutation in words. verdict, with_, reason, time_s, duration_s: of its run.
-        quality: how the ego drove. refused: how many draws before it were impossible.
+        lines: the lines of its file that add or change statements of the original test case, as text.
+        what: its mutation in words.
+        verdict, with_, reason, time_s, duration_s: those of its run; `with_` is the actor that the ego hit, or "".
+        wall_s: wall time of the draws and the run, s.
+        quality: the driving quality of the ego.
+        refused: number of impossible draws before it.
+        digest: the digest of its trace.
     """
 
     lines: str
@@ -42,7 +46,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class FuzzRun:
-    """A mutated test case of a seed. `file`: relative to the folder that is written; `address`: with its case."""
+    """A mutated test case, as reported. `file`: relative to the output folder; `address`: the file with its case."""
 
     name: str
     cycle: int
@@ -89,32 +93,32 @@ class FuzzRun:
 
     @property
     def verdict(self) -> Verdict:
-        """How it ended."""
+        """The verdict of its run."""
         return self.outcome.verdict
 
     @property
     def with_(self) -> str:
-        """Whom the ego hit, or ""."""
+        """The actor that the ego hit, or ""."""
         return self.outcome.with_
 
     @property
     def reason(self) -> str:
-        """How it ended, in words."""
+        """The verdict in words."""
         return self.outcome.reason
 
     @property
     def time_s(self) -> float:
-        """When its verdict was reached, s."""
+        """Time of the verdict, s."""
         return self.outcome.time_s
 
     @property
     def duration_s(self) -> float:
-        """How much was simulated, s."""
+        """Simulated time of the run, s."""
         return self.outcome.duration_s
 
     @property
     def refused(self) -> int:
-        """How many draws before it were impossible."""
+        """Number of impossible draws before it."""
         return self.outcome.refused
 
     @property
@@ -125,7 +129,8 @@ class FuzzRun:
 
 @dataclass(frozen=True)
 class Cycle:
-    """The mutations of one parent. `chosen`: which of them is mutated next; 0 where the seed ended here."""
+    """The mutations of one parent. `chosen`: the number of the one that is mutated next; 0 if the test case ended
+    here."""
 
     number: int
     runs: tuple[FuzzRun, ...]
@@ -137,17 +142,19 @@ class Cycle:
 
     @property
     def best(self) -> float:
-        """The lowest score, which a fuzzer is after."""
+        """The lowest score of the cycle, which DriveFuzz searches for."""
         return min((run.score for run in self.runs), default=0.0)
 
 
 @dataclass(frozen=True)
-class SeedFuzz:
-    """A test case and what was made of it.
+class FuzzedCase:
+    """A test case with its mutations.
 
     Attributes:
-        test_case: its address. plain: its run without mutations; None where that has not been done.
-        cycles: in order; the last may be incomplete where it failed, or where the fuzzing was stopped.
+        test_case: its address.
+        family: its scenario family.
+        plain: its run without mutations; None before that run.
+        cycles: in order. The last one is incomplete after a failure, or if the fuzzing was stopped.
     """
 
     test_case: str
@@ -173,17 +180,17 @@ class SeedFuzz:
 
     @property
     def verdict(self) -> Verdict | None:
-        """How it ends unmutated."""
+        """The verdict of its unmutated run."""
         return self.plain.verdict if self.plain is not None else None
 
     @property
     def reason(self) -> str:
-        """The same in words."""
+        """The verdict of its unmutated run, in words."""
         return self.plain.reason if self.plain is not None else "not run yet"
 
     @property
     def usable(self) -> bool:
-        """Whether it passes unmutated: what fails already says nothing about mutations."""
+        """Whether it passes unmutated; a failure without mutation does not count."""
         return self.verdict is Verdict.PASS
 
     @property
@@ -193,12 +200,12 @@ class SeedFuzz:
 
     @property
     def failed(self) -> FuzzRun | None:
-        """The mutation that failed, and so ended the seed."""
+        """The failing mutation, which ended the test case; None without a failure."""
         return next((run for run in self.every if run.verdict.is_failure), None)
 
     @property
     def failure(self) -> str | None:
-        """Its name, in documents."""
+        """The name of the failing mutation, for documents."""
         return self.failed.name if self.failed is not None else None
 
     @property
@@ -208,38 +215,38 @@ class SeedFuzz:
 
     @property
     def passing(self) -> list[str]:
-        """Their addresses, relative to the folder."""
+        """The addresses of the passing mutated test cases, relative to the output folder."""
         return [run.address for run in self.passed]
 
     @property
     def worst(self) -> FuzzRun | None:
-        """The last chosen parent among the passing drives: the worst drive without a failure."""
+        """The passing drive with the lowest score in the last cycle that has one; None if there is none."""
         chosen = [run for cycle in self.cycles for run in cycle.runs if run.number == cycle.chosen]
         return next((run for run in reversed(chosen) if run.verdict is Verdict.PASS), None)
 
     @property
     def last(self) -> str | None:
-        """Its address, in documents."""
+        """The address of `worst`, for documents."""
         return self.worst.address if self.worst is not None else None
 
     @property
     def runs(self) -> int:
-        """How many runs it took, the plain one counted."""
+        """Number of its runs, including the unmutated one."""
         return len(self.every) + (self.plain is not None)
 
     @property
     def simulated_s(self) -> float:
-        """How much all of them simulated, s."""
+        """Simulated time of all its runs, s."""
         plain_s = self.plain.duration_s if self.plain is not None else 0.0
         return plain_s + sum(run.duration_s for run in self.every)
 
 
 @dataclass(frozen=True)
 class FuzzResult:
-    """A whole fuzzing run. `broken`: what could not be done; `interrupted`: it was stopped."""
+    """A whole fuzzing run. `broken`: runs that could not be done, in words; `interrupted`: whether it was stopped."""
 
     settings: FuzzSettings
-    seeds: tuple[SeedFuzz, ...]
+    seeds: tuple[FuzzedCase, ...]
     interrupted: bool = False
     broken: tuple[str, ...] = ()
     wall_s: float = 0.0
@@ -259,27 +266,27 @@ class FuzzResult:
 
     @property
     def failures(self) -> int:
-        """How many seeds ended in a failure."""
-        return sum(seed.failed is not None for seed in self.seeds)
+        """Number of test cases that ended with a failing mutation."""
+        return sum(case.failed is not None for case in self.seeds)
 
     @property
     def all_passed(self) -> bool:
-        """Whether every seed passes unmutated, no mutation failed, and none broke."""
-        good = all(seed.usable and seed.failed is None for seed in self.seeds)
-        return good and not any(run.verdict is Verdict.CRASH for seed in self.seeds for run in seed.every)
+        """Whether every test case passes unmutated, no mutation failed, and the driver crashed in none."""
+        good = all(case.usable and case.failed is None for case in self.seeds)
+        return good and not any(run.verdict is Verdict.CRASH for case in self.seeds for run in case.every)
 
     @property
     def simulated_s(self) -> float:
-        """How much all runs simulated, s."""
-        return sum(seed.simulated_s for seed in self.seeds)
+        """Simulated time of all runs, s."""
+        return sum(case.simulated_s for case in self.seeds)
 
     @property
     def by_cycle(self) -> list[CycleMean]:
-        """Of each cycle: how many seeds came to it, and the mean of their lowest scores."""
+        """Of each cycle: the number of test cases that reached it, its failures, and the mean of the lowest scores."""
         summaries = []
         for number in range(1, self.settings.cycles + 1):
-            best = [cycle.best for seed in self.seeds for cycle in seed.cycles if cycle.number == number]
-            failed = sum(1 for seed in self.seeds if seed.failed is not None and seed.failed.cycle == number)
+            best = [cycle.best for case in self.seeds for cycle in case.cycles if cycle.number == number]
+            failed = sum(1 for case in self.seeds if case.failed is not None and case.failed.cycle == number)
             if best:
                 summaries.append(CycleMean(number, len(best), failed, sum(best) / len(best)))
         return summaries
@@ -287,7 +294,7 @@ class FuzzResult:
 
 @dataclass(frozen=True)
 class CycleMean:
-    """How the seeds that came to a cycle did there."""
+    """Summary of a cycle over all test cases that reached it."""
 
     cycle: int
     seeds: int
@@ -310,7 +317,7 @@ def encode(outcome: Outcome) -> bytes:
 
 
 def decode(data: bytes) -> Outcome:
-    """Return a stored outcome; a `ValueError` where another version wrote it."""
+    """Return a stored outcome; raises `ValueError` if another version wrote it."""
     return _adapter().validate_json(unpacked_within("record", data))
 
 
@@ -320,5 +327,5 @@ def _adapter() -> TypeAdapter[Outcome]:
 
 
 def document(result: FuzzResult) -> dict[str, object]:
-    """Return what `fuzz.json` holds."""
+    """Return the content of `fuzz.json`."""
     return {"schema": 1, "document": "fuzz", **plain(result)}

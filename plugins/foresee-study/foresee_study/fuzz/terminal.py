@@ -1,4 +1,4 @@
-"""What a fuzzing run found, for people: while it runs, and at its end."""
+"""Prints the progress of a fuzzing run, and its results at the end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from foresee_study.fuzz.records import FuzzResult, SeedFuzz
+    from foresee_study.fuzz.records import FuzzedCase, FuzzResult
 
 
 _CALLED = {Verdict.PASS: "passed", Verdict.INVALID: "impossible", Verdict.CRASH: "broke the driver"}
@@ -31,7 +31,7 @@ _CALLED = {Verdict.PASS: "passed", Verdict.INVALID: "impossible", Verdict.CRASH:
 
 
 class FuzzProgress(Listener):
-    """A bar on a terminal, a line now and then elsewhere; each failure at once."""
+    """Shows a bar on a terminal, a line every `EVERY_S` seconds elsewhere, and each failure at once."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -48,11 +48,11 @@ class FuzzProgress(Listener):
         self._bars.stop()
 
     def planned(self, kind: str, count: int) -> None:  # noqa: ARG002 - as a listener is called
-        """Know how many runs there are at most: a failure ends its seed."""
+        """Set the maximum number of runs; a failure ends its test case earlier."""
         self._bars.update(self._task, total=count)
 
     def done(self, row: Row, *, new: bool = True) -> None:
-        """Advance."""
+        """Count a run, and print its failure."""
         self._done += 1
         self._bars.update(self._task, completed=self._done)
         if row.verdict in [verdict.value for verdict in FAILURES]:
@@ -65,54 +65,54 @@ class FuzzProgress(Listener):
             self._console.print(f"{counted(self._done, 'run')}, {counted(self._failed, 'failure')}")
 
     def broken(self, what: str) -> None:
-        """Print it."""
-        self._bars.console.print(f"  could not be done: {what}", style="red", highlight=False, markup=False)
+        """Print an error of a run."""
+        self._bars.console.print(f"  could not be run: {what}", style="red", highlight=False, markup=False)
 
 
 def print_fuzz(console: Console, result: FuzzResult, out: Path) -> None:
-    """Print the failures, how the scores fell, and where the files are."""
-    usable = [seed for seed in result.seeds if seed.usable]
-    every = [run for seed in result.seeds for run in seed.every]
+    """Print the failures, the lowest scores by cycle, and the paths of the files."""
+    usable = [case for case in result.seeds if case.usable]
+    every = [run for case in result.seeds for run in case.every]
     counts = Counter(run.verdict for run in every)
     summary = ", ".join(f"{counts[kind]} {_CALLED.get(kind, kind.value)}" for kind in Verdict if counts[kind])
     style = "bold red" if result.failures else "bold green"
     line = f"{counted(len(every), 'mutation')}: {summary}" if every else "no mutation was run"
     console.print(Text.assemble((f"{safe(result.settings.driver)}: ", "bold"), (line, style)), soft_wrap=True)
-    for seed in result.seeds:
-        _print_seed(console, seed, out)
+    for case in result.seeds:
+        _print_case(console, case, out)
     if result.by_cycle:
         rows = [(cycle.cycle, cycle.seeds, cycle.failures, f"{cycle.mean_best:.2f}") for cycle in result.by_cycle]
         console.print()
-        console.print(plain_table(("cycle", "seeds", "failures", "mean lowest score"), rows))
-    waiting = sum(seed.plain is None for seed in result.seeds)
-    aside = len(result.seeds) - len(usable) - waiting
-    left_out = f", {counted(aside, 'does', 'do')} not pass unmutated" if aside else ""
-    left_out += f", {counted(waiting, 'has', 'have')} not been driven yet" if waiting else ""
+        console.print(plain_table(("cycle", "test cases", "failures", "mean lowest score"), rows))
+    waiting = sum(case.plain is None for case in result.seeds)
+    failing = len(result.seeds) - len(usable) - waiting
+    left_out = f", {counted(failing, 'fails', 'fail')} unmutated" if failing else ""
+    left_out += f", {counted(waiting, 'has', 'have')} not been run yet" if waiting else ""
     console.print(
-        f"\n{result.failures} of {len(usable)} seeds fail after {len(every)} mutations{left_out}; "
+        f"\n{result.failures} of {len(usable)} test cases fail after {len(every)} mutations{left_out}; "
         f"{duration(result.simulated_s)} simulated in {duration(result.wall_s)}",
         soft_wrap=True,
     )
     console.print(f"{out / 'fuzz.json'}", soft_wrap=True, markup=False)
 
 
-def _print_seed(console: Console, seed: SeedFuzz, out: Path) -> None:
-    name = safe(seed.test_case)
-    run = seed.failed
+def _print_case(console: Console, case: FuzzedCase, out: Path) -> None:
+    name = safe(case.test_case)
+    run = case.failed
     if run is not None:
         reason = f" {safe(without_verdict(run.verdict, run.reason))}"
         console.print(Text.assemble((f"{name}  ", "bold"), (run.verdict.value, run.verdict.style), reason),
                       soft_wrap=True)  # fmt: skip
         _print_line(console, f"  cycle {run.cycle}, mutation {run.number}: {run.what}")
         console.print(f"  {out / run.file}", soft_wrap=True, markup=False)
-    elif seed.plain is None:
-        console.print(Text.assemble((f"{name}  ", "bold"), ("not driven yet", "dim")), soft_wrap=True)
-    elif not seed.usable:
+    elif case.plain is None:
+        console.print(Text.assemble((f"{name}  ", "bold"), ("not run yet", "dim")), soft_wrap=True)
+    elif not case.usable:
         console.print(
-            Text.assemble((f"{name}  ", "bold"), (f"not mutated: {safe(seed.reason)}", "dim")), soft_wrap=True
+            Text.assemble((f"{name}  ", "bold"), (f"not mutated: {safe(case.reason)}", "dim")), soft_wrap=True
         )
     else:
-        scores = " ".join(f"{cycle.best:.1f}" for cycle in seed.cycles) or "none yet"
+        scores = " ".join(f"{cycle.best:.1f}" for cycle in case.cycles) or "none yet"
         console.print(Text.assemble((f"{name}  ", "bold"), f"passes; lowest scores {scores}"), soft_wrap=True)
 
 

@@ -1,4 +1,4 @@
-"""Mutated test cases as files: scenarios that extend their seed, and what reads them back."""
+"""Writes mutated test cases as scenarios that extend the original test case, and reads their lines back."""
 
 from __future__ import annotations
 
@@ -20,16 +20,22 @@ from foresee_study.fuzz.records import Outcome
 
 
 @dataclass(frozen=True)
-class Seed:
-    """A test case that is mutated: its file (absolute), its case ("" for none), and the lines that leave only that."""
+class Original:
+    """A test case that is mutated.
+
+    Attributes:
+        file: its file, absolute.
+        case: the name of its case; "" if the file has no cases.
+        alone: lines that drop all other cases of the file.
+    """
 
     file: Path
     case: str
     alone: tuple[m.ExtensionItem, ...]
 
 
-def seed_of(case: TestCase) -> Seed:
-    """Return a test case as one that is extended.
+def original_of(case: TestCase) -> Original:
+    """Return a test case as the original of mutated ones.
 
     Raises:
         ForeseeError: it is a clip or a mutant, which no scenario can extend.
@@ -38,7 +44,7 @@ def seed_of(case: TestCase) -> Seed:
         raise ForeseeError(f"{case.id} is a clip or a mutant, and only scenarios can be extended: "
                            f"`foresee expand {case.id}` makes a scenario of it")  # fmt: skip
     name = case.id.partition("::")[2]
-    return Seed(case.source, name, tuple(_alone(case.source, name)))
+    return Original(case.source, name, tuple(_alone(case.source, name)))
 
 
 def _alone(file: Path, name: str) -> list[m.ExtensionItem]:
@@ -56,12 +62,12 @@ def _alone(file: Path, name: str) -> list[m.ExtensionItem]:
 
 
 def text_of(lines: Sequence[Line]) -> str:
-    """Return the lines of a mutated test case as text, without what depends on where it is written."""
+    """Return the lines of a mutated test case as text, without the lines that depend on the folder of its file."""
     return "\n".join(print_item(line) for line in lines)
 
 
 def lines_of(text: str) -> tuple[Line, ...]:
-    """Return the lines of such a text."""
+    """Return the lines of a text that `text_of` returned."""
     if not text:
         return ()
     model = parse(f'foresee 1\n\nscenario lines extends "seed" {{\n{text}\n}}\n', "a mutated test case").model
@@ -70,12 +76,28 @@ def lines_of(text: str) -> tuple[Line, ...]:
 
 
 def file_text(
-    name: str, seed: Seed, file: Path, text: str, *, about: str = "", driver: str = "", outcome: Outcome | None = None
+    name: str,
+    original: Original,
+    file: Path,
+    text: str,
+    *,
+    about: str = "",
+    driver: str = "",
+    outcome: Outcome | None = None,
 ) -> str:
-    """Return the whole file of a mutated test case; `file`: where it will be. With `outcome`: what its run came to."""
+    """Return the whole file of a mutated test case.
+
+    Args:
+        name: name of the scenario.
+        original: the test case that it extends.
+        file: the path of the file.
+        text: its lines, from `text_of`.
+        about: a sentence for `doc`.
+        driver, outcome: the driver of its run and the run's outcome, for an `expected` line; None without a run.
+    """
     body: list[m.ExtensionItem] = [m.Doc(text=" ".join(about.replace('"', "'").split()))] if about else []
     if outcome is not None and outcome.verdict is not Verdict.TIMEOUT:  # it may be in time on another machine
         expected = Ending(outcome.verdict, outcome.with_).expected_of(driver)
         body += [] if expected is None else [expected]
-    body += [*seed.alone, *lines_of(text)]
-    return print_model(m.Extension(name=name, parent=relative_path(seed.file, file.parent), body=tuple(body)))
+    body += [*original.alone, *lines_of(text)]
+    return print_model(m.Extension(name=name, parent=relative_path(original.file, file.parent), body=tuple(body)))

@@ -1,4 +1,4 @@
-"""What a worker does: it draws one mutation of a test case, writes it as a scenario, and runs that."""
+"""Work of a worker process: it draws one mutation of a test case, writes it as a scenario, and runs it."""
 
 from __future__ import annotations
 
@@ -21,19 +21,24 @@ from foresee_study.fuzz import settings as s
 from foresee_study.fuzz.mutation import Mutated, Mutator
 from foresee_study.fuzz.quality import Quality, quality_of
 from foresee_study.fuzz.records import Outcome
-from foresee_study.fuzz.texts import Seed, file_text, lines_of, text_of
+from foresee_study.fuzz.texts import Original, file_text, lines_of, text_of
 
 
 @dataclass(frozen=True)
 class Job:
-    """One mutation to be drawn and run.
+    """One mutation to draw and run.
 
     Attributes:
-        parent: the lines of what is mutated ("": the seed itself). cycle, number: which mutation it is; cycle 0 is the
-            seed, unmutated. folder: where mutated test cases will be, absolute.
+        original: the unmutated test case.
+        parent: lines of the mutated test case that is mutated again; "" for the original.
+        cycle, number: cycle, and number of the mutation in it; cycle 0 is the run of the original.
+        meaning: hash of the meaning of the original.
+        settings: those of the fuzzing run.
+        folder: folder of the mutated test cases, absolute.
+        deadlines: wall times of the driver.
     """
 
-    seed: Seed
+    original: Original
     parent: str
     cycle: int
     number: int
@@ -44,21 +49,22 @@ class Job:
 
     @property
     def name(self) -> str:
-        """For people."""
-        return f"{self.seed.file.stem}{'_' if self.seed.case else ''}{self.seed.case} {self.cycle}.{self.number}"
+        """Its name in messages."""
+        stem, case = self.original.file.stem, self.original.case
+        return f"{stem}{'_' if case else ''}{case} {self.cycle}.{self.number}"
 
 
 def run_job(job: Job) -> Outcome:
-    """Draw a mutation until it is possible, and run it."""
+    """Draw mutations until one is possible, and run it."""
     started = time.perf_counter()
-    seed = _case(job.seed, "", job.folder)
+    original = _case(job.original, "", job.folder)
     if not job.cycle:
-        return _run(job, seed, "", "", started)
-    parent = _case(job.seed, job.parent, job.folder)
+        return _run(job, original, "", "", started)
+    parent = _case(job.original, job.parent, job.folder)
     refused, last_reason = 0, "no mutation was possible"
     while refused < s.TRIES:
         rng = _generator(job, refused)
-        mutator = Mutator(parent, seed, lines_of(job.parent), compile_test_case(parent), rng)
+        mutator = Mutator(parent, original, lines_of(job.parent), compile_test_case(parent), rng)
         mutated = mutator.all_changes() if job.settings.together else mutator.one_change()
         if mutated is not None:
             outcome = _run_or_refusal(job, mutated, started)
@@ -71,10 +77,10 @@ def run_job(job: Job) -> Outcome:
 
 
 def _run_or_refusal(job: Job, mutated: Mutated, started: float) -> Outcome | str:
-    """Return the run of a mutation, or why it is refused."""
+    """Return the outcome of a mutation's run, or the reason why the mutation is refused."""
     text = text_of(mutated.lines)
     try:
-        case = _case(job.seed, text, job.folder)
+        case = _case(job.original, text, job.folder)
         compile_test_case(case)
     except InputError as err:
         return err.diagnostics[0].message
@@ -103,8 +109,8 @@ def _run(job: Job, case: TestCase, text: str, what: str, started: float) -> Outc
 
 
 def _generator(job: Job, again: int) -> np.random.Generator:
-    """Return a mutation's random generator, seeded by what is mutated, the mutation's place, and how often it was
-    refused."""
+    """Return the random generator of a mutation. Its seed depends on the original, on the mutation's cycle and number,
+    and on the number of refused draws."""
     parts = (job.meaning, job.settings.seed, job.cycle, job.number, again)
     return np.random.Generator(
         np.random.PCG64(int.from_bytes(hashlib.sha256("\n".join(map(str, parts)).encode()).digest()[:8], "big"))
@@ -112,10 +118,10 @@ def _generator(job: Job, again: int) -> np.random.Generator:
 
 
 @lru_cache(maxsize=16)
-def _case(seed: Seed, text: str, folder: Path) -> TestCase:
-    """Return a mutated test case (the seed itself for no text), read from its file's text as anybody will read it."""
+def _case(original: Original, text: str, folder: Path) -> TestCase:
+    """Return a mutated test case (the original if there are no lines), parsed from its file's text like any file."""
     if not text:
-        return Project().test_case(f"{seed.file}::{seed.case}" if seed.case else seed.file)
+        return Project().test_case(f"{original.file}::{original.case}" if original.case else original.file)
     file = folder / "mutated.foresee"
-    project = Project(overlay={file: file_text("mutated", seed, file, text)})
-    return project.test_case(f"{file}::{seed.case}" if seed.case else file)
+    project = Project(overlay={file: file_text("mutated", original, file, text)})
+    return project.test_case(f"{file}::{original.case}" if original.case else file)

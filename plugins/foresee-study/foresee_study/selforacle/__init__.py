@@ -1,1 +1,2 @@
-"""SelfOracle (Stocco et al., ICSE 2020): moments at which the front camera shows what an autoencoder cannot redraw."""
+"""SelfOracle (Stocco et al., ICSE 2020): finds moments whose front camera pictures an autoencoder cannot
+reconstruct."""

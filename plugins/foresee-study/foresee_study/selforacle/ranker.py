@@ -70,7 +70,9 @@ class SelfOracleRanker:
             ForeseeError: see `rank`.
         """
         if self.surroundings is None:
-            raise ForeseeError(f"the ranker {self.name} draws what the camera saw: it needs the run's test case")
+            raise ForeseeError(
+                f"the ranker {self.name} draws the camera's pictures, for which it needs the run's test case"
+            )
         watcher = watcher_of(self.name, _driver_of(trace))
         frames = looked_at(trace)
         errors = watcher.errors(pictures_of(classes_seen(trace, self.surroundings, frames)))

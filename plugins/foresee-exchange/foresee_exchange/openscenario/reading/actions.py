@@ -106,7 +106,7 @@ class TriggerBuilder:
             if inner is not None and tag in ("ParameterAction", "VariableAction"):
                 changed = inner.get("parameterRef") or inner.get("variableRef") or ""
                 if changed in self.only_end:
-                    self.losses.leave(f"actions: {tag} (of a value that only ends the storyboard)", event.title)
+                    self.losses.leave(f"actions: {tag} (that set a value which only ends the storyboard)", event.title)
                     return []
             if kind.tag != "PrivateAction" or inner is None:
                 raise NotExpressed(f"actions: {tag}")

@@ -18,7 +18,7 @@ RELATED = ("LaneOffsetAction", "LateralDistanceAction", "LongitudinalDistanceAct
 _ACCELERATIONS: Mapping[str, float] = {"cubic": 6.0, "sinusoidal": math.pi**2 / 2, "linear": 4.0}
 """Highest lateral acceleration of a move by 1 m in 1 s, m/s^2: of a cubic and of a sinusoidal curve; for a linear one,
 which has none, that of two parabolas."""
-_ONCE = "distances that are to be reached once are kept from then on"
+_ONCE = "distances that are to be reached only once are kept to the end"
 
 
 def offset_of(action: Element, state: EntityState, states: Mapping[str, EntityState], places: Places) -> m.ChangesLine:
@@ -84,7 +84,7 @@ def longitudinal_of(
         gap = quantity(number(action, "timeGap"), "time")
     else:
         metres = number(action, "distance")
-        if action.get("freespace") != "true":  # between the reference points
+        if action.get("freespace") != "true":  # then the distance is between the reference points
             front, rear = (other, state) if ahead else (state, other)
             metres -= front.entity.centre_m + front.entity.spec.length_m / 2
             metres -= rear.entity.spec.length_m / 2 - rear.entity.centre_m

@@ -138,7 +138,7 @@ def at(time_s: float) -> Make:
 
 
 def trigger(groups: list[list[Make]], name: str) -> Xosc:
-    """Return a start trigger of alternatives."""
+    """Return a start trigger that fires when one of these groups of conditions holds."""
     start_trigger = osc.Trigger()
     for k, group in enumerate(groups):
         condition_group = osc.ConditionGroup()

@@ -78,7 +78,7 @@ class Fault:
         return ego
 
     def change_control(self, control: Control, observation: Observation) -> Control:
-        """Return what the vehicle gets of a command."""
+        """Return the control that reaches the vehicle."""
         return control
 
     def overrides(self, method: str) -> bool:
