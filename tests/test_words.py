@@ -40,25 +40,21 @@ PHRASES = {
 }
 """Phrases, as regular expressions, and what to write instead."""
 
-LEFT = {
-    "found": 1,
-    "one": 2,
-    "known": 3,
-    "told": 0,
-    "made": 0,
-    "given": 1,
-    "asked": 5,
-    "shown": 2,
-    "tried": 2,
-    "took": 0,
-    "said": 1,
-    "is no X": 0,
-    "Who stands ...": 1,
-    "so many": 1,
-    "somebody": 7,
-    "mend": 0,
+IN_FILES = {
+    ("foresee_dsl/campaign/findings/review.py", "asked"),
+    ("foresee_dsl/campaign/storage/maintenance.py", "known"),
+    ("foresee_dsl/derive/minimise/outcome.py", "tried"),
+    ("foresee_dsl/language/model/derived.py", "found"),
+    ("foresee_dsl/report/page/recorded.py", "tried"),
+    ("foresee_dsl/simulate/triggers/record.py", "known"),
+    ("foresee_dsl/story/story.py", "somebody"),
+    ("docs/guide/findings.md", "somebody"),
+    ("docs/reference/glossary.md", "somebody"),
+    ("plugins/foresee-learned/training/models/fusion_safe.py", "asked"),
+    ("plugins/foresee-study/foresee_study/folder.py", "asked"),
+    ("plugins/foresee-study/foresee_study/faults/measures.py", "said"),
 }
-"""How many there still are: these numbers may only fall."""
+"""Fields, words and values that are written to files and read back: another name would make older files unreadable."""
 
 
 def names(tree: ast.Module) -> Iterator[tuple[int, str]]:
@@ -84,6 +80,11 @@ def texts(source: str, tree: ast.Module) -> Iterator[tuple[int, str]]:
 
 
 def offences() -> Iterator[tuple[str, str, str]]:
+    """Yield each place that is not in `IN_FILES`, with the kind of offence and the word that offends."""
+    return (hit for hit in every_place() if (hit[0].rpartition(":")[0], hit[1]) not in IN_FILES)
+
+
+def every_place() -> Iterator[tuple[str, str, str]]:
     """Yield each place with the kind of offence and the word that offends."""
     for path in CODE:
         where = path.relative_to(ROOT).as_posix()
@@ -110,7 +111,13 @@ def test_a_reader_need_not_read_twice(places: list[tuple[str, str, str]], kind: 
     hits = [(place, word) for place, what, word in places if what == kind]
     better = NAMES.get(kind) or PHRASES[kind][1]
     listed = "\n".join(f"{place}: {word!r}" for place, word in hits[:40])
-    assert len(hits) <= LEFT[kind], f"{len(hits)} times {kind!r} (at most {LEFT[kind]}); write {better}:\n{listed}"
+    assert not hits, f"{len(hits)} times {kind!r}; write {better}:\n{listed}"
+
+
+def test_every_exception_is_needed() -> None:
+    used = {(place.rpartition(":")[0], kind) for place, kind, _ in every_place()}
+    assert used >= IN_FILES
+    assert len(IN_FILES) < 20
 
 
 def test_the_patterns_find_what_they_are_for() -> None:

@@ -149,7 +149,7 @@ def case_name(case: TestCase) -> str:
 
 def longest_s(case: TestCase) -> float:
     """Return the longest simulated time of a test case, s."""
-    end = case.scenario.one(End)
+    end = case.scenario.first(End)
     return float(end.after.si) if end is not None and isinstance(end.after, Quantity) else DEFAULT_END_S
 
 

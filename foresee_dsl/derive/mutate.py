@@ -228,7 +228,7 @@ def _entropy(child: Mutant) -> tuple[int, ...]:
 
 def _weather(case: TestCase) -> dict[str, Quantity]:
     """Return rain, fog and wetness of the road as ratios; 0 if the case does not state them."""
-    stated = case.scenario.one(Weather)
+    stated = case.scenario.first(Weather)
     values = {name: getattr(stated, name, None) for name in ("rain", "fog", "wetness")}
     return {name: has if isinstance(has, Quantity) else Quantity(value=Decimal(0)) for name, has in values.items()}
 

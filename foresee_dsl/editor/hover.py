@@ -14,7 +14,7 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.parser import plain
-from foresee_dsl.language.project.addresses import shown
+from foresee_dsl.language.project.addresses import display_path
 from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import SI_WORD, UNITS, Unit
 
@@ -88,7 +88,7 @@ def _of_name(files: Files, path: Path, use: Occurrence) -> str:
         if place is None:
             return f"no file `{use.name}`"
         about = f"a {root.kind.__name__.lower()}, " if root is not None else ""
-        return f"{about}`{shown(place.path)}`" + _doc(root)
+        return f"{about}`{display_path(place.path)}`" + _doc(root)
     if use.kind == "model" and (model := _model(files, path, use.name)) is not None:
         return model
     definition = files.define(path, use)

@@ -17,7 +17,7 @@ from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.addresses import absolute, shown
+from foresee_dsl.language.project.addresses import absolute, display_path
 from foresee_dsl.language.units import UNITS
 
 _RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label", "stage", "stop", "patch", "case")
@@ -162,7 +162,7 @@ def _check_free(files: Files, file: Path, name: str, renamed: Occurrence) -> Non
     taken = files.definitions(file, "actor", "junction", "road", "parameter", "label").get(name)
     if taken is not None:
         what = taken.occurrence.kind
-        raise RenameError(f"'{name}' is the name of a {what} already, in '{shown(taken.path)}'")
+        raise RenameError(f"'{name}' is the name of a {what} already, in '{display_path(taken.path)}'")
 
 
 def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
@@ -172,7 +172,7 @@ def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
         text = files.text(file) or ""
         broken = re.search(rf"\b{old}(?:_back)?\b", text) is not None and not read_syntax(text).whole
         if broken and (file in affected or any(other.name in text for other in affected)):
-            raise RenameError(f"'{shown(file)}' has errors: fix them first")
+            raise RenameError(f"'{display_path(file)}' has errors: fix them first")
 
 
 def _check_result(files: Files, file: Path, spans: list[Span], name: str) -> None:
@@ -182,9 +182,9 @@ def _check_result(files: Files, file: Path, spans: list[Span], name: str) -> Non
         before = len(check_document(parse(text, str(file))))
         diagnostics = check_document(parse(edited(text, spans, name), str(file)))
     except InputError as error:
-        raise RenameError(f"this would be an error in '{shown(file)}': {error.diagnostics[0].message}") from None
+        raise RenameError(f"this would be an error in '{display_path(file)}': {error.diagnostics[0].message}") from None
     if len(diagnostics) > before:
-        raise RenameError(f"this would be an error in '{shown(file)}': {diagnostics[0].message}")
+        raise RenameError(f"this would be an error in '{display_path(file)}': {diagnostics[0].message}")
 
 
 def _of_base(use: Occurrence, suffix: str) -> Span:

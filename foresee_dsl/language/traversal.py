@@ -17,10 +17,10 @@ def walk(item: m.Item) -> Iterator[m.Item]:
     """Return an item and everything in it, in the order of the file."""
     ahead = [item]
     while ahead:
-        one = ahead.pop()
-        yield one
+        node = ahead.pop()
+        yield node
         inner: list[m.Item] = []
-        for value in vars(one).values():  # as `fields_of`, without the names: every check walks a file a dozen times
+        for value in vars(node).values():  # as `fields_of`, without the names: every check walks a file a dozen times
             if type(value) in PLAIN:
                 continue
             if type(value) is tuple:

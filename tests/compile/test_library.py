@@ -58,9 +58,9 @@ def test_the_egos_pass_every_junction_of_the_town(library) -> None:
 
 def test_runs_may_last_as_long_as_they_should(library) -> None:
     for case, _ in library:
-        end = case.scenario.one(End)
+        end = case.scenario.first(End)
         assert end is not None and isinstance(end.after, Quantity) and 25 <= end.after.si <= 90, case.id
-        assert case.scenario.one(Doc) is not None, case.id
+        assert case.scenario.first(Doc) is not None, case.id
 
 
 def test_nobody_walks_through_a_building(library) -> None:

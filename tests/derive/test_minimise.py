@@ -191,7 +191,7 @@ def test_triggers_lose_what_they_do_with_actors_that_are_left_out() -> None:
     body = f"{STREET.partition('  when ')[0]}{WHEN}}}\n"
     model = parse(body, "when.foresee").model
     assert isinstance(model, m.Scenario)
-    when = model.one(m.When)
+    when = model.first(m.When)
     assert when is not None
     assert without_actors(when, frozenset({"ahead"})) is when
     assert without_actors(when, frozenset({"walker"})) is None

@@ -46,7 +46,7 @@ def test_defaults_when_no_case_is_named() -> None:
     concrete = concretise(SCENARIO, None)
     assert refs(concrete) == []
     assert not concrete.all(Param) and not concrete.all(Case)
-    assert concrete.one(Doc) and concrete.one(Tags)
+    assert concrete.first(Doc) and concrete.first(Tags)
     assert concrete.actors[1].model == "car.compact"
     assert concrete.all(When)[0].actions[0] == Meets(actor="runner", other="ego", junction="j4", gap=q("1.5 s"))
 

@@ -78,10 +78,10 @@ def actor(case: TestCase, name: str) -> Ego | Actor:
 def test_a_clip_takes_its_surroundings_from_its_parent() -> None:
     case = clip_case()
     scenario, parent = case.scenario, PARENT.scenario
-    assert scenario.one(Tags) == parent.one(Tags)
+    assert scenario.first(Tags) == parent.first(Tags)
     assert case.family == "7"
-    assert scenario.one(Weather) == parent.one(Weather)
-    assert scenario.one(End) == End(after=q("10.00 s"))
+    assert scenario.first(Weather) == parent.first(Weather)
+    assert scenario.first(End) == End(after=q("10.00 s"))
     assert [found.name for found in scenario.actors] == ["ego", "runner", "others_03"]
     assert not scenario.all(Traffic) and not scenario.all(When)
     assert len(scenario.all(SignalState)) == 1
@@ -110,7 +110,7 @@ def test_the_goal_replaces_the_egos() -> None:
 def test_a_windows_length_in_mixed_units() -> None:
     body = tuple(i if not isinstance(i, Window) else Window(start=q("900 ms"), end=q("2 s")) for i in CLIP.body)
     case = expand_clip(clip_of(PARENT.meaning, body=body), PARENT, source=Path("c.foresee"))
-    assert case.scenario.one(End) == End(after=q("1.100000 s"))
+    assert case.scenario.first(End) == End(after=q("1.100000 s"))
 
 
 @pytest.mark.parametrize(
@@ -262,14 +262,14 @@ def test_paths_are_found_from_the_childs_folder() -> None:
     mutant = expand_mutant(mutant_of(), clip, source=CHILDREN / "more" / "m.foresee")
     for case, up in ((clip, "../.."), (mutant, "../../..")):
         scenario = expanded_model(case)
-        assert scenario.one(UseNetwork) == UseNetwork(path=f"{up}/scenarios/networks/town.net.xml")
-        assert scenario.one(UseModels) == UseModels(path=f"{up}/more.foresee")
+        assert scenario.first(UseNetwork) == UseNetwork(path=f"{up}/scenarios/networks/town.net.xml")
+        assert scenario.first(UseModels) == UseModels(path=f"{up}/more.foresee")
         assert expanded_model(case) == case.scenario
 
 
 def test_an_inline_network_is_carried_along() -> None:
-    assert expanded_model(clip_case()).one(Network) == NETWORK.model_copy(update={"name": "here"})
-    assert expanded_model(PARENT).one(Network) is not None
+    assert expanded_model(clip_case()).first(Network) == NETWORK.model_copy(update={"name": "here"})
+    assert expanded_model(PARENT).first(Network) is not None
 
 
 def test_the_id_is_the_path_as_given() -> None:

@@ -36,7 +36,7 @@ def test_a_scenario_means_the_same_with_it(tmp_path: Path, line: str) -> None:
     file = write_project(tmp_path)
     before = load_test_case(f"{file}::after")
     after = load_test_case(f"{with_line(file, line)}::after")
-    assert after.scenario.one(m.Expected) is not None
+    assert after.scenario.first(m.Expected) is not None
     assert pin_of(after) == pin_of(before)
     assert [d for d in check_paths([str(file)]).diagnostics if d.severity == "error"] == []
 

@@ -39,7 +39,7 @@ def _value(text: str) -> m.AnyValue:
     """The value that a text stands for, of whatever dimension."""
     model = parse(_FRAME.format(f"require 1 s < {text}"), "s.foresee").model
     assert isinstance(model, m.Scenario)
-    require = model.one(m.Require)
+    require = model.first(m.Require)
     assert require is not None and isinstance(require.condition, m.Comparison)
     return require.condition.right
 
@@ -203,7 +203,7 @@ def test_a_case_works_values_out_of_its_other_values():
     document = parse(text, "s.foresee")
     assert check_document(document) == ()
     assert isinstance(document.model, m.Scenario)
-    end = concretise(document.model, "a").one(m.End)
+    end = concretise(document.model, "a").first(m.End)
     assert end is not None
     assert same_value(end.after, m.Quantity(value="2.33333333333", unit="s"))
 
@@ -214,7 +214,7 @@ def test_a_parameter_may_be_called_min():
     )
     model = parse(text, "s.foresee").model
     assert isinstance(model, m.Scenario)
-    end = concretise(model, None).one(m.End)
+    end = concretise(model, None).first(m.End)
     assert end is not None
     assert end.after == m.Quantity(value=3, unit="s")
 

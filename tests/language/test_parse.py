@@ -87,8 +87,8 @@ def test_keywords_may_be_names():
     case when { speed = 4 m/s; step = 2 s }
     """
     model = scenario(body).model
-    assert [action.actor for action in model.one(m.When).actions] == ["start", "speed", "ego", "end", "when"]
-    assert [a.name for a in model.one(m.Case).values] == ["speed", "step"]
+    assert [action.actor for action in model.first(m.When).actions] == ["start", "speed", "ego", "end", "when"]
+    assert [a.name for a in model.first(m.Case).values] == ["speed", "step"]
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def test_ids_of_imported_networks_are_strings():
 def test_an_id_that_looks_like_a_parameter_is_quoted():
     text = 'foresee 1\n\nscenario s {\n  param west: arm = south\n\n  ego: car.sedan {\n    route from "west"\n  }\n}\n'
     model = parse(text, "x").model
-    assert model.one(m.Ego).body == (m.Route(start="west", legs=()),)
+    assert model.first(m.Ego).body == (m.Route(start="west", legs=()),)
     assert print_model(model) == text
 
 

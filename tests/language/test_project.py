@@ -220,7 +220,7 @@ def test_children(folder: Folder) -> None:
     assert clip.clip is not None and clip.mutant is None
     assert mutant.mutant is not None and mutant.clip == clip.clip
     assert mutant.scenario.actors[1].model == "van.delivery"
-    assert mutant.scenario.one(UseNetwork) == UseNetwork(path="../networks/town.foresee")
+    assert mutant.scenario.first(UseNetwork) == UseNetwork(path="../networks/town.foresee")
     assert (mutant.family, mutant.network) == ("3", clip.network)
     found = [str(change) for change in compare_addresses(str(folder.clip), str(folder.mutant)).changes]
     assert found == ["lead.model: car.compact => van.delivery", "added lead.timing: 0.80"]
@@ -251,7 +251,7 @@ def test_a_clip_of_a_mutant(folder: Folder) -> None:
     text = CLIP.replace("../lead_brakes.foresee", "../lead_brakes_p1_m1.foresee").replace(" case near", "")
     deeper = folder.write("children/more/deeper.foresee", text.replace("PIN", pin))
     case = load_test_case(deeper)
-    assert case.scenario.one(UseNetwork) == UseNetwork(path="../../networks/town.foresee")
+    assert case.scenario.first(UseNetwork) == UseNetwork(path="../../networks/town.foresee")
     assert case.mutant is None
 
 

@@ -173,7 +173,7 @@ def test_weights_and_the_normal_distribution_draw_in_proportion() -> None:
 
 
 def test_mixed_units_reach_the_end_of_the_range() -> None:
-    param = scenario("param a: length = 1 m in 0 m..0.03 km step 10 cm").one(Param)
+    param = scenario("param a: length = 1 m in 0 m..0.03 km step 10 cm").first(Param)
     assert param is not None
     axis = axis_of(param)
     assert axis is not None and axis.size == 301

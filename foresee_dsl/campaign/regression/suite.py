@@ -71,7 +71,7 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
             kind = a.kind_of(file)
             message = f"this file has {f'a {kind}' if kind else 'no definition'} and no expectations"
             help = "name a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
-            raise a.mistake(c.WRONG_KIND, message, help, a.shown(file))
+            raise a.mistake(c.WRONG_KIND, message, help, a.display_path(file))
         collected += tests
     return tuple(collected)
 
@@ -82,7 +82,7 @@ def _tests_of(file: Path) -> Iterator[SuiteTest]:
     if role == "parent" or kind not in ("mutant", "clip", "scenario") or not is_test:
         return
     try:
-        document = load(file, shown_as=a.shown(file))
+        document = load(file, shown_as=a.display_path(file))
     except InputError:  # running it reports the errors
         yield SuiteTest(file)
         return

@@ -41,5 +41,5 @@ def selected(cases: Sequence[TestCase], first: int | None, only: Sequence[str] |
 def _words(case: TestCase) -> set[str]:
     from foresee_dsl.language.model import Tags
 
-    tags = case.scenario.one(Tags)
+    tags = case.scenario.first(Tags)
     return {*(tags.names if tags is not None else ()), *([case.family] if case.family else ())}

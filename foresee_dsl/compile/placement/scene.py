@@ -96,7 +96,7 @@ class SceneBuilder:
             if isinstance(action, m.FollowsPath | m.Reverses)
         }
         self._names = NameChecks(case, network, signals, self._starts.spot)
-        self._end_s = si(end.after) if (end := scenario.one(m.End)) is not None else DEFAULT_END_S
+        self._end_s = si(end.after) if (end := scenario.first(m.End)) is not None else DEFAULT_END_S
 
     def place(self) -> tuple[list[PlacedActor], float, float]:
         """Return the actors without background traffic, and the ego's start and goal along its line, m.
@@ -142,7 +142,7 @@ class SceneBuilder:
         placed += doors_of(scenario, placed)
         if any(actor.passes for actor in placed):  # SUMO's sublane model is for all its vehicles or for none
             placed = [replace(actor, sublanes=actor.control == "sumo") for actor in placed]
-        weather = scenario.one(m.Weather)
+        weather = scenario.first(m.Weather)
         return Scene(
             actors=tuple(placed),
             start_s=start_s,

@@ -14,7 +14,14 @@ from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of
 from foresee_dsl.language.diff.plain import TextChange, texts
 from foresee_dsl.language.meaning import models_named
-from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, absolute, is_file, mistake, parse_address, shown
+from foresee_dsl.language.project.addresses import (
+    FOREIGN_NETWORKS,
+    absolute,
+    display_path,
+    is_file,
+    mistake,
+    parse_address,
+)
 from foresee_dsl.language.project.catalogues import entries
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expanded_model
@@ -71,9 +78,9 @@ def parent_address(derived: str) -> str:
     model = Project(check_pin=False).definition(file)
     if not isinstance(model, m.Clip | m.Mutant | m.Extension):
         message = f"this holds a {model.kind}, which has no parent"
-        raise mistake(c.WRONG_KIND, message, "name two files to compare", shown(file))
+        raise mistake(c.WRONG_KIND, message, "name two files to compare", display_path(file))
     case = model.case if isinstance(model, m.Clip) else None
-    address = shown(file.parent / model.parent)
+    address = display_path(file.parent / model.parent)
     return f"{address}::{case}" if case else address
 
 
@@ -149,7 +156,7 @@ def _under(root: str, changes: Iterable[Difference]) -> tuple[Difference, ...]:
 
 
 def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Network:
-    inline, used = scenario.one(m.Network), scenario.one(m.UseNetwork)
+    inline, used = scenario.first(m.Network), scenario.first(m.UseNetwork)
     if inline is not None or used is None:
         return inline
     path = file.parent / used.path

@@ -115,7 +115,7 @@ def _comparable(value: m.ParamValue) -> object:
 
 def _of_case(case: TestCase) -> Iterator[LintFinding]:
     scenario = case.scenario
-    end = scenario.one(m.End)
+    end = scenario.first(m.End)
     end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
     limits, actions = dead_text.limits_of(case, end_s), dead_text.actions_of(scenario)
     for when in scenario.all(m.When):

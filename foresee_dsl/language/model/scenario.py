@@ -330,7 +330,7 @@ class Scenario(Item):
         """Return the items of one kind, in the author's order."""
         return tuple(item for item in self.body if isinstance(item, kind))
 
-    def one(self, kind: type[_T]) -> _T | None:
+    def first(self, kind: type[_T]) -> _T | None:
         """Return the first item of one kind, or None."""
         return next(iter(self.all(kind)), None)
 
@@ -342,6 +342,6 @@ class Scenario(Item):
     @property
     def family(self) -> str:
         """The paper's family, such as `3` for the tag `scenario3`; empty without such a tag."""
-        tags = self.one(Tags)
+        tags = self.first(Tags)
         names = tags.names if tags else ()
         return next((t.removeprefix("scenario") for t in names if t.startswith("scenario") and t[8:].isdigit()), "")

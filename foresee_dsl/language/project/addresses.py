@@ -46,7 +46,7 @@ def parse_address(address: str) -> tuple[Path, str | None]:
     return Path(file), case or None
 
 
-def shown(path: str | PurePath) -> str:
+def display_path(path: str | PurePath) -> str:
     """Return a path for messages and ids: as the user wrote it, normalised, with forward slashes."""
     return Path(os.path.normpath(path)).as_posix()
 
@@ -101,18 +101,19 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[Path, ...]:
 
 def missing(path: Path) -> InputError:
     """Return the error for a file or folder that does not exist, with the nearest name beside it."""
+    name = display_path(path)
     if is_folder(path):
-        example = f"write `{shown(path)}/NAME{SUFFIX}`"
-        return mistake(c.BAD_ADDRESS, f"'{shown(path)}' is a folder, but one file is needed", example, shown(path))
+        example = f"write `{name}/NAME{SUFFIX}`"
+        return mistake(c.BAD_ADDRESS, f"'{name}' is a folder, but one file is needed", example, name)
     if os.path.lexists(path):
         what = "the target of this link does not exist" if not path.exists() else "this is not an ordinary file"
-        return mistake(c.MISSING_FILE, f"'{shown(path)}': {what}", "name a text file", shown(path))
-    return mistake(c.MISSING_FILE, f"there is no file or folder '{shown(path)}'", near_files(path), shown(path))
+        return mistake(c.MISSING_FILE, f"'{name}': {what}", "name a text file", name)
+    return mistake(c.MISSING_FILE, f"there is no file or folder '{name}'", near_files(path), name)
 
 
 def near_files(path: Path) -> HelpText:
     """Return a help that names a file in the same folder with a name close to the missing one."""
-    folder = shown(path.parent.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path.parent)
+    folder = display_path(path.parent.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path.parent)
     if not is_folder(path.parent):
         return f"there is no folder '{folder}'" + _elsewhere(path)
     try:

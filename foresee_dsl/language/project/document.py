@@ -111,7 +111,7 @@ class TestCase:
     @property
     def snapshot(self) -> bool:
         """True if it begins from exact states: a clip, a mutant, or a file that `foresee expand` printed."""
-        ego = self.scenario.one(m.Ego)
+        ego = self.scenario.first(m.Ego)
         return ego is not None and ego.state is not None
 
     @property

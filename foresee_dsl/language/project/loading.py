@@ -17,7 +17,7 @@ from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import meaning_hash, pin_of
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project import addresses as a
-from foresee_dsl.language.project.addresses import absolute, is_folder, mistake, shown
+from foresee_dsl.language.project.addresses import absolute, display_path, is_folder, mistake
 from foresee_dsl.language.project.catalogues import check_models, entries
 from foresee_dsl.language.project.concretise import cases, concretise, settled_network
 from foresee_dsl.language.project.document import Document, TestCase
@@ -101,8 +101,8 @@ class _Use:
         return absolute(self.file.path.parent / self.written)
 
     @property
-    def shown(self) -> str:
-        return shown(Path(self.file.document.path).parent / self.written)
+    def display_path(self) -> str:
+        return display_path(Path(self.file.document.path).parent / self.written)
 
     def fail(self, code: str, message: str, help: HelpText = "", *, field: str | None = None) -> NoReturn:
         name = self.field if field is None else field
@@ -137,7 +137,7 @@ class Project:
         if not self._is_file(path):
             raise a.missing(path)
         self._allow_near(path)
-        return self._load(absolute(path), shown(path), case, None, ())
+        return self._load(absolute(path), display_path(path), case, None, ())
 
     def test_cases(self, paths: Iterable[str | Path]) -> tuple[TestCase, ...]:
         """Load all test cases of files, folders and addresses; see `load_test_cases`."""
@@ -147,7 +147,7 @@ class Project:
             try:
                 for name in (case,) if case else self._case_names(file):
                     key = (absolute(file), name)
-                    loaded[key] = self._load(key[0], shown(file), name, None, ())
+                    loaded[key] = self._load(key[0], display_path(file), name, None, ())
             except InputError as error:
                 mistakes |= dict.fromkeys(error.diagnostics)
         if mistakes:
@@ -167,7 +167,7 @@ class Project:
         model = self.definition(file)
         if isinstance(model, m.Catalogue):
             return entries(model)
-        raise mistake(c.WRONG_KIND, f"this holds {_a(model)}, not models", "", shown(file))
+        raise mistake(c.WRONG_KIND, f"this holds {_a(model)}, not models", "", display_path(file))
 
     def _addresses(self, paths: Iterable[str | Path]) -> Iterable[tuple[Path, str | None]]:
         for address in map(str, paths):
@@ -178,8 +178,8 @@ class Project:
                 continue
             scenarios = [file for file in a.scenario_files([path]) if a.kind_of(file) in ("scenario", "")]
             if not scenarios:
-                message = f"there is no scenario in folder '{shown(path)}'"
-                raise mistake(c.MISSING_FILE, message, "", shown(path))
+                message = f"there is no scenario in folder '{display_path(path)}'"
+                raise mistake(c.MISSING_FILE, message, "", display_path(path))
             yield from ((file, None) for file in scenarios)
 
     def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> m.Scenario:
@@ -191,7 +191,7 @@ class Project:
         document = whole.document if drawn else self._undrawn.get(absolute(path), whole.document)
         if isinstance(document.model, m.Scenario):
             return document.model
-        raise mistake(c.WRONG_KIND, f"this holds {_a(whole.document.model)}, not a scenario", "", shown(path))
+        raise mistake(c.WRONG_KIND, f"this holds {_a(whole.document.model)}, not a scenario", "", display_path(path))
 
     def _case_names(self, file: Path) -> tuple[str | None, ...]:
         return cases(self._whole(self._named(file), ()).document) or (None,)
@@ -200,7 +200,7 @@ class Project:
         """Read a file that the user named."""
         if not self._is_file(file):
             raise a.missing(file)
-        return self._read(absolute(file), shown(file))
+        return self._read(absolute(file), display_path(file))
 
     def _whole(self, file: _File, chain: tuple[_File, ...]) -> _File:
         """Return a scenario's file, joined and with its drawn cases; every other file unchanged."""
@@ -231,7 +231,7 @@ class Project:
         above = _Use(file, extension, "parent", extension.parent)
         chain = chain if chain and chain[-1] is file else (*chain, file)
         self._check_parent(above, chain)
-        parent = self._whole(self._read(above.path, above.shown), chain)
+        parent = self._whole(self._read(above.path, above.display_path), chain)
         if not isinstance(parent.document.model, m.Scenario):
             above.fail(c.WRONG_KIND, f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
         # The other's cases are drawn again, because parameters and requirements may differ here.
@@ -345,7 +345,7 @@ class Project:
 
     def _parent(self, use: _Use, case: str | None, pin: str, chain: tuple[_File, ...]) -> TestCase:
         self._check_parent(use, chain)
-        parent = self._load(use.path, use.shown, case, use, chain)
+        parent = self._load(use.path, use.display_path, case, use, chain)
         now = pin_of(parent)
         if self._check_pin and now != pin:
             message = f"the parent '{parent.id}' has the hash {now} now, but {pin} is pinned"
@@ -354,7 +354,7 @@ class Project:
         return parent
 
     def _network(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> m.Network | Path:
-        inline, used = scenario.one(m.Network), scenario.one(m.UseNetwork)
+        inline, used = scenario.first(m.Network), scenario.first(m.UseNetwork)
         if inline is not None:
             return inline
         if used is None:
@@ -390,7 +390,7 @@ class Project:
             help = f"name a file that ends in {suffixes}; " + _name_another(use, "network" if network else "models")
             use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is a file of an unknown kind", help)
         self._check_reachable(use, chain)
-        return _settled(self._read(use.path, use.shown).document)
+        return _settled(self._read(use.path, use.display_path).document)
 
 
 def _settled(document: Document) -> m.Definition:
@@ -403,7 +403,7 @@ def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:
         names = [file.document.path for file in chain]
         word = "network" if isinstance(use.item, m.UseNetwork) else "models"
         help = _name_another(use, word) if isinstance(use.item, m.UseNetwork | m.UseModels) else "name another file"
-        use.fail(c.USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.shown])}", help)
+        use.fail(c.USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.display_path])}", help)
 
 
 def _name_another(use: _Use, word: str) -> Help:

@@ -20,7 +20,7 @@ from foresee_dsl.language.diff.rendering import render_groups
 from foresee_dsl.language.meaning import clip_pin, pin_of
 from foresee_dsl.language.messages.diagnostics import render_all
 from foresee_dsl.language.parser import load
-from foresee_dsl.language.project.addresses import absolute, is_folder, kind_of, mistake, scenario_files, shown
+from foresee_dsl.language.project.addresses import absolute, display_path, is_folder, kind_of, mistake, scenario_files
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import Project
@@ -146,7 +146,7 @@ def _derived_files(paths: Iterable[str | Path]) -> dict[Path, Path]:
         elif file in named and not is_folder(file):
             message = f"this holds {f'a {kind}, which has no pin' if kind else 'no definition'}"
             help = "name clips and mutants, or a folder of them"
-            raise mistake(WRONG_KIND, message, help, shown(file))
+            raise mistake(WRONG_KIND, message, help, display_path(file))
     return derived_files
 
 
@@ -177,7 +177,7 @@ class _Planner:
         if path in self._done:
             return self._done[path]
         self._open.add(path)
-        document = load(path, shown_as=shown(self._files[path]))
+        document = load(path, shown_as=display_path(self._files[path]))
         model = self._project.definition(self._files[path])
         if not (isinstance(model, m.Clip | m.Mutant) and isinstance(document.model, m.Clip | m.Mutant)):
             raise TypeError("only clips and mutants are planned")
@@ -192,7 +192,7 @@ class _Planner:
         self, path: Path, document: Document, model: m.Clip | m.Mutant, parent: Path, before: DerivedFile | None
     ) -> DerivedFile:
         case = model.case if isinstance(model, m.Clip) else None
-        address = shown(self._files[path].parent / model.parent) + (f"::{case}" if case else "")
+        address = display_path(self._files[path].parent / model.parent) + (f"::{case}" if case else "")
         derived = DerivedFile(self._files[path], State.FRESH, address, model.pin)
         if before is not None and before.state in (State.CONFLICT, State.BLOCKED):
             return replace(derived, state=State.BLOCKED, mistakes=(_because(document, model, "cannot be re-pinned"),))

@@ -202,7 +202,7 @@ def _named(statement: m.Item) -> Iterator[tuple[m.Item, str, str, str]]:
 
 
 def _network(scenario: m.Scenario, folder: Path, load: Callable[[Path], Document]) -> m.Network | None:
-    inline, used = scenario.one(m.Network), scenario.one(m.UseNetwork)
+    inline, used = scenario.first(m.Network), scenario.first(m.UseNetwork)
     if inline is not None or used is None or not used.path.endswith(".foresee"):
         return inline
     try:

@@ -74,7 +74,7 @@ def read_subject(address: str, overlay: Mapping[Path, str] | None = None, *, all
     document = project.document(file)
     if isinstance(document.model, m.Network):
         about = next((item.text for item in document.model.body if isinstance(item, m.Doc)), "")
-        return _network_alone(a.shown(file), about, document.model, document)
+        return _network_alone(a.display_path(file), about, document.model, document)
     names: tuple[str, ...] = ()
     if isinstance(document.model, m.Scenario | m.Extension):
         names = _cases(project.whole_scenario(file))

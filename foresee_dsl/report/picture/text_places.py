@@ -90,7 +90,7 @@ def _chain(project: Project, case: TestCase) -> tuple[Document, ...]:
 
 
 def _network(project: Project, case: TestCase) -> tuple[Document, m.Network] | None:
-    used, inline = case.scenario.one(m.UseNetwork), case.scenario.one(m.Network)
+    used, inline = case.scenario.first(m.UseNetwork), case.scenario.first(m.Network)
     if case.document is not None and inline is not None:
         written = next((item for item in case.document.model.body if isinstance(item, m.Network)), None)
         return (case.document, written) if written is not None else None

@@ -84,7 +84,7 @@ def _waiting(scenario: m.Scenario, trace: Trace) -> Iterator[_Waiting]:
     whens, record = scenario.all(m.When), trace.director
     if record is None or len(record.triggers) != len(whens):
         return
-    end = scenario.one(m.End)
+    end = scenario.first(m.End)
     limits = Limits(si_of(end.after) if end is not None else DEFAULT_END_S)
     came = {(e.detail["index"], tuple(e.detail["where"])) for e in trace.events if e.what == "then"}
     steps = {(e.detail["index"], tuple(e.detail["where"])): e.time_s for e in trace.events if e.what == "waits"}

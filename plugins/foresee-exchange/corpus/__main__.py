@@ -24,42 +24,42 @@ def main() -> None:
     parser.add_argument("--only", default="", help="a part of the files' names: .xosc, .xodr")
     parser.add_argument("--seconds", type=float, default=120.0, help="of one scenario, at most")
     parser.add_argument("--megabytes", type=int, default=4000, help="of one scenario, at most")
-    given = parser.parse_args()
-    settings = scenarios.Settings(given.player, given.maps)
+    options = parser.parse_args()
+    settings = scenarios.Settings(options.player, options.maps)
     console = Console()
     ensure()  # machine code is made once, for all processes
     rows = []
-    for file, name in _files(given.folder):
-        if given.only not in name:
+    for file, name in _files(options.folder):
+        if options.only not in name:
             continue
         if file.suffix == ".xosc":
             job = partial(scenarios.judge, file, name, settings)
-            row = run_limited(job, name, given.seconds, given.megabytes)
+            row = run_limited(job, name, options.seconds, options.megabytes)
         elif maps.kind_of(file) is not None:
             row = _map_row(maps.check_map(file), name)
         else:
             continue
         console.print(f"{row.seconds:6.1f} s  {row.outcome:26s} {name}", highlight=False, soft_wrap=True)
         rows.append(row)
-        if given.csv is not None:
-            write_csv(rows, given.csv)
+        if options.csv is not None:
+            write_csv(rows, options.csv)
     show(rows, console)
 
 
-def _map_row(found: maps.MapRow, name: str) -> Row:
-    drives = found.verdict in (maps.IMPORTED, maps.NOT_ARRIVED)
-    outcome = Outcome.imported if drives else Outcome(found.verdict)
-    arrives = found.verdict == maps.IMPORTED if drives else None
-    return Row(name, outcome, found.detail, arrives=arrives, seconds=found.seconds)
+def _map_row(result: maps.MapRow, name: str) -> Row:
+    drives = result.verdict in (maps.IMPORTED, maps.NOT_ARRIVED)
+    outcome = Outcome.imported if drives else Outcome(result.verdict)
+    arrives = result.verdict == maps.IMPORTED if drives else None
+    return Row(name, outcome, result.detail, arrives=arrives, seconds=result.seconds)
 
 
 def _files(folders: list[Path]) -> list[tuple[Path, str]]:
     """Return the files with their names below their folder; catalogues, which are parts of others, are none."""
-    found = []
+    named_files = []
     for folder in folders:
         files = [folder] if folder.is_file() else sorted(f for f in folder.rglob("*") if f.is_file())
-        found += [(file, file.name if folder.is_file() else str(file.relative_to(folder))) for file in files]
-    return [(file, name) for file, name in found if "catalog" not in name.lower().rpartition("/")[0]]
+        named_files += [(file, file.name if folder.is_file() else str(file.relative_to(folder))) for file in files]
+    return [(file, name) for file, name in named_files if "catalog" not in name.lower().rpartition("/")[0]]
 
 
 if __name__ == "__main__":

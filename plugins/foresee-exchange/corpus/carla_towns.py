@@ -1,4 +1,4 @@
-"""CARLA's towns, imported and driven: what the tests look at, and a table for all towns.
+"""CARLA's towns, imported and driven, for tests; and a table of all towns.
 
 `python -m corpus.carla_towns` in the checkout prints the table (some minutes); it needs CARLA's files.
 """
@@ -34,36 +34,36 @@ MAPS = {
 
 
 def import_town(carla: Path, town: str, out: Path) -> Imported:
-    """Import a town's five families."""
+    """Import the five families of a town."""
     routes = sorted(carla.glob(f"routes/*/{town}_*.xml"))
     triggers = sorted(carla.glob(f"scenarios/*/{town}_*.json"))
     return carla_import.run(carla / "maps" / MAPS[town], routes, triggers, out=out)
 
 
 def cases_of(out: Path) -> dict[str, list[TestCase]]:
-    """The test cases of a folder by family."""
-    found: dict[str, list[TestCase]] = {}
+    """Return the test cases of a folder by family."""
+    cases: dict[str, list[TestCase]] = {}
     for case in load_test_cases([out]):
-        found.setdefault(case.scenario.family, []).append(case)
-    return found
+        cases.setdefault(case.scenario.family, []).append(case)
+    return cases
 
 
 def alone(case: TestCase, net: Path) -> TestCase:
-    """The ego and nobody else, on another net."""
+    """Return a test case with the ego as its only actor, on another net."""
     arrives = Expect(mode="eventually", condition=Predicate(what="arrived", actor="ego"))
-    kept = tuple(item for item in case.scenario.body if isinstance(item, Ego | End))
-    scenario = Scenario(name=case.scenario.name, body=(*kept, arrives))
+    items = tuple(item for item in case.scenario.body if isinstance(item, Ego | End))
+    scenario = Scenario(name=case.scenario.name, body=(*items, arrives))
     return dataclasses.replace(case, scenario=scenario, network=net)
 
 
 def without_traffic(case: TestCase) -> TestCase:
-    """Without background traffic, whose drawing takes most of the time that compiling takes."""
-    kept = tuple(item for item in case.scenario.body if not isinstance(item, Traffic))
-    return dataclasses.replace(case, scenario=Scenario(name=case.scenario.name, body=kept))
+    """Return a test case without background traffic, which takes most of the time of compiling."""
+    items = tuple(item for item in case.scenario.body if not isinstance(item, Traffic))
+    return dataclasses.replace(case, scenario=Scenario(name=case.scenario.name, body=items))
 
 
 def with_signals_off(net: Path, out: Path) -> Path:
-    """A copy of a net whose signals show nothing: SUMO's `O`."""
+    """Write a copy of a net whose signals are off (SUMO's `O`), and return its path."""
     text = net.read_text(encoding="utf-8")
     off = re.sub(r'(<phase [^>]*state=")([^"]*)"', lambda m: f'{m.group(1)}{"O" * len(m.group(2))}"', text)
     out.write_text(off, encoding="utf-8")
@@ -71,12 +71,12 @@ def with_signals_off(net: Path, out: Path) -> Path:
 
 
 def drive_alone(case: TestCase, net: Path) -> RunResult:
-    """Drive a route with nobody else around."""
+    """Drive a route without other actors."""
     return run(compile_test_case(alone(case, net)), load_driver("idm"))
 
 
 def passages(bundle: SumoBundle) -> list[Passage]:
-    """The junctions that the ego goes over between its start and its goal."""
+    """Return the junctions between the ego's start and its goal."""
     ego = bundle.scene.actors[0]
     assert ego.line is not None
     start, goal = bundle.scene.start_s, bundle.scene.goal_s
@@ -84,7 +84,7 @@ def passages(bundle: SumoBundle) -> list[Passage]:
 
 
 def main() -> None:
-    """Print for each town how many routes are driven to their goal, and how long they are."""
+    """Print for each town the number of routes on which the ego arrives, and their lengths."""
     say = Console(highlight=False).print
     carla = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[3].parent / "shared" / "data" / "carla"
     for town in sys.argv[2:] or MAPS:

@@ -1,4 +1,5 @@
-"""One map of somebody else, in a process with limits: imported, its geometry checked, driven over by `idm` alone."""
+"""Judges one foreign map in a process with limits: imports it, checks its geometry, and lets `idm` drive on it
+alone."""
 
 from __future__ import annotations
 
@@ -40,17 +41,20 @@ _GOOD_REASONS = (
     "No edges loaded",
     "that are read: cut out",  # too large
 )
-"""Parts of messages about files that hold no map that anybody could drive on."""
+"""Parts of messages about files without a map that a car could drive on."""
 
 
 @dataclass(frozen=True)
 class MapRow:
-    """What came of one map.
+    """The result of one map.
 
     Attributes:
-        kind: `opendrive`, `osm` or `sumo`. verdict: one of the four words above. detail: the message, or how the drive
-            ended. broken: how many places the check of the geometry names, after repairs.
-        seconds, memory_mb: of the whole process, netconvert included.
+        file: its name.
+        kind: `opendrive`, `osm` or `sumo`.
+        verdict: one of the four words above.
+        detail: the message, or the result of the drive.
+        broken: number of places that the check of the geometry names, after repairs.
+        seconds, memory_mb: time and memory of the whole process, including netconvert.
     """
 
     file: str
@@ -63,14 +67,14 @@ class MapRow:
 
 
 def kind_of(path: Path) -> str | None:
-    """Return which importer reads a file; None for none."""
+    """Return the importer for a file; None if there is none."""
     return next((kind for kind, endings in _KINDS.items() if path.name.endswith(endings)), None)
 
 
 def check_map(path: Path) -> MapRow:
-    """Import a map, check its geometry and have `idm` drive alone over its starter, in 60 s and 2 GB.
+    """Import a map, check its geometry and let `idm` drive the starter alone, within 60 s and 2 GB.
 
-    The process is a fork: what is slow to import, and machine code, is loaded once for all maps.
+    The process is a fork, so that slow imports and machine code are loaded once for all maps.
     """
     _load()
     begin = time.perf_counter()
@@ -81,16 +85,16 @@ def check_map(path: Path) -> MapRow:
     theirs.close()
     ours.poll(LIMIT_S)
     try:
-        found = ours.recv() if ours.poll(0) else {"detail": f"took more than {LIMIT_S:.0f} s"}
+        answer = ours.recv() if ours.poll(0) else {"detail": f"took more than {LIMIT_S:.0f} s"}
     except EOFError:
         worker.join(LIMIT_S)
-        found = {"detail": f"its process ended with {worker.exitcode}"}
+        answer = {"detail": f"its process ended with {worker.exitcode}"}
     if worker.is_alive():
         worker.join(5)
         worker.kill()
     worker.join()
-    seconds, memory_mb = round(time.perf_counter() - begin, 1), round(found.pop("memory_mb", 0.0))
-    return MapRow(path.name, kind_of(path) or "", seconds=seconds, memory_mb=memory_mb, **{**_NOTHING, **found})
+    seconds, memory_mb = round(time.perf_counter() - begin, 1), round(answer.pop("memory_mb", 0.0))
+    return MapRow(path.name, kind_of(path) or "", seconds=seconds, memory_mb=memory_mb, **{**_NOTHING, **answer})
 
 
 _NOTHING = {"verdict": OURS, "broken": 0}
@@ -112,7 +116,7 @@ def _answer(path: Path, to: Connection) -> None:
 
 
 def _work(path: Path, out: Path) -> tuple[str, str, int]:
-    """Import and drive; return the verdict, the detail, and how many places are broken."""
+    """Import and drive; return the verdict, the detail, and the number of broken places."""
     from foresee_exchange.maps import opendrive, osm, sumo
 
     from foresee_dsl.errors import ForeseeError
@@ -137,13 +141,13 @@ def _work(path: Path, out: Path) -> tuple[str, str, int]:
 
 
 def _count(note: str) -> int:
-    """How many broken places a note of an import speaks of."""
+    """Return the number of broken places in a note of an import."""
     words = note.split()
     return int(words[0]) if "broken" in words and words[0].isdecimal() else 0
 
 
 def _driven_alone(scenario: Path) -> tuple[bool, str]:
-    """Drive a starter without its traffic."""
+    """Drive a starter without its traffic; return whether it passed, and the verdict with its reason."""
     from foresee_dsl.campaign.driving import run_test_case
     from foresee_dsl.language.model import Scenario, Traffic
     from foresee_dsl.language.parser import parse

@@ -1,7 +1,7 @@
-"""Mutated foreign files against the importers: `python -m corpus.mutated_files openscenario --files 1000 --seed 1`.
+"""Fuzzes the importers of scenarios: `python -m corpus.mutated_files openscenario --files 1000 --seed 1`.
 
-Each file becomes a scenario or an error in words, in little time and memory; anything else is printed with its number,
-and `--show NUMBER` prints the file. The exit code is 1 if there is anything.
+Each mutated file must become a scenario or an error with a message, within limits of time and memory. Other outcomes
+are printed with the file's number (`--show NUMBER` prints the file), and the exit code is then 1.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from foresee_dsl.errors import ForeseeError
 from tests.support import openscenario_files as osc
 
 MOST_CPU_S = 20.0
-"""Of one file (the first one compiles the network)."""
+"""Limit of processor time for a file, s (the first one compiles the network)."""
 MOST_MEMORY_MB = 3000
 
 _ODD = ("", "x", "-5", "1e400", "nan", "$", "${1/0}", "${" + "(" * 60, "99999999", "0", "-0.0", "Ego", "\u202e", '"',
@@ -79,7 +79,7 @@ def _scenario() -> str:
 
 
 def mutated_xml(text: str, chance: random.Random) -> bytes:
-    """Return XML with one to four things wrong with it; now and then the bytes themselves."""
+    """Return XML with one to four errors; sometimes the bytes themselves are damaged."""
     root = ElementTree.fromstring(text)
     for _ in range(chance.randint(1, 4)):
         parents = {child: parent for parent in root.iter() for child in parent}
@@ -110,7 +110,7 @@ def mutated_xml(text: str, chance: random.Random) -> bytes:
 
 
 def mutated_json(value: object, chance: random.Random) -> object:
-    """Return a JSON document in which about every thirtieth value is something else."""
+    """Return a JSON document in which about every thirtieth value is replaced."""
     if chance.random() < 0.03:
         return chance.choice([None, [], {}, *_ODD, 1e308, -1, True])
     if isinstance(value, dict):
@@ -126,7 +126,7 @@ def openscenario_file(folder: Path, number: int, seed: int) -> Callable[[], obje
 
 
 def carla_file(folder: Path, number: int, seed: int) -> Callable[[], object]:
-    """Write mutated routes and triggers of a town that is a straight road; return their import."""
+    """Write mutated routes and triggers of a town with one straight road; return their import."""
     chance = random.Random(f"carla {seed} {number}")
     town = folder / "straight.xodr"
     town.write_text(osc.XODR)
@@ -140,46 +140,46 @@ MAKERS = {"openscenario": openscenario_file, "carla": carla_file}
 
 
 def judge(work: Callable[[], object]) -> str:
-    """Return what came of an import: `written`, `refused`, or what is wrong."""
+    """Return the outcome of an import: `written`, `refused`, or the error."""
     begin = time.process_time()
     try:
         work()
-        found = "written"
+        outcome = "written"
     except ForeseeError as err:
-        found = "refused" if str(err).strip() else "an error without words"
+        outcome = "refused" if str(err).strip() else "an error without words"
     except RecursionError:
-        found = "RecursionError"
+        outcome = "RecursionError"
     except Exception:
-        found = traceback.format_exc()
-    took = time.process_time() - begin
-    return found if took < MOST_CPU_S else f"{took:.0f} s of the processor ({found[:20]})"
+        outcome = traceback.format_exc()
+    cpu_s = time.process_time() - begin
+    return outcome if cpu_s < MOST_CPU_S else f"{cpu_s:.0f} s of the processor ({outcome[:20]})"
 
 
 def main() -> None:
-    """Judge many files; print what is wrong."""
+    """Judge many files, and print the errors."""
     parser = argparse.ArgumentParser(prog="python -m corpus.mutated_files", description=main.__doc__)
     parser.add_argument("format", choices=MAKERS)
     parser.add_argument("--files", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--show", type=int, help="print the files of this number instead")
-    given = parser.parse_args()
+    options = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY_MB * 2**20,) * 2)
-    numbers = range(given.first, given.first + given.files) if given.show is None else [given.show]
+    numbers = range(options.first, options.first + options.files) if options.show is None else [options.show]
     seen: Counter[str] = Counter()
     for number in numbers:
         with tempfile.TemporaryDirectory() as folder:
-            work = MAKERS[given.format](Path(folder), number, given.seed)
-            if given.show is not None:
+            work = MAKERS[options.format](Path(folder), number, options.seed)
+            if options.show is not None:
                 sys.stdout.writelines(f"{f.name}\n{f.read_text(errors='replace')}\n" for f in Path(folder).glob("*.*"))
                 return
-            found = judge(work)
+            outcome = judge(work)
             left = [file.name for file in Path(folder).glob("out/.*")]
         if left:
-            found = f"half-written: {left}"
-        seen[found if found in ("written", "refused") else "wrong"] += 1
-        if found not in ("written", "refused"):
-            sys.stdout.write(f"number {number}: {found}\n")
+            outcome = f"half-written: {left}"
+        seen[outcome if outcome in ("written", "refused") else "wrong"] += 1
+        if outcome not in ("written", "refused"):
+            sys.stdout.write(f"number {number}: {outcome}\n")
             sys.stdout.flush()
     sys.stdout.write(f"{dict(seen)}, {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.0f} MB\n")
     sys.exit(bool(seen["wrong"]))

@@ -1,7 +1,8 @@
 """Fuzzes the importers of maps: `python -m corpus.mutated_maps --inputs 1000 --kind osm`, from the checkout.
 
-Each input is a sound map with a few changes. It must become a net with a starter, or be refused in words: no other
-exception, and no more than 60 s and 2 GB. A finding is written into `fuzz-findings/`; with any the exit code is 1.
+Each input is a valid map with a few changes. It must become a net with a starter, or be refused with a message; other
+exceptions, and more than 60 s or 2 GB, are findings. A finding is written into `fuzz-findings/`, and the exit code is
+1.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ SEEDS: dict[str, tuple[str, Callable[[], list[str]]]] = {
     "osm": ("map.osm", lambda: [(_TESTS / "small_town.osm").read_text()]),
     "sumo": ("map.net.xml", lambda: [crooked.net(), crooked.net("100,0 103,0 103,3 106,0")]),
 }
-"""Of each kind the name of the file, and the texts that are changed."""
+"""By kind of map: the file name, and the valid maps that are changed."""
 
 
 def _two_roads() -> str:
@@ -51,7 +52,7 @@ def _bent() -> str:
 
 
 def changed(text: str, rng: random.Random) -> bytes:
-    """Return a map with one to four changes; the same generator gives the same ones."""
+    """Return a map with one to four changes; the same generator gives the same changes."""
     root = ElementTree.fromstring(text)
     for _ in range(rng.randint(1, 4)):
         _change(root, rng)
@@ -81,7 +82,7 @@ def _change(root: ElementTree.Element, rng: random.Random) -> None:
 
 
 def look(kind: str, data: bytes, folder: Path) -> str:
-    """Import a map, without the drive; return "imported", "refused", or what went wrong."""
+    """Import a map, without the drive; return "imported", "refused", or the error."""
     from foresee_exchange.maps import osm
     from foresee_exchange.maps.osm import read_osm
 
@@ -109,7 +110,7 @@ def _too_long(_signal: int, _frame: object) -> None:
 
 
 def fuzz(kind: str, seed: int, numbers: range, most_s: float = float("inf")) -> tuple[Counter[str], dict[str, bytes]]:
-    """Look at inputs of a kind; return what came of them, and one input for each thing that went wrong."""
+    """Judge inputs of a kind; return the counts of outcomes, and one input for each error."""
     seen: Counter[str] = Counter()
     findings: dict[str, bytes] = {}
     texts, until = SEEDS[kind][1](), time.monotonic() + most_s
@@ -136,13 +137,13 @@ def main() -> int:
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--kind", choices=sorted(SEEDS), action="append")
     options.add_argument("--minutes", type=float, default=float("inf"), help="of each kind at most")
-    given = options.parse_args()
+    arguments = options.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     failed = False
     with tempfile.TemporaryDirectory() as cache:
-        os.environ["FORESEE_CACHE"] = cache  # a thousand nets that nobody needs again
-        for kind in given.kind or sorted(SEEDS):
-            seen, findings = fuzz(kind, given.seed, range(given.inputs), 60 * given.minutes)
+        os.environ["FORESEE_CACHE"] = cache  # a thousand nets that are not needed again
+        for kind in arguments.kind or sorted(SEEDS):
+            seen, findings = fuzz(kind, arguments.seed, range(arguments.inputs), 60 * arguments.minutes)
             sys.stdout.write(f"{kind}: {seen.total()} inputs: {dict(seen)}\n")
             for k, (what, data) in enumerate(findings.items()):
                 file = Path("fuzz-findings") / f"{kind}_{k}_{SEEDS[kind][0]}"

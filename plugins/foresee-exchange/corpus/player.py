@@ -1,4 +1,4 @@
-"""The reference player: esmini without a window, and where it has each entity at some times."""
+"""The reference player: runs esmini without a window, and reads the positions of all entities at some times."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _TAIL_BYTES = 100_000
 
 @dataclass(frozen=True)
 class Played:
-    """Where entities are at each time, s: x, y, m, of their reference points. `said`: why there are none."""
+    """Positions of entities by time (s): x, y, m, of their reference points. `error`: reason why there are none."""
 
     at: dict[float, dict[str, tuple[float, float]]]
-    said: str = ""
+    error: str = ""
 
 
 def play(player: Path, file: Path, times_s: Sequence[float]) -> Played:
@@ -50,12 +50,12 @@ def play(player: Path, file: Path, times_s: Sequence[float]) -> Played:
         text = log.read_text(errors="replace") if log.exists() else ""
         lines = [line for line in text.splitlines() if line.strip()]
         errors = [line for line in lines if "error" in line.lower()] or lines[-_EXIT_LINES:]
-        found = {time_s: _at(table, time_s) for time_s in times_s} if table.exists() else {}
-    return Played(found, "" if any(found.values()) else " / ".join(errors)[-300:] or "it wrote nothing")
+        positions = {time_s: _at(table, time_s) for time_s in times_s} if table.exists() else {}
+    return Played(positions, "" if any(positions.values()) else " / ".join(errors)[-300:] or "it wrote nothing")
 
 
 def _is_past(table: Path, time_s: float) -> bool:
-    """Return whether the last whole line but one is later than a time."""
+    """Return whether the last but one complete line is later than a time."""
     if not table.exists():
         return False
     with table.open("rb") as stream:
@@ -69,7 +69,7 @@ def _is_past(table: Path, time_s: float) -> bool:
 
 
 def _at(table: Path, time_s: float) -> dict[str, tuple[float, float]]:
-    """Return the positions of the line nearest to a time; nothing where it was not played so far."""
+    """Return the positions of the line nearest to a time; empty if the run ended before it."""
     rows = list(csv.reader(table.open(encoding="utf-8", errors="replace")))
     head = next((k for k, row in enumerate(rows) if any("TimeStamp" in cell for cell in row)), None)
     if head is None:
@@ -88,7 +88,7 @@ def _at(table: Path, time_s: float) -> dict[str, tuple[float, float]]:
 
 
 def _entities(names: list[str], row: list[str]) -> dict[str, tuple[float, float]]:
-    found: dict[str, tuple[float, float]] = {}
+    positions: dict[str, tuple[float, float]] = {}
     for k, name in enumerate(names):
         if "Entity_Name" not in name or k >= len(row):
             continue
@@ -101,5 +101,5 @@ def _entities(names: list[str], row: list[str]) -> dict[str, tuple[float, float]
         }
         x, y = columns["X"], columns["Y"]
         if x is not None and y is not None and row[k].strip():
-            found[row[k].strip()] = float(row[x]), float(row[y])
-    return found
+            positions[row[k].strip()] = float(row[x]), float(row[y])
+    return positions

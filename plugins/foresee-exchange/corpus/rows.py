@@ -1,4 +1,4 @@
-"""What came of one file, and the table, summary and CSV of all."""
+"""The result of one file, and the table, summary and CSV of all results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rich.table import Table
 
 
 class Outcome(StrEnum):
-    """What came of a file."""
+    """The outcome of a file."""
 
     imported = "imported"
     partial = "partial"
@@ -27,13 +27,16 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Row:
-    """One file.
+    """The result of one file.
 
     Attributes:
-        reason: why it was refused, or what was lost. arrives: whether a first drive arrived (maps only).
-        compared, near: actors that the player has too, and those of them that are within 3 m of it at every look.
-        worst_m: the farthest, worst: which actor that is, and when.
-        said: by the player, where it could not play the file.
+        file, outcome, seconds: its name, outcome and time.
+        reason: why it was refused, or the lost parts.
+        arrives: whether a first drive arrived (maps only).
+        compared, near: number of actors that the player has too, and of those that are within 3 m of it at every
+            comparison.
+        worst_m, worst: largest distance, m; the actor and the time.
+        player_error: the message of the player if it could not play the file.
     """
 
     file: str
@@ -43,7 +46,7 @@ class Row:
     near: int = 0
     worst_m: float = 0.0
     worst: str = ""
-    said: str = ""
+    player_error: str = ""
     arrives: bool | None = None
     seconds: float = 0.0
 
@@ -61,7 +64,7 @@ def show(rows: Sequence[Row], console: Console) -> None:
     table = Table("file", "outcome", "actors near", "worst", "why")
     for row in rows:
         near = f"{row.near}/{row.compared}" if row.compared else ""
-        worst = f"{row.worst_m:.1f} m {row.worst}" if row.compared else row.said[:40]
+        worst = f"{row.worst_m:.1f} m {row.worst}" if row.compared else row.player_error[:40]
         table.add_row(row.file, row.outcome, near, worst, row.reason[:160])
     console.print(table)
     counts = Counter(row.outcome for row in rows)

@@ -1,4 +1,5 @@
-"""One OpenSCENARIO file: imported, checked, driven for nine seconds, and compared with the player."""
+"""Judges one OpenSCENARIO file: imports it, checks it, drives for nine seconds, and compares the run with the
+player's."""
 
 from __future__ import annotations
 
@@ -27,28 +28,28 @@ from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 LOOKS_S = (1.0, 3.0, 6.0, 9.0)
-"""When the actors are compared: what a trigger changes late shows at 6 and 9 s only."""
+"""Times at which actors are compared, s: the effect of a late trigger shows only at 6 and 9 s."""
 NEAR_M = 3.0
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What all files have in common: the player, and a folder of maps that files name without a path."""
+    """Common settings of all files: the player, and a folder of maps that files name without a path."""
 
     player: Path | None = None
     maps: Path | None = None
 
 
 def judge(file: Path, name: str, settings: Settings) -> Row:
-    """Return what came of one file; what is neither imported nor refused in words is the caller's to catch."""
+    """Return the result of one file; the caller must catch other exceptions than a refusal."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         try:
             done = importer.run(file, out=out, road=settings.maps, allow_outside=True, partial=True)
         except ForeseeError as err:
             good = isinstance(err, SourceError)
-            said = str(err).replace(str(file), "it").replace(str(out), "")
-            return Row(name, Outcome.good_reason if good else Outcome.ours, said)
+            message = str(err).replace(str(file), "it").replace(str(out), "")
+            return Row(name, Outcome.good_reason if good else Outcome.ours, message)
         lost = "; ".join(f"{count} {what}" for what, count in done.lost.items())
         row = Row(name, Outcome.partial if lost else Outcome.imported, lost)
         case, *_ = load_test_cases([file for file in done.files if file.name.endswith(f"{_scenario(done)}.foresee")])
@@ -71,18 +72,18 @@ def _shortened(case: TestCase) -> TestCase:
 
 
 def _by_the_ego(scenario: Scenario) -> set[str]:
-    """Return the actors that are told to keep to the ego, or to one that does: where they are depends on the driver."""
+    """Return the actors with orders relative to the ego, or to such an actor: their positions depend on the driver."""
     actions = [action for when in scenario.all(When) for action in all_actions(when.actions)]
     pairs = [(action.actor, getattr(action, "other", "")) for action in actions if hasattr(action, "actor")]
-    found = {"ego"}
-    while more := {actor for actor, other in pairs if other in found} - found:
-        found |= more
-    return found - {"ego"}
+    actors = {"ego"}
+    while more := {actor for actor, other in pairs if other in actors} - actors:
+        actors |= more
+    return actors - {"ego"}
 
 
 def _compared(row: Row, source: Source, scenario: Scenario, trace: Trace, player: Path) -> Row:
-    """Return the row with how far actors are from where the player has them, the ego and those that keep to it left
-    out."""
+    """Return the row with the distances between our actors and the player's, without the ego and actors that depend on
+    it."""
     driven = _by_the_ego(scenario)
     entities = read_participants(source, Losses(), name="x").entities
     copy = steady_copy(source, next(ref for ref, entity in entities.items() if entity.name == "ego"), LOOKS_S[-1] + 1.0)
@@ -97,16 +98,16 @@ def _compared(row: Row, source: Source, scenario: Scenario, trace: Trace, player
             if entity.name != "ego" and entity.name not in driven and ref in positions and ours is not None:
                 off[ref] = max(off.get(ref, (0.0, 0.0)), (math.dist(ours, positions[ref]), time_s))
     if not off:
-        return dataclasses.replace(row, said=played.said)
+        return dataclasses.replace(row, player_error=played.error)
     worst = max(off, key=lambda ref: off[ref])
     worst_m, when_s = off[worst]
     near = sum(away_m <= NEAR_M for away_m, _ in off.values())
-    said = f"{worst} at {when_s:g} s"
-    return dataclasses.replace(row, compared=len(off), near=near, worst_m=round(worst_m, 2), worst=said)
+    worst_actor = f"{worst} at {when_s:g} s"
+    return dataclasses.replace(row, compared=len(off), near=near, worst_m=round(worst_m, 2), worst=worst_actor)
 
 
 def _reference_point(entity: Entity, trace: Trace, time_s: float) -> tuple[float, float] | None:
-    """Return where the entity's reference point is in our run, or None where it is not in it (any more)."""
+    """Return the position of the entity's reference point in our run; None if it is not (or no longer) in the run."""
     names = [info.id for info in trace.actors]
     if entity.name not in names or trace.duration_s < time_s:
         return None

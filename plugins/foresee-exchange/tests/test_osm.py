@@ -63,7 +63,7 @@ def test_the_starter_crosses_the_signal_and_drivers_arrive(town: tuple[Imported,
     _, out = town
     file = out / "small_town.foresee"
     case = load_test_case(file)
-    ego = case.scenario.one(Ego)
+    ego = case.scenario.first(Ego)
     assert ego is not None
     places = [item.place for item in ego.body if isinstance(item, StartAt | GoalAt)]
     assert all(isinstance(place, AlongEdge) for place in places)

@@ -59,7 +59,7 @@ def test_a_pupil_that_stands_for_no_reason_is_helped(braked: tuple[_Pupil, Recor
     stood = int(np.flatnonzero(speeds < 0.1)[0])
     assert speeds[stood : stood + round(HELD_UP_S / 0.05) - 2].max() < 0.3
     assert speeds[stood + round(HELD_UP_S / 0.05) :].max() > 2.0
-    drives = found.given[:, -1]
+    drives = found.label_rows[:, -1]
     assert 0 < drives.sum() < len(drives)
     assert pupil.steps == result.steps  # it sees every step, also while the expert drives
 
@@ -76,7 +76,7 @@ def test_a_pupil_that_leaves_its_lanes_is_helped_back_or_its_run_ends(bundle: Su
     for seed in (1, 2, 4):
         found, result = record(bundle, seed, {}, pupil=_Pupil(Control(-0.03, 0.3, 0.0)))
         assert found is not None
-        helped = bool(found.given[:, -1].any())
+        helped = bool(found.label_rows[:, -1].any())
         ends[helped] += 1
         assert (result.verdict is Verdict.F1) != helped
     assert ends[True] and ends[False]

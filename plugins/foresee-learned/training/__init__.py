@@ -1,1 +1,1 @@
-"""Data, models and training of the learned drivers and of SelfOracle; no part of the installed package."""
+"""Data, models and training of the learned drivers and of SelfOracle; not part of the installed package."""

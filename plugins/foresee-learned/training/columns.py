@@ -1,4 +1,5 @@
-"""Columns of numbers as few bytes: rounded, as differences, their bytes sorted by weight, for a general compressor."""
+"""Packs columns of numbers into few bytes: rounded, as differences, the bytes sorted by significance, then
+compressed."""
 
 from __future__ import annotations
 
@@ -19,9 +20,8 @@ _LARGEST = np.iinfo(np.int32).max
 def packed(values: NDArray[Any], step: float | None) -> Bytes:
     """Return a column as bytes.
 
-    Neighbours should be alike: rows of one actor one after the other.
-
-    `step`: what the values are rounded to; None: every bit of a float is kept.
+    Neighbouring values should be similar: first all rows of one actor, then those of the next. `step`: the values are
+    rounded to multiples of it; None: every bit of a float is kept.
     """
     if step is None:
         return _by_weight(np.ascontiguousarray(values, dtype=np.float64))
@@ -33,7 +33,7 @@ def packed(values: NDArray[Any], step: float | None) -> Bytes:
 
 
 def unpacked(data: Bytes, step: float | None) -> NDArray[np.float64]:
-    """Return the column that `packed` made bytes of."""
+    """Return the column from the bytes of `packed`."""
     if step is None:
         return _together(data, np.dtype(np.float64)).astype(np.float64)
     return np.cumsum(_together(data, np.dtype(np.int32)).astype(np.int64)).astype(np.float64) * step
@@ -48,7 +48,7 @@ def _together(data: Bytes, kind: np.dtype[Any]) -> NDArray[Any]:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], about: object) -> None:
-    """Write arrays, and what there is to say about them, as an `.npz` that `numpy.load` reads.
+    """Write arrays and a description of them as an `.npz` that `numpy.load` reads.
 
     The same content gives the same bytes. LZMA makes it a fifth smaller than numpy's own compressed files.
     """
@@ -65,7 +65,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], about: object) 
 
 
 def read_arrays(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
-    """Return what `write_arrays` wrote."""
+    """Return the arrays and the description from a file of `write_arrays`."""
     with np.load(path, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     return arrays, json.loads(arrays.pop("about").tobytes())

@@ -14,7 +14,7 @@ _COLOURS = ("#1b6ca8", "#d1495b", "#3c8d53", "#8a5fbf", "#c98a1b", "#555555")
 
 
 def points(file: Path, column: str) -> list[tuple[float, float]]:
-    """Return the steps and values of a column, where it has any."""
+    """Return the steps and values of a column, without rows that have no value."""
     with file.open(newline="") as lines:
         return [(float(row["step"]), float(row[column])) for row in csv.DictReader(lines) if row.get(column)]
 

@@ -1,9 +1,10 @@
-"""Lets a learned driver drive, and records the expert's labels where it went (DAgger, Ross et al. 2011).
+"""Records the expert's labels in runs that a learned driver drives (DAgger, Ross et al. 2011).
 
     python -m training.dagger --driver fusion --weights weights/round1 --round 1 --hours 1.5 --out FOLDER --jobs 2
 
-A run ends when the ego hits somebody or has left the road. Where the pupil stands and the expert would not, the expert
-drives for some seconds; and by chance in `--share` of all stretches of 4 s, so that what lies behind is seen as well.
+A run ends when the ego has hit an actor or left the road. If the pupil stands although the expert would drive, the
+expert drives for some seconds. It also drives in a random share (`--share`) of all stretches of 4 s, so that situations
+behind an obstacle to the pupil are recorded too.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _CHUNK = 8
 
 
 def seed_of(number: int, driver: str) -> int:
-    """Return the seed of a round of a driver: other cases and drives than in every other round."""
+    """Return the seed of a round of a driver; every round has its own cases and drives."""
     return 1000 * number + sum(driver.encode()) % 997
 
 
@@ -57,7 +58,7 @@ def main() -> None:
             options.share)
         for k, items in enumerate(pieces)
     ]  # fmt: skip
-    random.Random(seed).shuffle(jobs)  # what is cut short has some of everything
+    random.Random(seed).shuffle(jobs)  # so that an interrupted recording has some runs of each kind
     record_all(jobs, options.jobs)
 
 

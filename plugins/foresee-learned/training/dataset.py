@@ -1,4 +1,5 @@
-"""From recordings to what training reads: pictures drawn once, by many processes, as bits; and minibatches of them.
+"""Turns recordings into training data: many processes draw the pictures once, as bits; training reads minibatches of
+them.
 
     python -m training.dataset RECORDINGS... --out DRAWN
 
@@ -38,22 +39,22 @@ VELOCITY = CHANNELS.index("velocity_ahead")
 PLANES = [k for k in range(len(CHANNELS)) if k not in (VELOCITY, VELOCITY + 1)]
 """Channels of the view from above that are 0 or 255."""
 BOXES = 24
-"""Road users kept of a sample, the nearest."""
+"""Largest number of road users in a sample; the nearest ones are kept."""
 VALIDATION_SHARE = 20
-"""One case in this number is for validation."""
+"""Divisor: one case in this many is for validation."""
 SAMPLE = np.dtype(
     [
         ("planes", np.uint8, (len(PLANES), 128, 16)),  # bits
         ("velocity", np.uint8, (2, 128, 128)),
-        ("classes", np.uint8, (64, 160)),  # of the view ahead, from 1; 0: none
+        ("classes", np.uint8, (64, 160)),  # class of each pixel of the view ahead, from 1; 0: none
         ("depth", np.uint8, (64, 160)),
         ("vector", np.float32, (10,)),
         ("trajectory", np.float32, (12, 2)),
         ("stop_line", np.float32),
         ("signal", np.int64),
-        ("cells", np.int64, (BOXES,)),  # of the density map, -1: no road user
-        ("users", np.float32, (BOXES, 7)),  # the map's other channels there
-        ("weight", np.float32),  # how often it is drawn
+        ("cells", np.int64, (BOXES,)),  # squares of the density map; -1: no road user
+        ("users", np.float32, (BOXES, 7)),  # the other channels of these squares
+        ("weight", np.float32),  # relative frequency with which it is drawn
         ("run", np.int64),
         ("expert_drives", np.bool_),
     ]
@@ -82,7 +83,7 @@ def draw(files: Sequence[Path], out: Path, workers: int) -> None:
 
 
 def _drawn(job: Job) -> int:
-    """Draw a job's samples; return how many there are."""
+    """Draw a job's samples; return their number."""
     runs = read_shard(job.file)
     drawn = []
     for k, run in enumerate(runs):
@@ -152,9 +153,9 @@ def density_labels(labels: Labels) -> tuple[NDArray[np.int64], NDArray[np.float3
 
 
 def importance(labels: Labels, speed_mps: float, *, expert_drives: bool) -> float:
-    """Return how often a sample is drawn, 1 for plain driving: hard moments more often.
+    """Return the relative frequency with which a sample is drawn: 1 for plain driving, more for hard moments.
 
-    Ours. A network that saw each moment as often as it happens learns to drive straight on.
+    Ours. A network that sees each moment as often as it occurs learns to drive straight on.
     """
     points = np.vstack([(0.0, 0.0), labels.trajectory])
     speeds = np.hypot(*np.diff(points, axis=0).T) / 0.25
@@ -200,7 +201,7 @@ class Data:
         self._bits = (1 << torch.arange(8, device=device)).to(torch.uint8)
 
     def chosen(self, count: int, generator: torch.Generator) -> torch.Tensor:
-        """Return indices of training samples by chance, hard ones more often."""
+        """Return indices of random training samples, hard ones more often."""
         import torch
 
         if not hasattr(self, "_sums"):

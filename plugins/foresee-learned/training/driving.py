@@ -26,25 +26,28 @@ from training.samples import COLOURS, FRAME_S, KINDS, POINTS, RecordedNetwork, R
 from training.shadow import Advice, Expert
 
 KEPT = (0, 4)
-"""Of ten frames (half a second) those that are recorded."""
+"""Indices of the recorded frames among each ten frames (half a second)."""
 VIEW_M, AHEAD_M = 48.0, 68.0
-"""How far the view from above reaches, and how far ahead of it the ego may come within the second of its past."""
+"""Range of the view from above, and how far ahead of its picture the ego can be within the second of its past, m."""
 BOX_M = 60.0
-"""Boxes in sight are labels up to here."""
+"""Largest distance of boxes in sight that are labels, m."""
 _PASTS = (10, 20)
 _BURST_ECHO_S = 3.0
 HELD_UP_S, HELPS_S = 6.0, 4.0
-"""A pupil that stands for so long where the expert would go is helped: the expert drives for `HELPS_S`. Ours."""
+"""A pupil that stands for `HELD_UP_S` where the expert would drive is helped: the expert drives for `HELPS_S`. Ours."""
 OUTSIDE_M, RESCUED = 0.1, 0.7
-"""In this share of the runs a pupil so far outside of its lanes is helped too. Ours: soon a kerb ends the run."""
+"""In this share of the runs (`RESCUED`) a pupil that is this far outside of its lanes is helped too. Ours: otherwise a
+kerb soon ends the run."""
 
 
 WRONG_STEER, WRONG_PEDALS = 0.08, 0.4
-"""Ours: 3 degrees of the wheels; a third of the brakes."""
+"""Errors above which a pupil's answer differs from the expert's. Ours: 3 degrees of the wheels; a third of the
+brakes."""
 
 
 class Disturbance(NamedTuple):
-    """How a run is disturbed. start: the ego's start is moved. bursts: wrong controls, at all and how far apart."""
+    """The disturbances of a run. `start`: the ego's start is moved. `bursts`: mean time between bursts of wrong
+    controls; None without bursts."""
 
     start: bool = False
     bursts: bool = False
@@ -75,11 +78,11 @@ class Enough(Exception):  # noqa: N818  no error: the run has nothing new to tel
 
 @dataclass
 class Recorder:
-    """A driver that records: it lets the pupil (or the expert, where there is none) drive.
+    """A driver that records the run of a pupil (or of the expert, without a pupil).
 
     Attributes:
-        share: of the stretches of 4 s the share that the expert drives although there is a pupil.
-        easy: factor on how often easy frames are kept.
+        share: share of the stretches of 4 s in which the expert drives instead of the pupil.
+        easy: factor on the frequency with which easy frames are kept.
     """
 
     bundle: SumoBundle
@@ -238,8 +241,8 @@ def record(
     share: float = 0.0,
     easy: float = 1.0,
 ) -> tuple[RecordedRun | None, RunResult]:
-    """Drive a test case and return what was recorded; None where nothing was worth it. The same arguments give the
-    same."""
+    """Drive a test case and return its recording; None if no frame was worth keeping. The same arguments give the same
+    result."""
     rng = np.random.Generator(np.random.PCG64(seed))
     if disturbance.start:
         bundle = disturbed_start(bundle, rng)
@@ -252,7 +255,7 @@ def record(
 
 
 def _kept(bundle: SumoBundle, recorder: Recorder, chosen: IntArray, about: dict[str, Any]) -> RecordedRun:
-    """Return the chosen frames with labels, and those that are their past without."""
+    """Return the chosen frames with labels, and the frames of their past without labels."""
     frames = recorder.frames
     index = {frame.number: k for k, frame in enumerate(frames)}
     labelled = set(np.flatnonzero(chosen).tolist())
@@ -279,13 +282,13 @@ def _kept(bundle: SumoBundle, recorder: Recorder, chosen: IntArray, about: dict[
         colours=np.array([f.colours for f in kept], np.uint8).reshape(len(kept), len(recorder.mission.junctions)),
         seen=np.array(seen, dtype=np.float64).reshape(-1, 10),
         true=np.concatenate([np.empty((0, 7)), *true]),
-        given=np.array(labels, dtype=np.float64).reshape(-1, 8),
+        label_rows=np.array(labels, dtype=np.float64).reshape(-1, 8),
         trajectories=np.array([kept[k].advice.trajectory for k in indices]).reshape(-1, POINTS, 2),
     )
 
 
 def network_of(bundle: SumoBundle) -> RecordedNetwork:
-    """Return what pictures need of a test case's network."""
+    """Return the part of a test case's network that pictures need."""
     key = bundle.net_file.parent.name
     buildings = tuple(tuple((float(x), float(y)) for x, y in outline) for outline in bundle.network.buildings)
     return RecordedNetwork(key, GroundMap.of(bundle.network), buildings)

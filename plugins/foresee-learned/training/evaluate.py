@@ -1,7 +1,7 @@
-"""Evaluates drivers where none was trained: `python -m training.evaluate --driver fusion --weights FOLDER --jobs 2`.
+"""Evaluates drivers on cases without training: `python -m training.evaluate --driver fusion --weights FOLDER --jobs 2`.
 
-Three parts: `plain`, the bundled test cases; `town10`, CARLA's routes in Town10HD; `alone`, drives with nobody else in
-every CARLA town, of which Town02 and Town10HD are held out. The runs go through the machinery of `foresee assess`.
+Three parts: `plain`, the bundled test cases; `town10`, CARLA's routes in Town10HD; `alone`, drives without other actors
+in every CARLA town, of which Town02 and Town10HD are held out. The runs use the machinery of `foresee assess`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def row(name: str, runs: Sequence[DriverRun]) -> dict[str, object]:
 
 
 def addresses(part: str, work: Path, carla: Path, count: int) -> dict[str, list[str]]:
-    """Return the test cases of a part by what they are called in the table; `count`: drives alone in each town."""
+    """Return the test cases of a part, by their name in the table; `count`: number of drives alone in each town."""
     if part == "plain":
         return {"plain": [case.id for case in load_test_cases([data_folder("scenarios")]) if not case.snapshot]}
     if part == "town10":
@@ -69,7 +69,7 @@ def addresses(part: str, work: Path, carla: Path, count: int) -> dict[str, list[
 
 
 def rows(driver: str, named: dict[str, list[str]], jobs: int, every: int = 1) -> Iterable[dict[str, object]]:
-    """Run all test cases (or every so manieth), and yield the rows of each name and of each family within it."""
+    """Run all test cases (or every n-th), and yield the rows of each name and of each family within it."""
     for name, chosen in named.items():
         cases = load_test_cases(chosen[::every])
         runs = assess_drivers(cases, [driver], jobs=jobs)

@@ -24,13 +24,14 @@ NETWORKS: dict[str, tuple[type[nn.Module], type[nn.Module], tuple[str, ...]]] = 
     "fusion": (Fusion, FusionDriver, FUSION_OUTPUTS),
     "fusion_safe": (FusionSafe, FusionSafeDriver, FUSION_SAFE_OUTPUTS),
 }
-"""What is trained, what drives, and the names of its outputs."""
+"""Of each driver: the network for training, the network for driving, and the names of its outputs."""
 _LEAST_HALF = 256
-"""Weights with fewer numbers stay float32, and so do"""
+"""Weights with fewer numbers stay float32."""
 _SMALL = 1e-3
-"""weights whose mean magnitude is under this: those that take in whole bytes. Under 6e-5 float16 loses digits."""
+"""Weights whose mean magnitude is below this stay float32 too: they multiply whole bytes. Below 6e-5, float16 loses
+digits."""
 _BLOCK = 16
-"""Channels that onnxruntime works on together, where the processor has AVX-512."""
+"""Number of channels that onnxruntime processes together on processors with AVX-512."""
 
 
 def export(name: str, trained: nn.Module, path: Path) -> None:
@@ -61,9 +62,11 @@ def simplified(path: Path) -> onnx.ModelProto:
 
 
 def first_in_parts(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Make two convolutions of each first one over 16 to 32 channels, with half of them each, and add what they answer.
+    """Split each first convolution over 16 to 32 channels into two with half of the channels each, and add their
+    outputs.
 
-    onnxruntime works in blocks of 16 channels, so that 20 cost as much as 32; under 16 it takes them as they are.
+    onnxruntime works in blocks of 16 channels, so that 20 cost as much as 32; below 16 it processes exactly that
+    number.
     """
     graph = model.graph
     weights = {weight.name: weight for weight in graph.initializer}
@@ -128,7 +131,7 @@ def session(path: Path) -> onnxruntime.InferenceSession:
 
 
 def furthest(name: str, trained: nn.Module, path: Path, inputs: Sequence[tuple[torch.Tensor, ...]]) -> dict[str, float]:
-    """Return for each output how far the file's answer is from torch's at most."""
+    """Return for each output the largest difference between the file's answer and torch's."""
     _, driver, outputs = NETWORKS[name]
     model, opened = driver(trained).eval(), session(path)
     apart = dict.fromkeys(outputs, 0.0)

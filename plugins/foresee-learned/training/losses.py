@@ -23,7 +23,8 @@ WEIGHTS = {
 }
 """Ours: chosen so that after some hundred steps the waypoints make up about half of the sum."""
 HELPING = 0.5
-"""Share of the density map's, stop line's and signal's weights in `fusion`, which only learns from them."""
+"""Factor on the weights of the density map, stop line and signal in `fusion`, whose driver does not use these
+outputs."""
 _USER_SCALE = (1.0, 1.0, 4.0, 2.0, 1.0, 1.0, 8.0)
 """Offsets, length, width (m), cosine, sine, speed (m/s) are divided by these."""
 _OCCUPIED_WEIGHT = 4.0

@@ -1,4 +1,5 @@
-"""Disturbances, so that recovering is learned: a start beside the lane's middle, and short bursts of wrong controls."""
+"""Disturbances, from which a driver learns to recover: a start beside the lane's middle, and short bursts of wrong
+controls."""
 
 from __future__ import annotations
 
@@ -15,13 +16,13 @@ START_TURN_RAD, START_TURN_MOST_RAD = math.radians(4.0), math.radians(12.0)
 START_SPEED = (0.4, 1.15)
 """Standard deviation and most; share of the start speed. Ours: the ego stays on the road, mostly in its lane."""
 PAUSE_S = 9.0
-"""Mean time from a burst to the next."""
+"""Mean time between two bursts, s."""
 BURST_S = (0.3, 1.2)
 TURN_RAD = (math.radians(2.0), math.radians(9.0))
-"""By how much a burst turns the ego. Ours: 9 degrees at 10 m/s are a metre and a half off within a second."""
+"""Angle by which a burst turns the ego, rad. Ours: 9 degrees at 10 m/s give an offset of 1.5 m within a second."""
 WHEELS_RAD = 0.35
 PEDALS = 0.35
-"""Chance that a burst has the pedals wrong as well."""
+"""Probability that a burst also has wrong pedals."""
 SPEED_LEAST_MPS = 1.5
 
 
@@ -50,7 +51,7 @@ def disturbed_start(bundle: SumoBundle, rng: np.random.Generator) -> SumoBundle:
 
 
 class Bursts:
-    """Bursts of wrong controls at random times; the same generator gives the same."""
+    """Bursts of wrong controls at random times; the same generator gives the same bursts."""
 
     def __init__(self, rng: np.random.Generator, vehicle: VehicleLimits, pause_s: float = PAUSE_S) -> None:
         self._rng, self._vehicle, self._pause_s = rng, vehicle, pause_s
@@ -60,7 +61,7 @@ class Bursts:
         """When the last one ended, or ends."""
 
     def put_into(self, control: Control, observation: Observation) -> Control:
-        """Return a control, disturbed while a burst lasts."""
+        """Return a control, disturbed during a burst."""
         time_s, speed = observation.time_s, observation.ego.speed_mps
         if self._now is None and time_s >= self._next_s and speed > SPEED_LEAST_MPS:
             self._now = self._drawn(time_s, speed)

@@ -1,6 +1,6 @@
-"""What is recorded: which drawn cases and which drives through towns, with which seeds and disturbances.
+"""The plan of recordings: the drawn cases and the drives through towns, with their seeds and disturbances.
 
-The plan is a function of hours and seed. Nothing in it is a bundled test case: the meanings are compared.
+The plan is a function of hours and seed. It contains no bundled test case: the meanings are compared.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from training.driving import Disturbance
 from training.towns import drive, net_of, town_names
 
 RUN_S = {"cases": 45.0, "towns": 62.0}
-"""How long a run takes in the mean (measured on the first thousand)."""
+"""Mean duration of a run, s (measured on the first thousand)."""
 TOWN_SHARE = 0.5
 CARLA_WEIGHT = 2.0
-"""CARLA's towns are driven in so much more often than a generated one."""
+"""Ratio of the numbers of drives in a CARLA town and in a generated one."""
 CHUNK = 24
 FOCUS = 3
-"""Factor on the number of cases that are drawn of scenarios in focus."""
+"""Factor on the number of drawn cases for scenarios in focus."""
 DRAW_SEED = 5_000_000
-"""Seeds of drawn cases begin here; bundled files and examples have small ones."""
+"""Smallest seed of drawn cases; bundled files and examples have smaller ones."""
 STARTS, BURSTS = 0.5, 0.65
 """Shares of the runs whose start and whose controls are disturbed."""
 _PLACES = ("arm", "junction", "turn", "stage")
-"""Types of parameters that only fit together in few combinations."""
+"""Types of parameters of which only few combinations of values are possible."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ def drawn_cases(
 ) -> dict[str, list[str]]:
     """Write files with drawn cases of all bundled scenarios, and return the addresses by family.
 
-    `count`: how many of each family, more where there is a `focus`: names of scenarios' files. Which of
-    them mean what a bundled one does is looked at when they are loaded.
+    `count`: number of cases per family; more with a `focus` (names of scenario files). Cases with the meaning of a
+    bundled test case are found when they are loaded.
     """
     folder = scenarios or data_folder("scenarios")
     files: dict[str, list[Path]] = defaultdict(list)
@@ -86,8 +86,8 @@ def drawn_cases(
 def _write_cases(file: Path, out: Path, count: int, seed: int) -> list[str]:
     """Write an extension of a scenario with drawn cases, and return their names.
 
-    Values are drawn as `cases ... from seed` does, but for roads, junctions, turns and stages: independent ones hardly
-    ever fit together, so each case has those of a bundled one.
+    Values are drawn as for `cases ... from seed`, except roads, junctions, turns and stages: independent ones rarely
+    fit together, so each case has those of a bundled case.
     """
     scenario = Project().whole_scenario(file, drawn=True)
     templates = [values_of(scenario, case) for case in scenario.all(m.Case)]
@@ -106,7 +106,7 @@ def _write_cases(file: Path, out: Path, count: int, seed: int) -> list[str]:
 
 
 def town_drives(work: Path, count: int, seed: int, carla: Path | None) -> dict[str, list[str]]:
-    """Write scenarios of drives through all towns, and return their files by town; `count`: in all."""
+    """Write scenarios of drives through all towns, and return their files by town; `count`: total number."""
     towns = town_names(carla)
     weights = np.array([CARLA_WEIGHT if town.startswith("Town") else 1.0 for town in towns])
     by_town: dict[str, list[str]] = {}
@@ -131,7 +131,7 @@ def plan(
     chunk: int = CHUNK,
     towns: float = TOWN_SHARE,
 ) -> tuple[tuple[Item, ...], ...]:
-    """Return the runs in pieces that are recorded and written one by one: all of a piece have one network."""
+    """Return the runs in pieces, each of which is recorded into one file; all runs of a piece have the same network."""
     seconds = hours * 3600.0
     cases = drawn_cases(work, round(seconds * (1 - towns) / RUN_S["cases"] / 5), seed, scenarios, focus)
     drives = town_drives(work, round(seconds * towns / RUN_S["towns"]), seed, carla)
@@ -156,7 +156,7 @@ def _pieces(items: Sequence[Item], chunk: int) -> Iterable[tuple[Item, ...]]:
 
 
 def loaded(project: Project, item: Item, bundled: frozenset[str]) -> TestCase | None:
-    """Load a run's test case; None where what was drawn is impossible, or what a bundled test case means."""
+    """Load a run's test case; None if its values are impossible, or if it has the meaning of a bundled test case."""
     try:
         case = project.test_case(item.address)
     except InputError:

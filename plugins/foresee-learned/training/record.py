@@ -1,7 +1,7 @@
 """Records the expert's driving: `python -m training.record --hours 17 --seed 1 --out FOLDER --jobs 2`.
 
-The expert is `pdm` with ideal sensors; what it is recorded with are the standard sensors. The same hours and seed give
-the same files for any number of jobs.
+The expert is `pdm` with ideal sensors; the recorded observations are those of the standard sensors. The same hours and
+seed give the same files for any number of jobs.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ CARLA = Path(__file__).resolve().parents[4] / "shared" / "data" / "carla"
 
 @dataclass(frozen=True)
 class Job:
-    """A piece of a plan, and the file that it becomes.
+    """A piece of a plan, and its output file.
 
     Attributes:
-        bundled: what the bundled test cases mean.
-        pupil: makes the driver to be recorded; None: the expert drives. share: see `driving.record`.
+        bundled: meanings of the bundled test cases.
+        pupil: creates the driver to be recorded; None: the expert drives.
+        share: see `driving.record`.
     """
 
     items: tuple[Item, ...]
@@ -45,7 +46,7 @@ class Job:
 
 @dataclass
 class Tally:
-    """What was recorded."""
+    """Counts of recorded runs and frames."""
 
     runs: int = 0
     driven_s: float = 0.0
@@ -56,14 +57,14 @@ class Tally:
     families: Counter[str] = field(default_factory=Counter)
 
     def add(self, other: Tally) -> None:
-        """Add another one."""
+        """Add another tally."""
         for name in ("runs", "driven_s", "samples", "bytes", "impossible"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.verdicts.update(other.verdicts)
         self.families.update(other.families)
 
     def text(self) -> str:
-        """Return it in one line."""
+        """Return the tally in one line."""
         verdicts = ", ".join(f"{count} {name}" for name, count in self.verdicts.most_common())
         return (
             f"{self.runs} runs, {self.driven_s / 3600:.2f} h, {self.samples} samples, {self.bytes / 2**20:.2f} MiB, "
@@ -92,7 +93,7 @@ def record_piece(job: Job) -> Tally:
                 compile_test_case(case), item.seed, about, disturbance=item.disturbance, pupil=pupil,
                 share=job.share,
             )  # fmt: skip
-        except ForeseeError:  # what was drawn cannot be placed
+        except ForeseeError:  # the drawn case cannot be placed
             tally.impossible += 1
             continue
         tally.runs += 1
@@ -101,7 +102,7 @@ def record_piece(job: Job) -> Tally:
         tally.families[item.family] += round(result.duration_s)
         if run is not None:
             runs.append(run)
-            tally.samples += len(run.given)
+            tally.samples += len(run.label_rows)
     if runs:
         write_shard(job.out, runs)
         tally.bytes = job.out.stat().st_size
@@ -109,7 +110,7 @@ def record_piece(job: Job) -> Tally:
 
 
 def record_all(jobs: Sequence[Job], processes: int) -> Tally:
-    """Record all pieces, with a line for each."""
+    """Record all pieces, and print a line for each."""
     began, total = time.monotonic(), Tally()
     with get_context("spawn").Pool(processes) as pool:
         for count, tally in enumerate(pool.imap_unordered(record_piece, jobs), 1):

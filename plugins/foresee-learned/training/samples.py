@@ -33,12 +33,12 @@ from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_dsl.simulate.sensing.views import RunViews, StepViews
 
 FRAME_S = 0.05
-"""Frame numbers count these."""
+"""Time between two frame numbers, s."""
 POINT_S, POINTS = 0.25, 12
 """The expert's trajectory has a point each quarter of a second, up to 3 s."""
 KINDS = ("car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle")
 COLOURS: tuple[SignalColour | None, ...] = (None, "red", "amber", "green", "off")
-"""What a signal is seen as; None: it is not seen."""
+"""Colours of a signal as the driver sees it; None: not seen."""
 SIGNAL_STATES = ("red", "amber", "green", "other")
 
 EGO = ("x", "y", "heading", "speed", "acceleration", "yaw_rate", "steer", "true_x", "true_y", "true_heading")
@@ -83,7 +83,7 @@ class Labels(NamedTuple):
 
 
 class RecordedNetwork:
-    """What pictures need of a network: its ground and its buildings. It stands for a `RoadNetwork` there."""
+    """The part of a network that pictures need: its ground and its buildings. It takes the place of a `RoadNetwork`."""
 
     def __init__(self, key: str, ground: GroundMap, buildings: tuple[tuple[tuple[float, float], ...], ...]) -> None:
         self.key, self.ground, self.buildings = key, ground, buildings
@@ -113,7 +113,7 @@ class RecordedRun:
         ego: [F, 10] columns `EGO`; the first seven as the vehicle measures them. colours: [F, J] index into `COLOURS`
             for each junction of the mission.
         seen: [S, 10] columns `SEEN`, sorted by frame and rank. true: [T, 7] columns `TRUE`, sorted by frame.
-        given: [L, 8] columns `LABELS`. trajectories: [L, 12, 2].
+        label_rows: [L, 8] columns `LABELS`. trajectories: [L, 12, 2].
     """
 
     about: dict[str, Any]
@@ -127,26 +127,26 @@ class RecordedRun:
     colours: NDArray[np.uint8]
     seen: FloatArray
     true: FloatArray
-    given: FloatArray
+    label_rows: FloatArray
     trajectories: FloatArray = field(repr=False)
 
     @property
     def labelled(self) -> IntArray:
-        """The frames that have labels, [L]."""
-        return self.given[:, 0].astype(np.int64)
+        """Numbers of the frames with labels, [L]."""
+        return self.label_rows[:, 0].astype(np.int64)
 
     def time_s(self, k: int) -> float:
         """Return a frame's time."""
         return round(int(self.frames[k, 0]) * FRAME_S, 6)
 
     def past(self, k: int, back_s: float) -> int | None:
-        """Return the frame that lies so long before a frame; None: it is not there (the run had not begun)."""
+        """Return the number of the frame this much earlier; None if the run had not begun."""
         wanted = int(self.frames[k, 0]) - round(back_s / FRAME_S)
         index = int(np.searchsorted(self.frames[:, 0], wanted))
         return index if index < len(self.frames) and self.frames[index, 0] == wanted else None
 
     def observation(self, k: int) -> Observation:
-        """Return what the driver saw at a frame; `views` draws the same pictures."""
+        """Return the driver's observation at a frame; `views` draws the same pictures."""
         ego = EgoState(*self.ego[k, :7].tolist())
         rows = self.seen[self._seen_from[k] : self._seen_from[k + 1]]
         actors = tuple(
@@ -168,7 +168,7 @@ class RecordedRun:
     def labels(self, k: int) -> Labels:
         """Return the labels of a labelled frame."""
         row = self._label_of[k]
-        acceleration, steer, target, stop, stop_m, signal, drives = self.given[row, 1:].tolist()
+        acceleration, steer, target, stop, stop_m, signal, drives = self.label_rows[row, 1:].tolist()
         there = self.true[self._true_from[k] : self._true_from[k + 1]]
         there = there[there[:, 2] > 0]
         x, y, heading = self.ego[k, 7:].tolist()
@@ -185,12 +185,13 @@ class RecordedRun:
 
     @cached_property
     def views(self) -> RunViews:
-        """What all pictures of the run share; the map with the route takes some megabytes once one is drawn."""
+        """The common part of all pictures of the run; with the route, the map takes some megabytes once a picture is
+        drawn."""
         ego, *others = self.shapes
         return RunViews(self.network, self.mission, ego, others, range_m=self.range_m)  # type: ignore[arg-type]
 
     def forget_views(self) -> None:
-        """Let go of what drawing keeps in memory."""
+        """Free the memory for drawing."""
         self.__dict__.pop("views", None)
 
     @cached_property
@@ -203,7 +204,7 @@ class RecordedRun:
 
     @cached_property
     def _label_of(self) -> dict[int, int]:
-        return {int(k): row for row, k in enumerate(self.given[:, 0])}
+        return {int(k): row for row, k in enumerate(self.label_rows[:, 0])}
 
     @cached_property
     def _sizes(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The expert beside the driving driver: `pdm` with ideal sensors, and its plan for the next 3 s.
+"""The expert that advises during a run: `pdm` with ideal sensors, and its plan for the next 3 s.
 
 It sees the others exactly, without latency and through walls, up to 80 m (`sensing.IDEAL`). It sees signals like the
 standard sensors: a body that hides a signal from the pupil hides it from the expert too.
@@ -31,11 +31,11 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, X, Y
 from training.samples import POINT_S, POINTS, SIGNAL_STATES
 
 REACH_M = 80.0
-"""As far as ideal sensors see."""
+"""Range of the ideal sensors, m."""
 TARGET_S = 1.0
 NO_STOP_M = 100.0
 BINDS_M = 60.0
-"""A stop line that is farther does not bind yet. Ours: braking in comfort from 50 km/h takes 50 m."""
+"""Distance up to which a stop line applies, m. Ours: comfortable braking from 50 km/h takes 50 m."""
 _TIMES: FloatArray = (np.arange(POINTS) + 1) * POINT_S
 
 
@@ -51,8 +51,12 @@ def decide_in_full(
     braking: FloatArray,
     chosen: Records,
 ) -> tuple[float, float, float]:
-    """Choose the best proposal as `kernels.pdm.decision.decide` does: its offset, m, its acceleration, and where the
-    front bumper may not pass (infinite: nowhere). The proposal is written into `chosen`, [1, T]."""
+    """Choose the best proposal as `kernels.pdm.decision.decide` does.
+
+    Returns:
+        Its offset, m, its acceleration, and the position that the front bumper may not pass (infinite: no limit). The
+            proposal is written into `chosen`, [1, T].
+    """
     place_ego(egos, route, coarse)
     actors = np.empty(len(tracks), ACTOR)
     place_actors(egos, tracks, route, actors)
@@ -76,7 +80,7 @@ def decide_in_full(
 
 
 class Advice(NamedTuple):
-    """What the expert would do now; see `samples.Labels`. `outside_m`: how far the ego is outside of its own lanes."""
+    """The expert's advice; see `samples.Labels`. `outside_m`: distance of the ego from its own lanes."""
 
     control: Control
     trajectory: FloatArray
@@ -88,12 +92,12 @@ class Advice(NamedTuple):
 
     @property
     def stop(self) -> bool:
-        """Whether a stop line binds it."""
+        """Whether a stop line applies to the ego."""
         return self.stop_m < BINDS_M
 
 
 class Expert:
-    """`pdm` with ideal sensors on one mission. Ask it at least ten times a second, in the order of time."""
+    """`pdm` with ideal sensors on one mission. Call it at least ten times a second, in the order of time."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits, others: tuple[ModelSpec, ...]) -> None:
         """Begin a run; `others`: the models of the other actors in their order."""
@@ -105,11 +109,12 @@ class Expert:
         self._offset = self._acceleration = 0.0
 
     def advise(self, observation: Observation, pose: tuple[float, float, float], states: FloatArray) -> Advice:
-        """Decide anew.
+        """Make a new decision.
 
         Args:
             observation: of the standard sensors.
-            pose: where the ego really is. states: [N, 7] the others as they really are, as in a trace.
+            pose: true place of the ego.
+            states: [N, 7] true states of the others, as in a trace.
         """
         self._place(observation.ego, pose)
         route = self._route
@@ -125,7 +130,7 @@ class Expert:
         c, s = math.cos(pose[2]), math.sin(pose[2])
         dx, dy = plan["x"] - pose[0], plan["y"] - pose[1]
         ahead, left = c * dx + s * dy, c * dy - s * dx
-        # The route is smoothed: what the first frame is off by (centimetres) is taken from all.
+        # The route is smoothed: the error of the first frame (centimetres) is subtracted from all frames.
         trajectory = np.stack([np.interp(_TIMES, TIMES_S, axis - axis[0]) for axis in (ahead, left)], axis=1)
         return Advice(
             control,
@@ -150,7 +155,7 @@ class Expert:
         )
 
     def _outside_m(self, s: float, d: float, turned: float) -> float:
-        """Return how far the rear axle or the front bumper is beyond the ego's own lanes."""
+        """Return the distance of the rear axle or the front bumper from the ego's own lanes, m; 0 inside."""
         road, half = self._route.points[self._route.index(s)], float(self._egos["width"][0]) / 2
         front = d + float(self._egos["front"][0]) * math.sin(turned)
         return max(max(d, front) + half - float(road["left"]), half - min(d, front) - float(road["right"]), 0.0)

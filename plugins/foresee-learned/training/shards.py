@@ -1,4 +1,4 @@
-"""Files of recorded runs: tables of numbers, rounded to what no picture shows, with the networks that they need."""
+"""Files of recorded runs: tables of numbers, rounded to steps that no picture shows, with the networks of the runs."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ _STEPS: dict[str, dict[str, float]] = {
                "signal": 1.0, "expert_drives": 1.0},
     "line": {"x": 0.01, "y": 0.01, "s": 0.01, "speed_limit": 0.01, "left": 0.02, "right": 0.02},
 }  # fmt: skip
-"""What columns are rounded to: a pixel of the pictures is 0.5 m, the noise of sensed places 0.1 m. Ours."""
+"""Rounding steps of the columns: a pixel of the pictures is 0.5 m, the noise of sensed places 0.1 m. Ours."""
 _POINT_STEP = 0.02
 _WHOLE = frozenset({"frame", "track", "kind", "rank", "actor", "in_sight", "stop", "signal", "expert_drives"})
 _COLUMNS = {"ego": EGO, "seen": SEEN, "true": TRUE, "labels": LABELS, "line": LINE}
 
 
 def write_shard(path: Path, runs: Sequence[RecordedRun], *, exact: bool = False) -> None:
-    """Write runs; the same runs give the same bytes. `exact`: no number is rounded (for tests; ten times as large)."""
+    """Write runs; the same runs give the same bytes. `exact`: numbers are not rounded (for tests; ten times as
+    large)."""
     networks: dict[str, RecordedNetwork] = {}
     for run in runs:
         networks.setdefault(run.network.key, run.network)
@@ -46,12 +47,14 @@ def write_shard(path: Path, runs: Sequence[RecordedRun], *, exact: bool = False)
     arrays |= _table("ego", [_true_relative(run.ego) for run in runs] if not exact else [r.ego for r in runs], exact)
     arrays |= _table("seen", [_by_track(run.seen) for run in runs], exact)
     arrays |= _table("true", [_by_track(run.true) for run in runs], exact)
-    arrays |= _table("labels", [run.given for run in runs], exact)
+    arrays |= _table("labels", [run.label_rows for run in runs], exact)
     points = np.concatenate([run.trajectories for run in runs]).reshape(-1, POINTS, 2)
     for axis, name in enumerate(("ahead", "left")):
         flat = points[:, :, axis] if exact else _bends(np.rint(points[:, :, axis] / _POINT_STEP))
         for j in range(POINTS):
-            column = flat[:, j] if exact else np.cumsum(flat[:, j])  # packed as it is, not as differences of frames
+            column = (
+                flat[:, j] if exact else np.cumsum(flat[:, j])
+            )  # values, not differences between frames
             arrays[f"points_{name}_{j}"] = packed(column, None if exact else 1.0)
     arrays["frames"] = packed(np.concatenate([run.frames[:, 0] for run in runs]), 1.0)
     arrays["ages"] = packed(np.concatenate([run.frames[:, 0] - run.frames[:, 1] for run in runs]), 1.0)
@@ -116,7 +119,7 @@ def read_shard(path: Path) -> Iterator[RecordedRun]:
             colours=colours.reshape(counts["ego"], len(mission.junctions)),
             seen=_by_frame(take("seen", counts["seen"]), 3),
             true=_by_frame(take("true", counts["true"]), 1),
-            given=take("labels", counts["labels"]),
+            label_rows=take("labels", counts["labels"]),
             trajectories=points[labels : labels + counts["labels"]],
         )
 
@@ -126,7 +129,7 @@ def _about(run: RecordedRun) -> dict[str, Any]:
     return {
         "about": run.about,
         "counts": {"line": len(m.s), "ego": len(run.ego), "seen": len(run.seen), "true": len(run.true),
-                   "labels": len(run.given)},
+                   "labels": len(run.label_rows)},
         "vehicle": asdict(run.vehicle),
         "network": run.network.key,
         "shapes": [(shape.kind, shape.length_m, shape.width_m, shape.height_m) for shape in run.shapes],
@@ -177,7 +180,7 @@ def _columns(arrays: dict[str, NDArray[Any]], name: str, exact: bool) -> FloatAr
 def _true_relative(ego: FloatArray) -> FloatArray:
     """Return the true pose as differences from the estimated one: small numbers."""
     steps = np.array([_STEPS["ego"][name] for name in ("x", "y", "heading")])
-    estimated = np.rint(ego[:, :3] / steps) * steps  # as it will be read
+    estimated = np.rint(ego[:, :3] / steps) * steps  # as a reader of the file gets it
     return np.column_stack((ego[:, :7], ego[:, 7:] - estimated))
 
 

@@ -1,7 +1,7 @@
-"""Networks of a few operators in ONNX files, made by hand, that drive: for tests of all that surrounds a network.
+"""Handmade networks of a few operators in ONNX files that can drive: for tests of everything around a network.
 
-They follow the goal points at 6.5 m/s, and stop for whatever the view from above shows in the lane ahead (`fusion`), or
-report it in the density map (`fusion_safe`), each square with a box of its own size that stands.
+They follow the goal points at 6.5 m/s. `fusion` stops for everything that the view from above shows in the lane ahead.
+`fusion_safe` reports it in the density map, as a standing box of its own for each square.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _USERS = [CHANNELS.index(name) for name in ("vehicle", "two_wheeler", "pedestria
 
 
 def write_networks(folder: Path, *, speed_mps: float = SPEED_MPS, sums: bool = False) -> Path:
-    """Write `fusion.onnx` and `fusion_safe.onnx` into a folder, and `SHA256SUMS` where that is wanted."""
+    """Write `fusion.onnx` and `fusion_safe.onnx` into a folder, and on request `SHA256SUMS`."""
     folder.mkdir(parents=True, exist_ok=True)
     files = {"fusion.onnx": fusion(speed_mps), "fusion_safe.onnx": fusion_safe(speed_mps)}
     for name, content in files.items():
@@ -41,7 +41,7 @@ def write_networks(folder: Path, *, speed_mps: float = SPEED_MPS, sums: bool = F
 
 
 def fusion(speed_mps: float = SPEED_MPS) -> bytes:
-    """Return a network that stops for anybody within 12 m ahead, and for a red stop line."""
+    """Return a network that stops for every road user within 12 m ahead, and for a red stop line."""
     bins = np.zeros((2, len(SPEED_BINS_MPS)), np.float32)
     bins[0, SPEED_BINS_MPS.index(speed_mps)], bins[1, 0] = 1.0, 1.0
     stops = [*_USERS, CHANNELS.index("stop_red")]
@@ -74,7 +74,7 @@ def fusion(speed_mps: float = SPEED_MPS) -> bytes:
 
 
 def fusion_safe(speed_mps: float = SPEED_MPS) -> bytes:
-    """Return a network that reports each square with a road user, and a red stop line that is near."""
+    """Return a network that reports each square with a road user, and a near red stop line."""
     zeros = np.zeros((1, len(DENSITY_CHANNELS) - 1, DENSITY_ROWS, DENSITY_ROWS), np.float32)
     for name, value in (("length_m", 2.0), ("width_m", 2.0), ("heading_cos", 1.0)):
         zeros[0, DENSITY_CHANNELS.index(name) - 1] = value

@@ -1,4 +1,4 @@
-"""Towns that no bundled case uses: generated ones and CARLA's, and drives through them with traffic drawn from a seed.
+"""Towns that no bundled case uses (generated ones and CARLA's), and drives through them with random traffic.
 
 Town10HD and Town02 are held out: no driver is trained on them, and `training.evaluate` drives there.
 """
@@ -68,7 +68,7 @@ _VEHICLES = ("car.compact", "car.sedan", "car.suv", "car.hatchback", "van.delive
              "bus.city", "motorcycle.scooter", "motorcycle.street", "bicycle.city")  # fmt: skip
 _WALKERS = ("pedestrian.adult", "pedestrian.hurried", "pedestrian.elderly", "pedestrian.pram", "pedestrian.child")
 _TRAFFIC = ((0, 0.2), (8, 0.2), (18, 0.3), (30, 0.3))
-"""How many vehicles there are, and how often."""
+"""Numbers of vehicles, with their relative frequencies."""
 _WALKING = ((0, 0.3), (6, 0.3), (16, 0.4))
 _WET = 0.25
 _SIGNAL_S = 35.0
@@ -77,16 +77,16 @@ _SLOW_SHARE = 0.4
 
 @dataclass(frozen=True)
 class _Streets:
-    """What a random drive needs of a network: length and limit of each edge for cars, and what it leads to."""
+    """The part of a network that random drives need: length and limit of each edge for cars, and the edges after it."""
 
     lengths: dict[str, float]
     limits: dict[str, float]
     onward: dict[str, tuple[tuple[str, str, bool], ...]]
-    """To which edge, how it turns, whether over a signal."""
+    """Of each edge the next ones: edge, turn, and whether a signal controls it."""
 
 
 def generate(name: str, folder: Path, seed: int) -> Path:
-    """Return the net file of a generated town; made if it is not there yet."""
+    """Return the net file of a generated town; it is generated if it does not exist."""
     file = folder / f"{name}.net.xml"
     if not file.exists():
         folder.mkdir(parents=True, exist_ok=True)
@@ -153,7 +153,7 @@ def drive(net_file: Path, name: str, folder: Path, rng: np.random.Generator, *, 
 
 
 def _way(roads: RoadNetwork, streets: _Streets, rng: np.random.Generator) -> tuple[tuple[str, ...], int]:
-    """Return a random way, turns preferred, and how many signals are on it."""
+    """Return a random route, with turns preferred, and the number of signals on it."""
     starts = sorted(e for e, length in streets.lengths.items() if length >= 40.0 and streets.onward[e])
     for _ in range(_TRIES):
         edges, signals = [starts[int(rng.integers(len(starts)))]], 0
@@ -209,7 +209,7 @@ def _walked(roads: RoadNetwork) -> bool:
 
 
 def town_names(carla: Path | None) -> tuple[str, ...]:
-    """Return the towns to train in; CARLA's only where its maps are."""
+    """Return the towns for training; CARLA's only if its maps exist."""
     own = tuple(CARLA_TRAINED) if carla is not None else ()
     return tuple(itertools.chain(GENERATED, own))
 

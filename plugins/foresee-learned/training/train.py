@@ -26,7 +26,7 @@ from training.models.fusion_safe import FusionSafe
 
 NETWORKS: dict[str, type[nn.Module]] = {"fusion": Fusion, "fusion_safe": FusionSafe}
 _HIDDEN_SPEED = 0.1
-"""Share of samples whose speed is hidden: who always knows it learns to go on as before."""
+"""Share of samples with hidden speed: a driver that always knows its speed learns to keep it."""
 _HIDDEN_PAST = 0.1
 _SPEED_NOISE_MPS, _GOAL_NOISE_M = 0.15, 0.05
 _WARM_UP = 0.05
@@ -52,7 +52,7 @@ class Average:
 
 
 def altered(batch: dict[str, Tensor], generator: torch.Generator) -> dict[str, Tensor]:
-    """Return a minibatch with hidden speeds, hidden pasts and noise, as far as the labels stay right."""
+    """Return a minibatch with hidden speeds, hidden pasts and noise, as far as the labels stay valid."""
     vector, above = batch["vector"].clone(), batch["birds_eye"]
     count, device = len(vector), vector.device
     chance = torch.rand(2, count, generator=generator, device=device)
@@ -69,7 +69,7 @@ def altered(batch: dict[str, Tensor], generator: torch.Generator) -> dict[str, T
 
 @torch.no_grad()
 def measures(network: nn.Module, data: Data, most: int = 16384) -> dict[str, float]:
-    """Return how good the answers are on cases held out."""
+    """Return the quality of the answers on held-out cases."""
     index = data.validation
     if not len(index):
         return {}
@@ -184,7 +184,7 @@ def train(options: argparse.Namespace) -> None:
 def save(
     options: argparse.Namespace, stem: str, network: nn.Module, rows: list[dict[str, float]], data: Data, step: int
 ) -> None:
-    """Write the weights and what was measured so far."""
+    """Write the weights and the measurements so far."""
     weights = {name: value.cpu() for name, value in network.state_dict().items()}
     torch.save({"ema": weights, "step": step}, options.out / f"{stem}.pt")
     columns = list(dict.fromkeys(name for row in rows for name in row))

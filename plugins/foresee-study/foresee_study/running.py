@@ -37,12 +37,12 @@ class StudyRun:
     """The result of a study run.
 
     Attributes:
-        asked: the questions that are answered completely, with their costs.
+        costs: the cost of each question that is answered completely.
         broken: runs that could not be done, in words.
         interrupted: whether the study was stopped.
     """
 
-    asked: dict[str, Cost]
+    costs: dict[str, Cost]
     interrupted: bool
     broken: tuple[str, ...]
 
@@ -118,7 +118,7 @@ def run_study(
         stopped = not all(run.answered(name) for name in names)
     finally:
         shutil.rmtree(work, ignore_errors=True)
-    return StudyRun(run.asked, stopped, tuple(run.broken))
+    return StudyRun(run.costs, stopped, tuple(run.broken))
 
 
 class _Run:
@@ -133,7 +133,7 @@ class _Run:
         self._done: dict[Wanted, Measured] = {}
         budget_s = options.limits.budget_s
         self._ends_s = None if budget_s is None else time.monotonic() + budget_s
-        self.asked: dict[str, Cost] = {}
+        self.costs: dict[str, Cost] = {}
         self.broken: list[str] = []
 
     def answered(self, name: str) -> bool:
@@ -147,7 +147,7 @@ class _Run:
             self._settings, self._cases[BUNDLED], fuzzes=self._fuzzed, forecasts=self._campaign
         ):
             return False
-        self.asked[name] = Cost(round(time.monotonic() - started, 1), self._options.jobs)
+        self.costs[name] = Cost(round(time.monotonic() - started, 1), self._options.jobs)
         return True
 
     def _campaign(self, wanted: Wanted, cases: Sequence[TestCase], place: str = "rq4") -> Measured | None:

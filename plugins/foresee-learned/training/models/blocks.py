@@ -95,7 +95,8 @@ class Residual(nn.Module):
 
 
 class Attention(nn.Module):
-    """Queries look at tokens: heads of scaled dot products, written out so that every exporter knows it."""
+    """Queries attend to tokens: heads of scaled dot products, written out so that every exporter knows the
+    operators."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -141,8 +142,8 @@ class _Heads(torch.autograd.Function):
 
 
 def sample_of(tokens: Tensor) -> Tensor:
-    """Return tokens [B, T, width] as they are, or, for a file, those of the only sample: each product is then one
-    matrix by another, which is what onnxruntime is fast at."""
+    """Return the unchanged tokens [B, T, width] or, for a file, those of the only sample: each product is then a
+    product of two matrices, which onnxruntime computes fast."""
     return tokens[0] if torch.onnx.is_in_onnx_export() else tokens
 
 
@@ -152,7 +153,7 @@ def batch_of(tokens: Tensor) -> Tensor:
 
 
 class EncoderLayer(nn.Module):
-    """Tokens look at each other; normalised first, as is usual for small data."""
+    """Tokens attend to each other; normalised first, as is usual for small data."""
 
     def __init__(self, width: int, heads: int, inner: int, dropout: float) -> None:
         super().__init__()
@@ -168,7 +169,7 @@ class EncoderLayer(nn.Module):
 
 
 class DecoderLayer(nn.Module):
-    """Queries look at tokens, and at each other where `among` says so."""
+    """Queries attend to tokens and, with `among`, to each other."""
 
     def __init__(self, width: int, heads: int, inner: int, dropout: float, *, among: bool) -> None:
         super().__init__()
@@ -186,7 +187,8 @@ class DecoderLayer(nn.Module):
 
 
 class WaypointGru(nn.Module):
-    """Waypoints, each from the one before it and the goal points, as TransFuser's and InterFuser's heads."""
+    """Computes each waypoint from the one before it and the goal points, like the heads of TransFuser and
+    InterFuser."""
 
     def __init__(self, features: int, width: int, count: int) -> None:
         super().__init__()

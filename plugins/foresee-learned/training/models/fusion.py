@@ -34,8 +34,8 @@ JOINED = 256
 
 
 class FusionAnswer(NamedTuple):
-    """What is trained; logits where there are classes. The density map, the stop line and the signal only help to learn
-    what matters, a driver gets the first two."""
+    """The outputs that are trained; logits for classes. The density map, the stop line and the signal are trained only
+    because that helps the first two outputs, which the driver uses."""
 
     waypoints: Tensor
     target_speed: Tensor
@@ -45,7 +45,7 @@ class FusionAnswer(NamedTuple):
 
 
 class Exchange(nn.Module):
-    """Attention between the branches: both pooled to few tokens, which look at each other and are added back."""
+    """Attention between the branches: both are pooled to few tokens, which attend to each other and are added back."""
 
     def __init__(
         self, above: int, ahead: int, width: int, layers: int, grids: tuple[tuple[int, int], tuple[int, int]]
@@ -63,7 +63,7 @@ class Exchange(nn.Module):
         self.grids = grids
 
     def forward(self, above: Tensor, ahead: Tensor, vector: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return both branches with what they learned from each other, and the vector's token."""
+        """Return both branches with the exchanged features added, and the vector's token."""
         tokens = torch.cat(
             (
                 self.into_above(_pooled(above, self.grids[0]).flatten(2).transpose(1, 2)),
@@ -95,7 +95,7 @@ def _spread(tokens: Tensor, grid: tuple[int, int], like: Tensor) -> Tensor:
 
 
 class Fusion(nn.Module):
-    """The network that is trained."""
+    """The network for training."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -140,7 +140,7 @@ class Fusion(nn.Module):
         return self.join(torch.cat(parts, 1)), numbers, eighth
 
     def forward(self, birds_eye: Tensor, forward: Tensor, vector: Tensor) -> FusionAnswer:
-        """Return all that is trained."""
+        """Return all trained outputs."""
         joined, numbers, eighth = self.features(birds_eye, forward, vector)
         return FusionAnswer(
             self.waypoints(joined, numbers),
@@ -152,7 +152,7 @@ class Fusion(nn.Module):
 
 
 class FusionDriver(nn.Module):
-    """What drives: the same weights, without what only helped to learn."""
+    """The network for driving: the same weights without the outputs that only help training."""
 
     def __init__(self, trained: Fusion) -> None:
         super().__init__()

@@ -26,7 +26,7 @@ _QUERIES = 3
 
 
 class FusionSafeAnswer(NamedTuple):
-    """What is trained: waypoints; logits of stop line, signal and of the density map's first channel."""
+    """The outputs that are trained: waypoints; logits of stop line, signal and of the density map's first channel."""
 
     waypoints: Tensor
     density: Tensor
@@ -46,7 +46,7 @@ class _Branch(nn.Module):
 
 
 class FusionSafe(nn.Module):
-    """The network that is trained."""
+    """The network for training."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -68,7 +68,7 @@ class FusionSafe(nn.Module):
         self.stop_line, self.signal = nn.Linear(WIDTH, 1), nn.Linear(WIDTH, len(SIGNALS))
 
     def forward(self, birds_eye: Tensor, forward: Tensor, vector: Tensor) -> FusionSafeAnswer:
-        """Return all that is trained."""
+        """Return all trained outputs."""
         above, ahead, numbers = self.reading(birds_eye, forward, vector)
         above, ahead = self.above(above, self.reading.above), self.ahead(ahead, self.reading.ahead)
         tokens = torch.cat(
@@ -103,7 +103,7 @@ class FusionSafe(nn.Module):
 
 
 class FusionSafeDriver(nn.Module):
-    """What drives: the same network with probabilities for logits."""
+    """The network for driving: the same network with probabilities instead of logits."""
 
     def __init__(self, trained: FusionSafe) -> None:
         super().__init__()

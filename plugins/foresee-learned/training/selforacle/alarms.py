@@ -1,6 +1,6 @@
-"""Do SelfOracle's alarms warn of anything? Precision and recall against near misses, and against failing children.
+"""Compares SelfOracle's alarms with events: precision and recall against near misses, and against failing mutants.
 
-An alarm is a segment over the threshold. It warns of what happens from its beginning until `WARNS_S` after its end.
+An alarm is a segment over the threshold. It warns of events between its beginning and `WARNS_S` after its end.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from foresee_dsl.simulate.results.near_misses import braking_needed
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 NEAR_MISS_MPS2 = 3.35
-"""Braking that makes a near miss, as in `rides`."""
+"""Required braking that makes a near miss, m/s^2, as in `rides`."""
 WARNS_S = 5.0
-"""How long before something an alarm counts as a warning of it: o_a, the half of a clip that follows its point."""
+"""Longest time between an alarm's end and an event that it warns of, s: o_a, the half of a clip after its point."""
 APART_S = 1.0
-"""Moments that are nearer to each other are one event."""
+"""Moments that are closer to each other than this are one event, s."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """A near miss, or a moment whose clip had a failing child: from when until when, frames."""
+    """A near miss, or a moment whose clip had a failing mutant: first and last frame."""
 
     first: int
     last: int
@@ -34,12 +34,14 @@ class Event:
 
 @dataclass(frozen=True)
 class Score:
-    """How alarms and events meet.
+    """Agreement of alarms and events.
 
     Attributes:
-        alarms, right: alarms, and those that warn of an event. events, warned: events, and those that were warned of.
-        chance: the share of all segments that lie before an event: what random alarms' precision would be.
-        covered: the share of all segments that are alarms. auc: of the errors (0.5: no better than chance).
+        alarms, right: number of alarms, and of those that warn of an event.
+        events, warned: number of events, and of those with a warning.
+        chance: share of all segments that lie before an event: the precision of random alarms.
+        covered: share of all segments that are alarms.
+        auc: area under the curve of the errors (0.5: no better than chance).
     """
 
     alarms: int
@@ -62,7 +64,7 @@ class Score:
 
 @dataclass
 class Tally:
-    """What is counted over many runs."""
+    """Counts over many runs."""
 
     errors: list[float] = field(default_factory=list)
     before: list[bool] = field(default_factory=list)
@@ -100,7 +102,7 @@ def near_misses_of(trace: Trace) -> list[Event]:
 
 
 def events_of(frames: Iterable[int]) -> list[Event]:
-    """Join frames that are near to each other."""
+    """Join frames that are close to each other into events."""
     events: list[Event] = []
     for frame in sorted(frames):
         if events and (frame - events[-1].last) * STEP_S <= APART_S:
@@ -115,7 +117,7 @@ def _warns(segment: Segment, event: Event) -> bool:
 
 
 def _auc(errors: FloatArray, before: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
-    """Return the chance that a segment before an event has the larger error of two."""
+    """Return the probability that, of two segments, the one before an event has the larger error."""
     inside, outside = int(before.sum()), int((~before).sum())
     if not inside or not outside:
         return float("nan")

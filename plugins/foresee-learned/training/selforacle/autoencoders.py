@@ -15,12 +15,13 @@ ROWS, COLUMNS, COLOURS = 80, 160, 3
 PIXELS = ROWS * COLUMNS * COLOURS
 HIDDEN, LATENT = 512, 2
 CONV_CHANNELS = (16, 32, 64, 64)
-"""Ours: with 64 x 5 x 10 values between the convolutions and 128 hidden ones, under a million weights in all."""
+"""Numbers of channels. Ours: with 64 x 5 x 10 values between the convolutions and 128 hidden ones, fewer than a million
+weights."""
 CONV_HIDDEN = 128
 
 
 class Autoencoder(nn.Module):
-    """Both networks: pictures [N, 3, 80, 160] from 0 to 1 to pictures."""
+    """Both networks; they map pictures [N, 3, 80, 160] with values from 0 to 1 to pictures."""
 
     def __init__(self, encoder: nn.Module, hidden: int, decoder: nn.Module) -> None:
         super().__init__()
@@ -28,7 +29,7 @@ class Autoencoder(nn.Module):
         self.mean, self.log_variance = nn.Linear(hidden, LATENT), nn.Linear(hidden, LATENT)
 
     def forward(self, pictures: Tensor) -> Tensor:
-        """Encode, draw a latent value (training only; else its mean), decode."""
+        """Encode, draw a latent value (during training; otherwise take its mean), decode."""
         hidden = self.encoder(pictures)
         latent = self.mean(hidden)
         if self.training:
@@ -74,7 +75,7 @@ NETWORKS = {"dense": dense, "conv": conv}
 
 
 def _as_keras(network: Autoencoder) -> Autoencoder:
-    """Begin as Keras does, whose defaults the original has: Glorot's uniform weights, no biases."""
+    """Initialise like Keras, whose defaults the original uses: Glorot's uniform weights, no biases."""
     for layer in network.modules():
         if isinstance(layer, nn.Linear | nn.Conv2d | nn.ConvTranspose2d):
             nn.init.xavier_uniform_(layer.weight)

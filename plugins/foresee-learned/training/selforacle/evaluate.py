@@ -1,10 +1,10 @@
-"""SelfOracle beside the other rankers: campaigns of the bundled library, and what its alarms warn of.
+"""Compares SelfOracle with the other rankers: campaigns of the bundled library, and events that its alarms warn of.
 
     python -m training.selforacle.evaluate --driver pdm --half even --out FOLDER
 
-The same test cases, settings and seeds for every ranker, one risky point a run by default; without rankers, only the
-alarms before near misses are counted. The same command gives the same figures. What was run is kept in the folder, so
-that a second time costs little.
+The same test cases, settings and seeds for every ranker, one risky point per run by default; without rankers, only the
+alarms before near misses are counted. The same command gives the same figures. Finished runs are kept in the folder, so
+that a repetition is fast.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from training.selforacle.alarms import Event, Tally, near_misses_of
 
 RANKERS = ("foresee", "proximity", "random", "selforacle", "selforacle_conv")
 FIRST = 4
-"""Segments of a run that are compared: as many as a campaign studies points by default."""
+"""Number of segments of a run that are compared: as many as a campaign has risky points by default."""
 HALVES = (Half.EVEN.value, Half.ODD.value)
 
 
@@ -114,7 +114,7 @@ def row(name: str, result: CampaignResult) -> str:
 
 
 def agreement(dense: Sequence[Sequence[Segment]], conv: Sequence[Sequence[Segment]]) -> str:
-    """Say how alike the two networks rank the segments of each run."""
+    """Return in words how similarly the two networks rank the segments of each run."""
     alike, common, first = [], [], 0
     for mine, other in zip(dense, conv, strict=True):
         if len(mine) > FIRST:
@@ -135,7 +135,7 @@ def _campaign(cases: Sequence[TestCase], settings: CampaignSettings, out: Path, 
 
 
 def _passed(case: TestCase, driver: str, out: Path) -> Trace | None:
-    """Return the trace of a run that passed; runs are kept, by all that they depend on but the code."""
+    """Return the trace of a run that passed. Runs are cached, under a key of all their inputs except the code."""
     identity = f"{driver_identity(driver)} {case.meaning}"
     file = out / "runs" / f"{hashlib.sha256(identity.encode()).hexdigest()[:20]}.npz"
     trace = Trace.load(file) if file.exists() else run_test_case(case, driver, 0).trace
@@ -150,7 +150,7 @@ def _around(case: TestCase) -> Surroundings:
 
 
 def _studied(case: TestCase, trace: Trace, results: Sequence[CampaignResult]) -> tuple[list[int], list[Event]]:
-    """Return the moments of a run that any ranker's clips studied, and those of them that a child failed at."""
+    """Return the moments of a run that the clips of any ranker contain, and those at which a mutant failed."""
     studied, failing = [], []
     for clip in (clip for result in results for clip in result.clips if clip.seed == case.id):
         model = parse(clip.text, clip.file).model

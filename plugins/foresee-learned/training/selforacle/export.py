@@ -1,4 +1,5 @@
-"""A trained autoencoder as an ONNX file: `pictures` (uint8 [N, 80, 160, 3]) in, `errors` (float32 [N]) out."""
+"""Writes a trained autoencoder as an ONNX file: input `pictures` (uint8 [N, 80, 160, 3]), output `errors` (float32
+[N])."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ _SMALL = 4096
 
 
 def write_onnx(network: Autoencoder, file: Path) -> None:
-    """Write a network that `shrink.rounded` rounded; its weights are widened again when the file is loaded."""
+    """Write a network that `shrink.rounded` rounded; its weights become float32 again when the file is loaded."""
     graph = _Graph()
     scaled = graph.add("Div", graph.add("Cast", "pictures", to=TensorProto.FLOAT), graph.array(np.float32(255)))
     picture = graph.add("Transpose", scaled, perm=[0, 3, 1, 2])
@@ -40,7 +41,7 @@ def write_onnx(network: Autoencoder, file: Path) -> None:
 
 
 class _Graph:
-    """Nodes and arrays of a graph that grows."""
+    """Nodes and arrays of a graph under construction."""
 
     def __init__(self) -> None:
         self.nodes: list[Any] = []

@@ -1,7 +1,8 @@
-"""How often SelfOracle alarms on fresh nominal driving: `python -m training.selforacle.false_alarms --driver fusion`.
+"""Counts SelfOracle's false alarms on new nominal driving: `python -m training.selforacle.false_alarms --driver
+fusion`.
 
-For a driver whose weights changed since its watcher was trained. The rides are those of `rides`, with seeds that
-nothing was trained on.
+For a driver whose weights changed after its watcher was trained. The rides are those of `rides`, with seeds that were
+not used for training.
 """
 
 from __future__ import annotations

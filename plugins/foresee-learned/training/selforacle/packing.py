@@ -19,8 +19,10 @@ class Rides:
     """Pictures of rides.
 
     Attributes:
-        classes: [N, 64, 160] the class of each pixel, under 16. ride: [N] the seed of the ride that each belongs to.
-        segment: [N] how many waypoints the ego had passed. palette: [classes, 3] the colour of each class.
+        classes: [N, 64, 160] the class of each pixel, below 16.
+        ride: [N] the seed of each picture's ride.
+        segment: [N] number of waypoints that the ego had passed.
+        palette: [classes, 3] the colour of each class.
     """
 
     classes: NDArray[np.uint8]

@@ -20,7 +20,7 @@ from training.samples import RecordedRun, read
 from training.selforacle.packing import Rides, save
 
 IN_TOWN = "scenario"
-"""What the names of the library's cases begin with; the others are on other networks."""
+"""Beginning of the names of the library's cases; all others are on other networks."""
 
 
 def pictures_of_run(run: RecordedRun, number: int) -> Rides:
@@ -33,7 +33,7 @@ def pictures_of_run(run: RecordedRun, number: int) -> Rides:
 
 
 def forward_view(run: RecordedRun, frame: int) -> NDArray[np.uint8]:
-    """Return what the camera showed in a frame."""
+    """Return the camera's picture in a frame."""
     views = run.observation(frame).views
     if views is None:
         raise ValueError("a recorded observation has pictures")

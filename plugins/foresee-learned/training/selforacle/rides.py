@@ -36,7 +36,7 @@ EGO_MODELS = ("car.compact", "car.sedan", "car.hatchback", "car.wagon")
 TURNS = {"straight": 3.0, "right": 1.0, "left": 1.0}
 """Weights of the ego's turns: three in five go straight on, as the background traffic does."""
 LEAST_EDGES = 3
-"""A ride passes two junctions at least (ours)."""
+"""Smallest number of edges of a ride: it passes at least two junctions (ours)."""
 
 _RIDE = """foresee 1
 
@@ -73,7 +73,7 @@ scenario ride_{seed} {{
 
 @dataclass(frozen=True)
 class Ride:
-    """A ride that was driven: its run and where it was."""
+    """A finished ride: its run and its places."""
 
     seed: int
     result: RunResult
@@ -109,7 +109,7 @@ def ride_text(network: RoadNetwork, seed: int, network_file: Path) -> str:
 
 
 def drive(driver: str, seeds: range) -> Iterator[Ride]:
-    """Drive the rides of some seeds; those that cannot be placed are left out."""
+    """Drive the rides with these seeds; rides that cannot be placed are left out."""
     town = data_folder("scenarios") / "networks" / "town.foresee"
     network: RoadNetwork | None = None
     with TemporaryDirectory() as folder:

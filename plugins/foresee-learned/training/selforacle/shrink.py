@@ -17,13 +17,14 @@ from torch import Tensor, nn
 from training.selforacle.autoencoders import COLOURS, COLUMNS, HIDDEN, PIXELS, ROWS, Autoencoder
 
 LARGE = 1_000_000
-"""Matrices of more values are stored with 8 bits a value and a scale for each of the thin layer's values."""
+"""Number of values of a matrix above which it is stored with 8 bits per value, and a scale for each value of the thin
+layer."""
 Batches = Callable[[], Iterator[Tensor]]
 
 
 @torch.no_grad()
 def shrunk(network: Autoencoder, pictures: Batches, encoder_rank: int, decoder_rank: int) -> Autoencoder:
-    """Return a network with thin layers of these widths; the given one stays as it is."""
+    """Return a network with thin layers of these widths; the argument is not changed."""
     first, widen, last = network.encoder[1], deepcopy(network.decoder[0]), network.decoder[2]
     seen = _Moments(HIDDEN)
     hidden = _Moments(HIDDEN)
@@ -51,7 +52,7 @@ def shrunk(network: Autoencoder, pictures: Batches, encoder_rank: int, decoder_r
 
 
 def polished(small: Autoencoder, network: Autoencoder, batches: Iterator[Tensor], learning_rate: float) -> None:
-    """Train a network with thin layers to redraw pictures as another one does."""
+    """Train a network with thin layers to reconstruct pictures as another network does."""
     chosen = [p for name, p in small.named_parameters() if not name.startswith("log_variance")]
     for weight in chosen:
         weight.requires_grad_(True)

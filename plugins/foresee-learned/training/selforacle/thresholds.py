@@ -1,9 +1,9 @@
-"""From the errors on nominal driving to a threshold: a gamma distribution, as the original fits it.
+"""Computes a threshold from the errors on nominal driving: the quantile of a gamma distribution, as in the original.
 
     python -m training.selforacle.thresholds --driver pdm --folder FOLDER
 
-It reads what `training.selforacle.train` wrote into the folder, and writes `selforacle_DRIVER.json` and
-`selforacle_conv_DRIVER.json` beside the networks. The false alarms are counted on rides that were not trained on.
+It reads the files of `training.selforacle.train` in the folder, and writes `selforacle_DRIVER.json` and
+`selforacle_conv_DRIVER.json` beside the networks. False alarms are counted on rides without training.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ QUANTILE = 0.95
 HELD_OUT = 10
 """Rides whose seed is a multiple of this were not trained on."""
 NETWORKS = {"selforacle": "thin", "selforacle_conv": "conv"}
-"""What the errors of each ranker's network are called in the training's file."""
+"""Names of each network's errors in the training's file, by ranker."""
 
 
 def segment_errors(
@@ -42,7 +42,7 @@ def fitted(errors: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def facts_of(network: str, training: Any) -> dict[str, Any]:  # noqa: ANN401 - an opened .npz
-    """Return what goes into a network's JSON file."""
+    """Return the content of a network's JSON file."""
     means, rides = segment_errors(training[NETWORKS[network]], training["ride"], training["segment"])
     fresh = rides % HELD_OUT == 0
     shape, scale, threshold = fitted(means[~fresh])

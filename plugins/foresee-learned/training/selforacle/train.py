@@ -26,7 +26,7 @@ from training.selforacle.packing import load
 from training.selforacle.shrink import polished, rounded, shrunk
 
 EPOCHS, LEARNING_RATE = 10, 0.001
-"""The paper's, section 4.3.2; Adam."""
+"""The paper's values, section 4.3.2, with Adam."""
 BATCH = 32
 """The default of the original's code."""
 SEED = 14
@@ -40,7 +40,7 @@ RANKS = (64, 32)
 
 
 class Pictures:
-    """Pictures as classes of pixels on the device; coloured when asked for."""
+    """Pictures as classes of pixels on the device; colours are computed on request."""
 
     def __init__(self, classes: NDArray[np.uint8], palette: NDArray[np.uint8], device: str) -> None:
         self._classes = torch.from_numpy(classes).to(device)
@@ -56,11 +56,11 @@ class Pictures:
         return self._palette[seen].permute(0, 3, 1, 2).contiguous()
 
     def some(self) -> Iterator[Tensor]:
-        """Yield some 20,000 pictures in batches, spread over all."""
+        """Yield about 20,000 pictures in batches, spread over all."""
         return self.batches(every=max(len(self) // 20_000, 1))
 
     def batches(self, size: int = 512, every: int = 1) -> Iterator[Tensor]:
-        """Yield all pictures, or each picture number divisible by `every`, in batches."""
+        """Yield every `every`-th picture (by default all) in batches."""
         for which in torch.arange(0, len(self), every, device=self._classes.device).split(size):
             yield self.at(which)
 
@@ -95,7 +95,7 @@ def _thin(
     network: Autoencoder, pictures: Pictures, trained_on: Tensor, ranks: tuple[int, int], about: dict[str, object],
     errors: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], Autoencoder]:  # fmt: skip
-    """Return the network with thin layers, and its errors; note how far they stray from the large network's."""
+    """Return the network with thin layers, and its errors; record their largest difference from the large network's."""
 
     def stray(name: str, small: Autoencoder) -> NDArray[np.float32]:
         strayed = errors_of(small, pictures)

@@ -227,10 +227,10 @@ def _run(
         ran = run_study(names, settings, cases, folder, store=opened, listeners=listeners,
                         options=replace(options, stop=stop), say=(lambda _: None) if quiet else say)  # fmt: skip
         damage = notes_on(opened)
-        folder.noted(settings, ran.asked, notes)
+        folder.noted(settings, ran.costs, notes)
     for line in (*ran.broken, *damage):
         say(line)
-    _print_took(screen, folder, ran.asked)
+    _print_took(screen, folder, ran.costs)
     if ran.interrupted and stop():
         say("The same command continues from there.")
         raise typer.Exit(stop.exit_code)

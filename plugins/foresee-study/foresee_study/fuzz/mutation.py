@@ -88,7 +88,7 @@ class Mutator:
         rain, fog, wetness, sun = (_number(float(self._rng.random()), "ratio") for _ in range(4))
         weather = m.Weather(rain=rain, fog=fog, wetness=wetness, sun=sun)
         others = tuple(line for line in self._lines if not isinstance(line.item, m.Weather))
-        line = m.Replace(item=weather) if self._original.scenario.one(m.Weather) is not None else m.Add(item=weather)
+        line = m.Replace(item=weather) if self._original.scenario.first(m.Weather) is not None else m.Add(item=weather)
         return Mutated((*others, line), print_item(weather))
 
     def _patch(self) -> Mutated | None:
