@@ -28,7 +28,7 @@ from training.shadow import Advice, Expert
 KEPT = (0, 4)
 """Indices of the recorded frames among each ten frames (half a second)."""
 VIEW_M, AHEAD_M = 48.0, 68.0
-"""Range of the view from above, and how far ahead of its picture the ego can be within the second of its past, m."""
+"""Range of the view from above, m; `AHEAD_M` includes the way that the ego can drive within the second of its past."""
 BOX_M = 60.0
 """Largest distance of boxes in sight that are labels, m."""
 _PASTS = (10, 20)
@@ -46,8 +46,13 @@ brakes."""
 
 
 class Disturbance(NamedTuple):
-    """The disturbances of a run. `start`: the ego's start is moved. `bursts`: mean time between bursts of wrong
-    controls; None without bursts."""
+    """The disturbances of a run.
+
+    Attributes:
+        start: whether the ego's start is moved.
+        bursts: whether there are bursts of wrong controls.
+        pause_s: mean time between two bursts, s.
+    """
 
     start: bool = False
     bursts: bool = False
@@ -205,7 +210,8 @@ class Recorder:
         return np.column_stack((rows, in_sight[rows], states[rows][:, [X, Y, HEADING, SPEED]]))
 
     def _chance(self, observation: Observation, advice: Advice) -> float:
-        """Return how often a frame like this one is kept; there is more than enough of standing and of free roads."""
+        """Return the probability with which a frame like this one is kept; there are more than enough of standing and
+        of free roads."""
         ego, control = observation.ego, advice.control
         if self.bursts is not None and observation.time_s - self.bursts.ended_s < _BURST_ECHO_S:
             return 1.0
@@ -226,7 +232,7 @@ class Recorder:
 
 
 def _differ(control: Control, other: Control) -> bool:
-    """Whether a pupil's answer is another one than the expert's, so that its mistake is worth keeping."""
+    """Return whether a pupil's answer differs from the expert's, so that its error is worth keeping."""
     pedals = abs((control.throttle - control.brake) - (other.throttle - other.brake))
     return abs(control.steer - other.steer) > WRONG_STEER or pedals > WRONG_PEDALS
 

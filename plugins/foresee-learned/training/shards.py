@@ -52,9 +52,7 @@ def write_shard(path: Path, runs: Sequence[RecordedRun], *, exact: bool = False)
     for axis, name in enumerate(("ahead", "left")):
         flat = points[:, :, axis] if exact else _bends(np.rint(points[:, :, axis] / _POINT_STEP))
         for j in range(POINTS):
-            column = (
-                flat[:, j] if exact else np.cumsum(flat[:, j])
-            )  # values, not differences between frames
+            column = flat[:, j] if exact else np.cumsum(flat[:, j])  # values, not differences between frames
             arrays[f"points_{name}_{j}"] = packed(column, None if exact else 1.0)
     arrays["frames"] = packed(np.concatenate([run.frames[:, 0] for run in runs]), 1.0)
     arrays["ages"] = packed(np.concatenate([run.frames[:, 0] - run.frames[:, 1] for run in runs]), 1.0)
