@@ -12,7 +12,7 @@ from benchmarks.figures import Figure, costs, cpu_of
 from benchmarks.library import cases
 from foresee_dsl.avoidance.candidates.behaviours import Behaviours
 from foresee_dsl.avoidance.candidates.ranker import CarefulRanker
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import CAREFUL, DRIVES, endings
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -74,7 +74,7 @@ def _costs(
 def _roll_outs(trace: Trace) -> tuple[float, int]:
     """Return the CPU time of rolling out the candidates of a run's encounters, s, and their number."""
     ranker = CarefulRanker()
-    run = Recorded.of(trace)
+    run = RecordedRun.of(trace)
     windows = []
     for encounter in close_encounters(trace, ranker.encounters, before_s=5.0):
         first, last = encounter.frame - 100, min(trace.frames - 1, encounter.frame + 100)

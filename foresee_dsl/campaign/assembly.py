@@ -10,7 +10,7 @@ from typing import NamedTuple, TypedDict, assert_never
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.driving import relative_path
-from foresee_dsl.campaign.node import Node
+from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import (
     ChildOutcome,
     ClipOutcome,
@@ -56,12 +56,12 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
         stages: the steps. out: the campaign's folder.
         failures: skip mutants that did not fail, so that their results need not be read.
     """
-    seeds: dict[Node, SeedOutcome] = {}
-    clips: dict[Node, ClipOutcome] = {}
-    children: dict[Node, dict[Node, ChildOutcome]] = {}
+    seeds: dict[StepNode, SeedOutcome] = {}
+    clips: dict[StepNode, ClipOutcome] = {}
+    children: dict[StepNode, dict[StepNode, ChildOutcome]] = {}
     traces: dict[str, tuple[str, str]] = {}
-    minimised: dict[Node, Minimised] = {}
-    references: dict[Node | None, tuple[ReferenceRun, ...]] = {}
+    minimised: dict[StepNode, Minimised] = {}
+    references: dict[StepNode | None, tuple[ReferenceRun, ...]] = {}
     for node, row in _results(stages, failures=failures):
         record: Record = decode(row.record, node.step.record)
         case, trace = node.case, f"traces/{node.step.name}.npz"
@@ -106,7 +106,7 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
     return Assembly(*sorted_outcomes(completed.values(), whole), traces, by_name)
 
 
-def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[Node, Row]]:
+def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[StepNode, Row]]:
     for node, row in stages.walk(failures=failures):
         if row is not None and not (failures and isinstance(node.step, ChildStep) and row.verdict not in FAILED):
             yield node, row
@@ -117,7 +117,7 @@ class _Allocated(TypedDict, total=False):
     drawn_near: str
 
 
-def _allocated(node: Node) -> _Allocated:
+def _allocated(node: StepNode) -> _Allocated:
     """Return the round of a mutant and the mutant that it was drawn near, if there are rounds."""
     step, above = node.step, node.over("mutants").step
     if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep) or not above.request.round:
@@ -134,13 +134,13 @@ def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimis
 
 
 def _with_references(
-    children: dict[Node, ChildOutcome], references: dict[Node | None, tuple[ReferenceRun, ...]]
+    children: dict[StepNode, ChildOutcome], references: dict[StepNode | None, tuple[ReferenceRun, ...]]
 ) -> tuple[ChildOutcome, ...]:
     pairs = ((child, references.get(node, ())) for node, child in children.items())
     return tuple(child if runs == child.references else replace(child, references=runs) for child, runs in pairs)
 
 
-def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
+def _with_headers(clip: ClipOutcome, node: StepNode, out: Path) -> ClipOutcome:
     """Write this campaign's names into the texts that become files: a failing mutant's and its clip's."""
     if not clip.failing:
         return clip
@@ -169,7 +169,7 @@ def _with_avoided(text: str, child: ChildOutcome) -> str:
     return print_model(document.model.model_copy(update={"body": body}), document.comments)
 
 
-def _here(small: Minimised, node: Node, out: Path) -> Minimised:
+def _here(small: Minimised, node: StepNode, out: Path) -> Minimised:
     """Write this campaign's names into a minimised mutant and its clip."""
     name, clip = node.step.name, node.over("clip").step.name
     parent = relative_path(node.case.source, out / node.folder)

@@ -12,12 +12,12 @@ AnyStep = Step[Any, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Node:
+class StepNode:
     """One step of a campaign, its test case, and the step that it follows from (`above`)."""
 
     step: AnyStep
     case: TestCase
-    above: Node | None = None
+    above: StepNode | None = None
 
     @property
     def folder(self) -> str:
@@ -29,13 +29,13 @@ class Node:
         """Its file, relative to the campaign's folder."""
         return f"{self.folder}/{self.step.name}.foresee"
 
-    def over(self, kind: str) -> Node:
+    def over(self, kind: str) -> StepNode:
         """Return the nearest step of a kind among itself and the steps that it follows from.
 
         Raises:
             ValueError: it follows from no step of that kind.
         """
-        node: Node = self
+        node: StepNode = self
         while node.step.kind != kind:
             if node.above is None:
                 raise ValueError(f"{self.step.kind} {self.step.name} follows from no {kind}")

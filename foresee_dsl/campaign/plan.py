@@ -10,7 +10,7 @@ import networkx as nx
 
 from foresee_dsl.campaign.allocation.rounds import ROUNDS, Round
 from foresee_dsl.campaign.findings.representatives import choose_representatives
-from foresee_dsl.campaign.node import AnyStep, Node
+from foresee_dsl.campaign.node import AnyStep, StepNode
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import STEPS, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
@@ -168,7 +168,7 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
     return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs, allocated)
 
 
-def _name(node: Node) -> str:
+def _name(node: StepNode) -> str:
     step = node.step
     if not isinstance(step, MutantsStep):
         return f"{step.kind} {step.name}"
@@ -176,7 +176,7 @@ def _name(node: Node) -> str:
     return f"{step.kind} {step.name} seed {step.seed}{later}"
 
 
-def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings, *, is_done: bool) -> None:
+def _add_followers(graph: nx.DiGraph[str], node: StepNode, settings: CampaignSettings, *, is_done: bool) -> None:
     """Add the steps that may follow from a step: one node per stage, which stands for all of them.
 
     `known`: the step has been run, so only steps that follow from chosen ones are still open.

@@ -93,7 +93,7 @@ class Shard:
 
 
 @dataclass(frozen=True)
-class Limits:
+class CampaignLimits:
     """Limits of a run; exceeding one is a result (`timeout`, `crash`) and does not affect other runs.
 
     Attributes:

@@ -16,15 +16,15 @@ from foresee_dsl.campaign.allocation.rounds import Rounds
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.execution.pool import Task
 from foresee_dsl.campaign.keys import driver_identity, key, operators_identity, ranker_identity
-from foresee_dsl.campaign.node import AnyStep, Node
+from foresee_dsl.campaign.node import AnyStep, StepNode
 from foresee_dsl.campaign.records import decode
-from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
+from foresee_dsl.campaign.settings import CampaignLimits, CampaignSettings, Shard
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
-from foresee_dsl.campaign.steps.inputs import CaseRef, Ref
+from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef
 from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest
 from foresee_dsl.campaign.steps.seed import SeedStep
-from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Step, Work, run_steps
+from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Step, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.language.project.document import TestCase
@@ -61,7 +61,7 @@ FAILED = frozenset(verdict.value for verdict in FAILURES)
 """Verdicts of failures, as in rows."""
 
 
-def _next(node: Node, row: Row) -> Iterator[type[AnyStep]]:
+def _next(node: StepNode, row: Row) -> Iterator[type[AnyStep]]:
     """Yield the classes that may follow from a step with this result; its record is not read, which would take
     longer."""
     return (step for step in _NEXT[node.step.kind] if row.verdict in FAILED or not step.of_failures)
@@ -86,7 +86,7 @@ class Stages:
         """
         self.settings = settings
         self._store, self.out = store, out
-        self._campaign = Campaign(
+        self._campaign = KeyInputs(
             settings,
             driver_identity(settings.driver),
             ranker_identity(settings.ranker, settings.driver),
@@ -94,23 +94,23 @@ class Stages:
             tuple((driver, driver_identity(driver)) for driver in settings.against),
             key,
         )
-        self._after: dict[Node, tuple[Node, ...]] = {}
+        self._after: dict[StepNode, tuple[StepNode, ...]] = {}
         """Steps that follow from the visited steps; a step is visited before and after its run."""
-        self._passed: set[Node] = set()
+        self._passed: set[StepNode] = set()
         """Visited mutants that did not fail."""
         self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.step.key))
-        self.last: tuple[Node, ...] = ()
+        self.last: tuple[StepNode, ...] = ()
         """Steps returned by `choose`."""
         self.rounds = self._rounds(shard) if settings.allocation == "adaptive" and settings.children else ()
         """Rounds of each part, if mutants are allocated in rounds."""
 
     @Part.ENGINE.measured
-    def row(self, node: Node) -> Row | None:
+    def row(self, node: StepNode) -> Row | None:
         """Return the result of a step, if there is one."""
         return self._store.get(node.step.key) if self._store is not None else None
 
     @Part.ENGINE.measured
-    def has_more_time(self, node: Node, row: Row, limits: Limits) -> bool:
+    def has_more_time(self, node: StepNode, row: Row, limits: CampaignLimits) -> bool:
         """Return whether a run was ended for lack of time, and would now get more time."""
         if not (row.broken and row.verdict == Verdict.TIMEOUT):
             return False
@@ -122,13 +122,13 @@ class Stages:
         return hang.limit_s < now.get(hang.call, self._deadline_s(node, limits))
 
     @Part.ENGINE.measured
-    def after(self, node: Node, row: Row) -> tuple[Node, ...]:
+    def after(self, node: StepNode, row: Row) -> tuple[StepNode, ...]:
         """Return the steps that follow from a step with this result."""
         if node not in self._after:
             classes = [step for step in _next(node, row) if not step.after_all]
             result = decode(row.record, node.step.record) if classes else None
             self._after[node] = tuple(
-                Node(step, node.case, node)
+                StepNode(step, node.case, node)
                 for kind in classes
                 if kind.wanted(result, self.settings)
                 for step in kind.following(node.step, result, self._campaign)
@@ -138,7 +138,7 @@ class Stages:
         return self._after[node]
 
     @Part.ENGINE.measured
-    def choose(self, names: Container[str]) -> tuple[Node, ...]:
+    def choose(self, names: Container[str]) -> tuple[StepNode, ...]:
         """Return the steps that follow from the chosen ones among all visited steps; `walk` then ends with them.
 
         Such steps are known only after all others: `names` are those of the findings' representatives.
@@ -153,26 +153,30 @@ class Stages:
                 continue
             for step in self._chosen_after(node, row):
                 result = decode(row.record, node.step.record)
-                nodes_after += [Node(new, node.case, node) for new in step.following(node.step, result, self._campaign)]
+                nodes_after += [
+                    StepNode(new, node.case, node) for new in step.following(node.step, result, self._campaign)
+                ]
         self.last = tuple(nodes_after)
         return self.last
 
-    def may_be_chosen(self, node: Node, row: Row) -> bool:
+    def may_be_chosen(self, node: StepNode, row: Row) -> bool:
         """Return whether steps follow from a step with this result if `choose` names it."""
         return bool(self._chosen_after(node, row))
 
-    def _chosen_after(self, node: Node, row: Row) -> tuple[type[AnyStep], ...]:
+    def _chosen_after(self, node: StepNode, row: Row) -> tuple[type[AnyStep], ...]:
         after_all = [step for step in _next(node, row) if step.after_all]
         result = decode(row.record, node.step.record) if after_all else None
         return tuple(step for step in after_all if step.wanted(result, self.settings))
 
-    def further(self, clip: Node, step: MutantsStep, request: RoundRequest) -> Node:
+    def further(self, clip: StepNode, step: MutantsStep, request: RoundRequest) -> StepNode:
         """Return the step that mutates an already mutated clip once more."""
         if not isinstance(clip.step, ClipStep):
             raise TypeError(f"{clip.step.name} is not a clip")
-        return Node(step.again(request, clip.step, self._campaign), clip.case, clip)
+        return StepNode(step.again(request, clip.step, self._campaign), clip.case, clip)
 
-    def walk(self, roots: Sequence[Node] | None = None, *, failures: bool = False) -> Iterator[tuple[Node, Row | None]]:
+    def walk(
+        self, roots: Sequence[StepNode] | None = None, *, failures: bool = False
+    ) -> Iterator[tuple[StepNode, Row | None]]:
         """Yield every known step after the one that it follows from, with its result if there is one.
 
         `roots`: only these and the steps that follow. `failures`: skip mutants that are known not to have failed.
@@ -188,13 +192,13 @@ class Stages:
             if row is not None:
                 ahead.extend(reversed(self.after(node, row)))
 
-    def task_steps(self, node: Node) -> tuple[AnyStep, ...]:
+    def task_steps(self, node: StepNode) -> tuple[AnyStep, ...]:
         """Return the steps that a step's task runs: itself, and its followers in the same process."""
         same = (step for step in _NEXT[node.step.kind] if step.same_task)
         return node.step, *(new for step in same for new in step.following(node.step, None, self._campaign))
 
     @Part.ENGINE.measured
-    def task(self, node: Node, files: CaseFiles, limits: Limits) -> Task:
+    def task(self, node: StepNode, files: CaseFiles, limits: CampaignLimits) -> Task:
         """Return the task for a step whose result is missing."""
         trace = self._trace(node.over(node.step.reads)) if node.step.reads else None
         case = files.ref(node.case)
@@ -206,12 +210,12 @@ class Stages:
 
     def _rounds(self, shard: Shard) -> tuple[Rounds, ...]:
         """Divide the test cases into parts, each with its rounds."""
-        parts: defaultdict[int, list[Node]] = defaultdict(list)
+        parts: defaultdict[int, list[StepNode]] = defaultdict(list)
         for node in self.seeds:
             parts[shard.part(node.step.key)].append(node)
         return tuple(Rounds(self, tuple(parts[number])) for number in sorted(parts))
 
-    def _seeds(self, cases: Sequence[TestCase]) -> Iterator[Node]:
+    def _seeds(self, cases: Sequence[TestCase]) -> Iterator[StepNode]:
         """Yield a step for each test case, with a unique name for its files.
 
         The name is the scenario's and the case's (`red_light_runner_r02`); if several files have scenarios of one name,
@@ -222,16 +226,16 @@ class Stages:
             base = case_name(case)
             names = chain([base], (f"{base}_{number}" for number in count(2)))
             name = next(name for name in names if owners.setdefault(name, case.id) == case.id)
-            yield Node(SeedStep.of_case(case, name, self._campaign), case)
+            yield StepNode(SeedStep.of_case(case, name, self._campaign), case)
 
-    def _deadline_s(self, node: Node, limits: Limits) -> float:
+    def _deadline_s(self, node: StepNode, limits: CampaignLimits) -> float:
         return limits.for_run(node.step.simulated_s(node.case, self.settings)) * node.step.runs
 
-    def _trace(self, node: Node) -> Ref | None:
+    def _trace(self, node: StepNode) -> InputRef | None:
         row = self.row(node)
         if row is None or not row.trace or self._store is None:
             return None
-        return Ref(row.trace, self._store.blobs.path(row.trace))
+        return InputRef(row.trace, self._store.blobs.path(row.trace))
 
 
 class CaseFiles:
@@ -243,7 +247,7 @@ class CaseFiles:
     def __init__(self, folder: Path) -> None:
         self._blobs = Blobs(folder)
         self._refs: dict[str, CaseRef] = {}
-        self._shared: dict[int, tuple[object, Ref]] = {}
+        self._shared: dict[int, tuple[object, InputRef]] = {}
 
     def ref(self, case: TestCase) -> CaseRef:
         """Return the reference of a test case, writing its file if it is new."""
@@ -252,13 +256,13 @@ class CaseFiles:
             self._refs[case.id] = CaseRef(self._put(own), self._shared_ref(case))
         return self._refs[case.id]
 
-    def _shared_ref(self, case: TestCase) -> Ref:
+    def _shared_ref(self, case: TestCase) -> InputRef:
         # Look up by identity first: the cases of a project share the network object, and pickling it is slow.
         entry = self._shared.get(id(case.network))
         if entry is None or entry[0] is not case.network or isinstance(case.network, Path):
             self._shared[id(case.network)] = entry = (case.network, self._put((case.network, dict(case.models))))
         return entry[1]
 
-    def _put(self, value: object) -> Ref:
+    def _put(self, value: object) -> InputRef:
         name = self._blobs.put(pickle.dumps(value))
-        return Ref(name, self._blobs.path(name))
+        return InputRef(name, self._blobs.path(name))

@@ -108,7 +108,7 @@ def campaign(
 
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.profiling.stored import Stored
-    from foresee_dsl.campaign.settings import Limits
+    from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.compile import placement_mistakes
@@ -123,7 +123,9 @@ def campaign(
     run_by = executor_of(executor, scheduler, dashboard)
     options = RunOptions(
         jobs=flags.jobs,
-        limits=Limits(deadline, memory, None if request.budget_min is None else request.budget_min * 60, step_deadline),
+        limits=CampaignLimits(
+            deadline, memory, None if request.budget_min is None else request.budget_min * 60, step_deadline
+        ),
         shard=shard_of(flags.shard),
         retry=retry,
         executor=run_by if profiler is None else profiler.executor(run_by),

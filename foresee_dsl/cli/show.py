@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.panels import Strip
-    from foresee_dsl.report.show.sources import ShownRun, Wish
+    from foresee_dsl.report.show.sources import ShownRun, ShowWish
 
 _BOTH_WIDE = 110
 """Terminal width in columns from which two moments each of a mutant and its parent fit side by side."""
@@ -115,10 +115,10 @@ def show(
     foresee show red_light_runner_r02_p1_m3 --campaign out --svg strip.svg
     foresee show red_light_runner_r02_p1_m3 --step --from 2 --to 3[/dim]
     """
-    from foresee_dsl.report.show.sources import Wish, find
+    from foresee_dsl.report.show.sources import ShowWish, find
 
     _one_file(targets, png, svg)
-    wish = Wish(driver, seed, campaign, allow_outside, fresh, full)
+    wish = ShowWish(driver, seed, campaign, allow_outside, fresh, full)
     console = _console()
     for number, target in enumerate(targets):
         if number:
@@ -147,7 +147,7 @@ def _console() -> Console:
     return harmless_console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
 
 
-def _page(run: ShownRun, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
+def _page(run: ShownRun, wish: ShowWish, up: UpSide, moments: int | None, width: int) -> Page:
     from foresee_dsl.report.show.moments import LEAST, MOST
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.sources import parent_of
@@ -175,7 +175,7 @@ def _print_page(console: Console, page: Page, picture: Picture) -> None:
 
 def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: float | None) -> None:
     from foresee_dsl.report.show.steps import recorded_steps, step_lines
-    from foresee_dsl.report.show.walk import Walk, walk
+    from foresee_dsl.report.show.walk import RunWalk, walk
     from foresee_dsl.simulate.trace import STEP_S
 
     by_keys = console.is_terminal and sys.stdin.isatty() and os.name == "posix"
@@ -186,7 +186,7 @@ def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: flo
             "this run differs from the kept trace: the driver has changed (`--fresh` takes the new run)", err=True
         )
     if by_keys:
-        walk(console, Walk(page, steps))
+        walk(console, RunWalk(page, steps))
         return
     width = min(console.width, WIDEST)
     for line in page.head(width, wrap=False):

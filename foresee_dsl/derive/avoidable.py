@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.avoidance.candidates.behaviours import Candidate, Kind
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.derive.operators.situation import Situation, is_free
@@ -59,7 +59,7 @@ def avoidable(situation: Situation, preset: Preset, count: int, rng: Generator) 
         return []
     trace = situation.trace
     heights = {name: spec.height_m for name, spec in situation.models.items()}
-    run = Recorded.of(trace, heights)
+    run = RecordedRun.of(trace, heights)
     candidates = search(run, list(situation.columns.values()), 0, trace.frames - 1, situation.frame, rng, preset.search)
     remaining = [
         (scored, change)

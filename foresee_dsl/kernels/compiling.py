@@ -40,7 +40,7 @@ GROUP = "foresee_dsl.kernels"
 
 
 @dataclass(frozen=True)
-class Kind:
+class ArgumentKind:
     """The type of a kernel's argument: a number, or an array of numbers or records.
 
     Attributes:
@@ -57,16 +57,16 @@ class Kind:
         return numba.types.Array(item, self.dimensions, self.layout) if self.dimensions else item
 
 
-FLOAT, INT, FLAG = (Kind(np.dtype(kind)) for kind in (np.float64, np.int64, np.bool_))
-FLOATS, INTS, KEYS = (Kind(np.dtype(kind), 1) for kind in (np.float64, np.int64, np.uint64))
+FLOAT, INT, FLAG = (ArgumentKind(np.dtype(kind)) for kind in (np.float64, np.int64, np.bool_))
+FLOATS, INTS, KEYS = (ArgumentKind(np.dtype(kind), 1) for kind in (np.float64, np.int64, np.uint64))
 """[N], contiguous."""
-TABLE, KEY_TABLE = (Kind(np.dtype(kind), 2) for kind in (np.float64, np.uint64))
+TABLE, KEY_TABLE = (ArgumentKind(np.dtype(kind), 2) for kind in (np.float64, np.uint64))
 """[M, N], contiguous."""
-ANY_TABLE = Kind(np.dtype(np.float64), 2, "A")
+ANY_TABLE = ArgumentKind(np.dtype(np.float64), 2, "A")
 """[M, N], possibly a part of another array."""
-BYTE_TABLE, FLAG_TABLE = (Kind(np.dtype(kind), 2) for kind in (np.uint8, np.bool_))
-CUBE = Kind(np.dtype(np.float64), 3)
-HYPERCUBE = Kind(np.dtype(np.float64), 4)
+BYTE_TABLE, FLAG_TABLE = (ArgumentKind(np.dtype(kind), 2) for kind in (np.uint8, np.bool_))
+CUBE = ArgumentKind(np.dtype(np.float64), 3)
+HYPERCUBE = ArgumentKind(np.dtype(np.float64), 4)
 
 
 class Kernel:
@@ -76,7 +76,7 @@ class Kernel:
         py_func: the plain function.
     """
 
-    def __init__(self, function: Callable[..., Any], kinds: tuple[Kind, ...]) -> None:
+    def __init__(self, function: Callable[..., Any], kinds: tuple[ArgumentKind, ...]) -> None:
         self.py_func = function
         self._kinds = kinds
         update_wrapper(self, function)
@@ -112,8 +112,8 @@ def inner(function: F) -> F:
     return cast(F, numba.njit(error_model="numpy")(function))
 
 
-def compiled(*signature: Kind) -> Callable[[F], F]:
-    """Compile a function for arguments of these types: a `Kind` of this module or of `records.array_of`."""
+def compiled(*signature: ArgumentKind) -> Callable[[F], F]:
+    """Compile a function for arguments of these types: a `ArgumentKind` of this module or of `records.array_of`."""
 
     def compile_it(function: F) -> F:
         return cast(F, Kernel(function, signature)) if _compiles() else function

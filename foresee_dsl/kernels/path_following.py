@@ -70,7 +70,7 @@ class PathCell(NamedTuple):
     heading: float
 
 
-class Sight(NamedTuple):
+class SightRecord(NamedTuple):
     """The position at which SUMO's vehicles see an actor on a path.
 
     Attributes:
@@ -90,7 +90,7 @@ class Sight(NamedTuple):
     speed: float
 
 
-FOLLOWERS, CELLS, SIGHTS = array_of(Follower), array_of(PathCell), array_of(Sight)
+FOLLOWERS, CELLS, SIGHTS = array_of(Follower), array_of(PathCell), array_of(SightRecord)
 
 
 @inner

@@ -11,7 +11,7 @@ from typing import get_type_hints
 
 import numpy as np
 
-from foresee_dsl.kernels.compiling import Kind
+from foresee_dsl.kernels.compiling import ArgumentKind
 
 
 @cache
@@ -23,6 +23,6 @@ def dtype_of(record: type) -> np.dtype[np.void]:
     return np.dtype(list(get_type_hints(record).items()), align=True)
 
 
-def array_of(record: type, dimensions: int = 1) -> Kind:
+def array_of(record: type, dimensions: int = 1) -> ArgumentKind:
     """Return the type of a contiguous array of such records."""
-    return Kind(dtype_of(record), dimensions)
+    return ArgumentKind(dtype_of(record), dimensions)

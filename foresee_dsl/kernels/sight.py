@@ -28,7 +28,7 @@ _SLACK_M = 1e-6
 """Slack for rounding errors where many points are tested at once, m."""
 
 
-class Body(NamedTuple):
+class BodyRecord(NamedTuple):
     """The visible body of an object.
 
     Attributes:
@@ -106,7 +106,7 @@ class _FacingWall(NamedTuple):
     outer_m: float
 
 
-BODIES, WALLS, LIMITS = array_of(Body), array_of(Wall), array_of(SightLimits)
+BODIES, WALLS, LIMITS = array_of(BodyRecord), array_of(Wall), array_of(SightLimits)
 _BOX, _FACING_WALL = dtype_of(_Box), dtype_of(_FacingWall)
 
 

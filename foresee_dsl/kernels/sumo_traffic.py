@@ -23,7 +23,7 @@ SLOWEST_TURN_MPS = 0.5
 noise."""
 
 
-class SumoVehicle(NamedTuple):
+class SumoVehicleRecord(NamedTuple):
     """The data of a vehicle that SUMO drives.
 
     Attributes:
@@ -62,7 +62,7 @@ class SumoVehicle(NamedTuple):
     ordered: float
 
 
-VEHICLES = array_of(SumoVehicle)
+VEHICLES = array_of(SumoVehicleRecord)
 
 
 @compiled(INTS, FLOATS, VEHICLES, STATES, VERTICES, FLOAT)

@@ -69,7 +69,7 @@ class Track(NamedTuple):
     kind: int
 
 
-class Sighting(NamedTuple):
+class SightingRecord(NamedTuple):
     """The measurements of an object: their number, the time of the last one (s), its class."""
 
     times: int
@@ -89,8 +89,8 @@ class Scan(NamedTuple):
     fades: float
 
 
-TRACK, SIGHTING, SCAN = dtype_of(Track), dtype_of(Sighting), dtype_of(Scan)
-TRACKS, _SIGHTINGS, _SCANS = array_of(Track), array_of(Sighting), array_of(Scan)
+TRACK, SIGHTING, SCAN = dtype_of(Track), dtype_of(SightingRecord), dtype_of(Scan)
+TRACKS, _SIGHTINGS, _SCANS = array_of(Track), array_of(SightingRecord), array_of(Scan)
 
 
 @compiled(TABLE, FLOAT)

@@ -106,7 +106,7 @@ class Style(NamedTuple):
     room: float
 
 
-class Ending(NamedTuple):
+class RollOutEnding(NamedTuple):
     """How one roll-out ends.
 
     Attributes:
@@ -134,7 +134,7 @@ class _Moves(NamedTuple):
     turned: float
 
 
-WHAT_IFS, STYLES, ENDINGS = array_of(WhatIf), array_of(Style), array_of(Ending, 2)
+WHAT_IFS, STYLES, ENDINGS = array_of(WhatIf), array_of(Style), array_of(RollOutEnding, 2)
 
 
 @inner

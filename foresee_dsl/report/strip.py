@@ -12,10 +12,10 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.drawing import svg
 from foresee_dsl.report.drawing.sheet import (
     PAD,
-    Frame,
+    DrawnPart,
     Key,
     Map,
-    Part,
+    MapFrame,
     Sheet,
     Sizes,
     Words,
@@ -119,12 +119,12 @@ def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:
 def sheet_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> Sheet:
     """Return strips as a sheet: a map for each panel with its caption above, and a legend below."""
     maps: list[Map] = []
-    around: list[Part] = []
+    around: list[DrawnPart] = []
     y = PAD
     for strip in strips:
         step = balanced(len(strip.panels), per_row)
         if title := shortened(strip.title, 120):
-            around.append(Part("title", words=(Words("title", title, PAD, y + 6, "title", bold=True),)))
+            around.append(DrawnPart("title", words=(Words("title", title, PAD, y + 6, "title", bold=True),)))
             y += _TITLE_PX
         for start in range(0, len(strip.panels), step):
             y += _CAPTION_PX
@@ -158,7 +158,7 @@ def legend_of(strips: Sequence[Strip]) -> list[tuple[Role, str]]:
     return [(role, shortened(names[role], 40)) for role in reversed(Role) if role in roles]
 
 
-def _caption(panel: Panel, x: float, y: float) -> Part:
+def _caption(panel: Panel, x: float, y: float) -> DrawnPart:
     caption, figures = (shortened(text, _CAPTION_LETTERS) for text in caption_of(panel))
     letter = panel.snapshot.letter
     words = (
@@ -166,12 +166,12 @@ def _caption(panel: Panel, x: float, y: float) -> Part:
         Words("title", caption, x + _LETTER_PX * (len(letter) + 1), y - 24),
         Words("quiet", figures, x, y - 10),
     )
-    return Part("caption", words=words)
+    return DrawnPart("caption", words=words)
 
 
 def _map(panel: Panel, x: float, y: float) -> Map:
     half, scale = panel.side_m / 2, SIDE_PX / panel.side_m
-    frame = Frame(SIDE_PX, SIDE_PX, -half, half, scale)
+    frame = MapFrame(SIDE_PX, SIDE_PX, -half, half, scale)
     corner, _ = scale_and_north(frame, _SIZES, panel.north_rad)
     return Map(x, y, frame, (*panel_parts(panel, scale), corner))
 

@@ -33,7 +33,7 @@ class DriverHangs(BaseException):
         self.what, self.allows, self.hang = what, allows, hang
 
 
-class Fault(NamedTuple):
+class DriverFault(NamedTuple):
     """The description of a driver's exception.
 
     Attributes:
@@ -45,15 +45,15 @@ class Fault(NamedTuple):
     traceback: str
 
 
-def fault_of(err: BaseException) -> Fault:
+def fault_of(err: BaseException) -> DriverFault:
     """Return the description of a driver's exception."""
     if isinstance(err, DriverError):
-        return Fault(f"the driver broke: {one_line(err)}", "")
+        return DriverFault(f"the driver broke: {one_line(err)}", "")
     at = f", at {place}" if (place := place_of(err)) else ""
     if isinstance(err, SystemExit):
-        return Fault(f"the driver called sys.exit({err.code!r:.80}){at}", traceback_of(err))
+        return DriverFault(f"the driver called sys.exit({err.code!r:.80}){at}", traceback_of(err))
     text = one_line(err)
-    return Fault(f"the driver raised {type(err).__name__}{f': {text}' if text else ''}{at}", traceback_of(err))
+    return DriverFault(f"the driver raised {type(err).__name__}{f': {text}' if text else ''}{at}", traceback_of(err))
 
 
 def one_line(err: BaseException) -> str:

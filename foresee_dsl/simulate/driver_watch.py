@@ -27,7 +27,7 @@ _GRACE_S = 2.0
 """Time after the deadline for which a process may stay in a library call, s. Ours: two checks."""
 
 
-class Call:
+class DriverCall:
     """The current call of the driver: `with watch.call("step"): ...`.
 
     Attributes:
@@ -58,7 +58,7 @@ class Call:
             clock.end()
 
 
-class Watch:
+class DriverWatch:
     """Watches one run.
 
     Attributes:
@@ -67,7 +67,7 @@ class Watch:
 
     def __init__(self, deadlines: Deadlines | None, simulated_s: float) -> None:
         """Watch nothing when there are no deadlines."""
-        self.call = Call()
+        self.call = DriverCall()
         self._limits = None
         if deadlines is not None and threading.current_thread() is threading.main_thread():
             steps_s = deadlines.for_reset_s, deadlines.for_first_step_s, deadlines.for_step_s

@@ -16,10 +16,10 @@ from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.results.drivable_area import squares_of
-from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
+from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, OutcomeJudge, off_road_points
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
@@ -75,7 +75,7 @@ class Judging:
         squares = self._squares = squares_of(simulation.network)
         footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
         self._around = sizes, footprint, squares.left, squares.bottom, squares.cell, squares.states
-        self._judge = Judge(
+        self._judge = OutcomeJudge(
             ids=[actor.id for actor in others],
             # An actor that stands for the whole run is a static object, also if it is a parked car.
             kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
@@ -134,7 +134,7 @@ class Judging:
 
 class _Ahead(NamedTuple):
     gap_m: float
-    actor: Actor
+    actor: SimulatedActor
 
 
 def may_wait(simulation: Simulation) -> bool:

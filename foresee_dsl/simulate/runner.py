@@ -17,8 +17,8 @@ from foresee_dsl.kernels.compiling import ensure
 from foresee_dsl.measuring import Part, count_run
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.driver_faults import DriverHangs, Fault, fault_of, one_line, place_of
-from foresee_dsl.simulate.driver_watch import Watch
+from foresee_dsl.simulate.driver_faults import DriverFault, DriverHangs, fault_of, one_line, place_of
+from foresee_dsl.simulate.driver_watch import DriverWatch
 from foresee_dsl.simulate.judging import Frame, Judging
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.printed import printed_here
@@ -62,7 +62,7 @@ def run(
     files = printed_here()
     if files is not None:
         files.begin()
-    with Part.LOOP, Watch(deadlines, bundle.scene.end_s) as watch:
+    with Part.LOOP, DriverWatch(deadlines, bundle.scene.end_s) as watch:
         try:
             with Part.PLACING:
                 prepared = _Run(bundle, driver, seed, dict(meta or {}), sensors, watch)
@@ -77,7 +77,7 @@ def run(
     return replace(result, notes=replace(result.notes, output=printed, traceback=trace))
 
 
-def _closed(driver: Driver, watch: Watch) -> Fault | None:
+def _closed(driver: Driver, watch: DriverWatch) -> DriverFault | None:
     """Close a driver that has `close`; return its exception, which does not change the verdict."""
     if not isinstance(driver, Closing):
         return None
@@ -94,7 +94,7 @@ class _Run:
 
     def __init__(
         self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any], sensors: SensorSettings,
-        watch: Watch,
+        watch: DriverWatch,
     ) -> None:  # fmt: skip
         self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
         self._watch = watch

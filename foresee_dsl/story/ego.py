@@ -14,7 +14,7 @@ from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, YAW_RATE, X, Y
 from foresee_dsl.story.facts import Facts, spans
-from foresee_dsl.story.place import Place, kind_of, movement_near
+from foresee_dsl.story.place import StoryPlace, kind_of, movement_near
 from foresee_dsl.story.story import Moment
 from foresee_dsl.story.wording import kmh
 
@@ -43,7 +43,7 @@ by `pdm` stays below 1.5 m/s^2."""
 
 
 @dataclass(frozen=True)
-class Ego:
+class EgoMotion:
     """The manoeuvre and motion of the ego at the end of a run.
 
     Attributes:
@@ -73,7 +73,7 @@ class Ego:
         return f"{what}, {self.going}" if self.going else what
 
 
-def ego_of(facts: Facts, place: Place) -> Ego:
+def ego_of(facts: Facts, place: StoryPlace) -> EgoMotion:
     """Return the manoeuvre and motion of the ego at the end of a run that ended at a place."""
     speed, last = facts.speed(0), facts.last
     brakings = _brakings(facts)
@@ -81,7 +81,7 @@ def ego_of(facts: Facts, place: Place) -> Ego:
     until = stand[0] if stand else last
     final = next((b for b in reversed(brakings) if (until - b[1]) * STEP_S <= EASES_S), None)
     first = min(final[0] if final else last, max(0, last - round(1 / STEP_S)))
-    return Ego(
+    return EgoMotion(
         state=_state(facts, final is not None),
         going=_going(facts, place),
         fastest_mps=float(speed[first:].max()),
@@ -106,7 +106,7 @@ def _state(facts: Facts, braking: bool) -> str:
     return "accelerates" if facts.trace.states[-1, 0, ACCELERATION] > ACCELERATES_MPS2 else "drives on"
 
 
-def _going(facts: Facts, place: Place) -> str:
+def _going(facts: Facts, place: StoryPlace) -> str:
     movement = movement_near(facts, 0, facts.last, place) if place.kind != "road" else None
     if movement is not None:
         return "" if movement.turn == "straight" else f"turning {movement.turn}"

@@ -17,7 +17,7 @@ from foresee_dsl.language.model import Quantity
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, X, Y
 from foresee_dsl.story.contact import ALONG_RAD, moved_towards, side_of, steered_from, steering_of
 from foresee_dsl.story.facts import Facts, spans
-from foresee_dsl.story.place import Place, kind_of, movement_near
+from foresee_dsl.story.place import StoryPlace, kind_of, movement_near
 from foresee_dsl.story.sighting import Sighting, sighting_of
 from foresee_dsl.story.story import ContactClass, Moment
 from foresee_dsl.story.wording import full_name, kmh, metres, name_of
@@ -47,7 +47,7 @@ class Opponent:
 
     facts: Facts
     actor: int
-    place: Place
+    place: StoryPlace
     contact: ContactClass
 
     @cached_property

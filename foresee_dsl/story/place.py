@@ -32,7 +32,7 @@ _ARMS = {2: "bend", 3: "three-arm junction", 4: "crossroads"}
 
 
 @dataclass(frozen=True)
-class Place:
+class StoryPlace:
     """A place in the road layout.
 
     Attributes:
@@ -48,7 +48,7 @@ class Place:
     text: str = ""
 
 
-def place_of(facts: Facts, at: XY, frame: int) -> Place:
+def place_of(facts: Facts, at: XY, frame: int) -> StoryPlace:
     """Return the place of a point, seen in the ego's direction of travel at a frame.
 
     Only a story about a pedestrian, or about a cyclist off the lanes, ends on a crossing. For such a cyclist the name
@@ -62,7 +62,7 @@ def place_of(facts: Facts, at: XY, frame: int) -> Place:
             where = "behind" if _behind(facts, crossing, frame) else "before"
             kind, equal = kind_of(network, crossing.junction), control_of(network, crossing.junction)
             name = f"the {equal}" if other and other.kind == "bicycle" else f"the crossing {where} the {equal}"
-            return Place("crossing", name, crossing.junction, f"the crossing {where} the {kind}")
+            return StoryPlace("crossing", name, crossing.junction, f"the crossing {where} the {kind}")
     for junction in network.junctions.values():
         if len(junction.polygon) < 3 or layout.arms[junction.id] < 3:
             continue
@@ -72,13 +72,13 @@ def place_of(facts: Facts, at: XY, frame: int) -> Place:
     return _on_road(facts, frame)
 
 
-def _in_junction(network: RoadNetwork, junction: str) -> Place:
+def _in_junction(network: RoadNetwork, junction: str) -> StoryPlace:
     name = kind_of(network, junction)
     text = f"{'in' if name == 'roundabout' else 'at'} the {name}"
-    return Place("junction", f"the {control_of(network, junction)}", junction, text)
+    return StoryPlace("junction", f"the {control_of(network, junction)}", junction, text)
 
 
-def _on_road(facts: Facts, frame: int) -> Place:
+def _on_road(facts: Facts, frame: int) -> StoryPlace:
     """Return a place before, behind or between junctions; all of them have the same name, the road."""
     network, layout, lane_id = facts.network, _layout(facts.network), facts.nearest_lane(0, frame)
     through = network.movements_through(lane_id) if lane_id else ()
@@ -86,16 +86,16 @@ def _on_road(facts: Facts, frame: int) -> Place:
         return _in_junction(network, through[0].junction)
     lane = network.lanes.get(lane_id)
     if lane is None or lane.edge not in network.edges:
-        return Place("road", "the road")
+        return StoryPlace("road", "the road")
     edge = network.edges[lane.edge]
     along = lane.line.project(*facts.xy(0, frame))[0]
     for junction, away, where in ((edge.end, lane.line.length_m - along, "before"), (edge.start, along, "behind")):
         if layout.arms[junction] > 2 and away <= NEAR_JUNCTION_M:
-            return Place("road", "the road", junction, f"{where} the {kind_of(network, junction)}")
-    return Place("road", "the road", "", "on the road between junctions")
+            return StoryPlace("road", "the road", junction, f"{where} the {kind_of(network, junction)}")
+    return StoryPlace("road", "the road", "", "on the road between junctions")
 
 
-def movement_near(facts: Facts, actor: int, frame: int, place: Place) -> Movement | None:
+def movement_near(facts: Facts, actor: int, frame: int, place: StoryPlace) -> Movement | None:
     """Return an actor's movement through a place's junction: the current one, one that ended within 200 frames, or the
     next one on its route."""
     for start, end, movement in facts.passages(actor):

@@ -15,10 +15,10 @@ from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 from foresee_dsl.story.contact import contact_class
-from foresee_dsl.story.ego import Ego, ego_moments, ego_of
+from foresee_dsl.story.ego import EgoMotion, ego_moments, ego_of
 from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.opponent import Opponent
-from foresee_dsl.story.place import Place, kind_of, place_of
+from foresee_dsl.story.place import StoryPlace, kind_of, place_of
 from foresee_dsl.story.story import ContactClass, Moment, Story
 from foresee_dsl.story.wording import full_name, kmh, metres, name_of, short, with_side
 
@@ -86,7 +86,7 @@ def _touch(contact: ContactClass, impact: Impact | None) -> str:
     return "" if impact is None or contact in alike else with_side(impact.side)
 
 
-def _sentence(facts: Facts, ego: Ego, other: Opponent | None, place: Place) -> str:
+def _sentence(facts: Facts, ego: EgoMotion, other: Opponent | None, place: StoryPlace) -> str:
     impact = facts.impact
     if other is None or (impact is None and facts.verdict is not Verdict.PASS):
         return _alone(facts, ego, place)
@@ -94,7 +94,7 @@ def _sentence(facts: Facts, ego: Ego, other: Opponent | None, place: Place) -> s
     return f"{other.clause()}; {_ego_clause(facts, ego, other, impact)}{where}"
 
 
-def _ego_clause(facts: Facts, ego: Ego, other: Opponent, impact: Impact | None) -> str:
+def _ego_clause(facts: Facts, ego: EgoMotion, other: Opponent, impact: Impact | None) -> str:
     going = f", {ego.going}," if ego.going else ""
     if impact is None:
         return f"the ego{going} {_drives(ego)}, and they pass each other {metres(other.ahead_m(facts.last))} apart"
@@ -102,7 +102,7 @@ def _ego_clause(facts: Facts, ego: Ego, other: Opponent, impact: Impact | None) 
     return f"the ego{going} {', '.join(parts)} and {_ends(ego, impact)}"
 
 
-def _ends(ego: Ego, impact: Impact) -> str:
+def _ends(ego: EgoMotion, impact: Impact) -> str:
     """Return the contact as the end of the sentence: who hit whom, with which side, at which speed."""
     speed = f"at {impact.relative_mps:.1f} m/s"
     side, theirs = with_side(impact.side), with_side(impact.other_side)
@@ -121,7 +121,7 @@ def _ends(ego: Ego, impact: Impact) -> str:
             assert_never(impact.struck_by)
 
 
-def _sees(facts: Facts, ego: Ego, other: Opponent) -> str:
+def _sees(facts: Facts, ego: EgoMotion, other: Opponent) -> str:
     if other.sighting.since_s is None:
         return "does not see it"
     before = other.sighting.before_s(facts.end_s)
@@ -131,7 +131,7 @@ def _sees(facts: Facts, ego: Ego, other: Opponent) -> str:
     return "has it in sight all the time" if unmoved else ""
 
 
-def _drives(ego: Ego) -> str:
+def _drives(ego: EgoMotion) -> str:
     braking = f"with up to {ego.braking_mps2:.1f} m/s^2"
     match ego.state:
         case "stands" if ego.stood_s >= STOOD_S:
@@ -148,7 +148,7 @@ def _drives(ego: Ego) -> str:
             return f"drives on at {kmh(ego.fastest_mps)}"
 
 
-def _alone(facts: Facts, ego: Ego, place: Place) -> str:
+def _alone(facts: Facts, ego: EgoMotion, place: StoryPlace) -> str:
     """Return the sentence of a run without an opponent, or of one that failed without a contact."""
     going = f", {ego.going}," if ego.going else ""
     match facts.verdict:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings, Kind
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.simulate.trace import STEP_S, Trace
@@ -24,7 +24,7 @@ def crossing_car(*, behind_m: float) -> Trace:
 
 def found(trace: Trace, seed: int = 0) -> list[ScoredCandidate]:
     last = trace.frames - 1
-    return search(Recorded.of(trace), [1], 0, last, last // 2, np.random.default_rng(seed))
+    return search(RecordedRun.of(trace), [1], 0, last, last // 2, np.random.default_rng(seed))
 
 
 def test_a_car_that_crosses_just_behind_is_found_to_hit_when_it_is_faster() -> None:

@@ -14,9 +14,9 @@ from foresee_dsl.campaign.allocation.choice import (
     NEW,
     NEW_UNAVOIDED,
     ChildFacts,
+    MutantDraw,
+    MutantDraws,
     PastChild,
-    Way,
-    Ways,
     halved,
     ranked,
     spread,
@@ -157,7 +157,7 @@ def test_a_failure_is_worth_most_when_it_is_new_and_could_have_been_avoided() ->
 
 
 def test_children_go_where_those_before_failed() -> None:
-    steer, line = Way(("steer",)), Way(("line",))
+    steer, line = MutantDraw(("steer",)), MutantDraw(("line",))
     clips = [f"clip{k}" for k in range(8)]
     tried = [
         PastChild(clip, way, float(clip == "clip3" and way == line), clip == "clip3")
@@ -166,7 +166,7 @@ def test_children_go_where_those_before_failed() -> None:
     ]
     assert ranked(clips, tried) == ["clip3", *(clip for clip in clips if clip != "clip3")]
     assert [halved(8, number) for number in range(1, 6)] == [8, 4, 2, 1, 1]
-    ways = Ways(tried * 3, np.random.default_rng(0))
+    ways = MutantDraws(tried * 3, np.random.default_rng(0))
     assert ways.choose("new", (steer, line)) == line
     assert {ways.choose("new", (steer, line)) for _ in range(40)} == {steer, line}, "what a clip had often waits"
 

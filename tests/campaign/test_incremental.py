@@ -11,7 +11,7 @@ import pytest
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.plan import plan_campaign
-from foresee_dsl.campaign.settings import Limits, Shard
+from foresee_dsl.campaign.settings import CampaignLimits, Shard
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.seed import SeedStep
@@ -153,7 +153,7 @@ def test_a_part_that_is_none_is_refused(text: str) -> None:
 
 def test_time_that_is_up_begins_nothing_more(done: tuple[Path, Path, Heard], tmp_path: Path) -> None:
     file, _, _ = done
-    result, heard = campaign(file, tmp_path / "out", options=RunOptions(limits=Limits(budget_s=0.0)))
+    result, heard = campaign(file, tmp_path / "out", options=RunOptions(limits=CampaignLimits(budget_s=0.0)))
     assert result.interrupted and heard.kinds == []
     assert published(tmp_path / "out")["json"]["interrupted"] is True
 

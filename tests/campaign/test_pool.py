@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.execution.pool import Broken, Part, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import Broken, Task, TaskPart, WorkerPool
 
 
 def outcomes(jobs: int, tasks: Iterable[Task], **limits: float) -> dict[str, object]:
@@ -94,10 +94,10 @@ def test_parts_come_as_they_are_done_and_outlive_what_breaks_later() -> None:
         found = [(u.task.name, u.value) for u in pool.updates()]
     finally:
         pool.close()
-    assert [v.value for name, v in found if name == "whole" and isinstance(v, Part)] == [1, 2]
+    assert [v.value for name, v in found if name == "whole" and isinstance(v, TaskPart)] == [1, 2]
     assert ("whole", None) in found
     half = [value for name, value in found if name == "half"]
-    assert half[0] == Part(1)
+    assert half[0] == TaskPart(1)
     assert isinstance(half[-1], Broken)
 
 

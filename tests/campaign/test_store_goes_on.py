@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from foresee_dsl.campaign import keys
 from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
-from foresee_dsl.campaign.settings import Limits
+from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.campaign.storage.maintenance import sweep
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.cli import app
@@ -37,7 +37,7 @@ class Hanging(WorkerPool):
 
 
 def given(deadline_s: float | None, pool: type[WorkerPool] = WorkerPool) -> RunOptions:
-    return RunOptions(jobs=2, limits=Limits(deadline_s), executor=lambda how: pool(how.jobs))
+    return RunOptions(jobs=2, limits=CampaignLimits(deadline_s), executor=lambda how: pool(how.jobs))
 
 
 def test_a_run_that_took_too_long_runs_again_when_it_gets_more_time_and_not_before(tmp_path: Path) -> None:

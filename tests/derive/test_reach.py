@@ -16,9 +16,9 @@ from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.operators.steer import Steer, largest_share
 from foresee_dsl.derive.presets import FOCUSED, PAPER
-from foresee_dsl.derive.reach.promise import Promise, Tale, in_order
+from foresee_dsl.derive.reach.promise import ReachPromise, Tale, in_order
 from foresee_dsl.derive.reach.ranker import ReachRanker
-from foresee_dsl.derive.reach.rolling import Change, RollOut
+from foresee_dsl.derive.reach.rolling import RolledChange, RollOut
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker
 from foresee_dsl.forecast.registry import load_ranker
@@ -96,7 +96,7 @@ def test_only_allowed_changes_are_rolled_out(mps: float, beside_m: float, preset
     made = ranker(chosen.name)
     rolling = made.rolling(trace, gaps)
     for change, values in rolling.changes(0, [1]):
-        assert isinstance(change, Change)
+        assert isinstance(change, RolledChange)
         if isinstance(change.operator, Steer):
             bound = largest_share(SPECS[trace.actors[1].model], mps, chosen.steer)
             assert np.abs(values).max() <= min(bound, chosen.steer.high) + 1e-9
@@ -124,10 +124,10 @@ def test_a_second_moment_of_one_story_comes_after_another_story() -> None:
     assert isinstance(steer, Steer)
     front, side = Tale("vehicle", 2, 0, 0, False), Tale("vehicle", 0, 1, 0, False)
 
-    def one(onset: int, tale: Tale, share: float) -> Promise:
+    def one(onset: int, tale: Tale, share: float) -> ReachPromise:
         nowhere = np.zeros((1, 1, 3))
-        rolled = RollOut(Change(onset, 1, steer), np.zeros(1), np.zeros(1), nowhere, np.zeros((1, 1)))
-        return Promise(rolled, np.array([0]), {tale: share}, onset + 40)
+        rolled = RollOut(RolledChange(onset, 1, steer), np.zeros(1), np.zeros(1), nowhere, np.zeros((1, 1)))
+        return ReachPromise(rolled, np.array([0]), {tale: share}, onset + 40)
 
     ordered = in_order([one(100, front, 0.4), one(120, front, 0.4), one(300, side, 0.3)], ReachSettings())
     assert [p.onset for p in ordered] == [120, 300, 100]  # of equal ones the later onset

@@ -10,7 +10,7 @@ from itertools import takewhile
 
 import pytest
 
-from foresee_dsl.derive.clipping.conditions import Moment, rebased
+from foresee_dsl.derive.clipping.conditions import ClipMoment, rebased
 from foresee_dsl.language.model import (
     Both,
     Comparison,
@@ -26,7 +26,7 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import parts
-from foresee_dsl.simulate.triggers.record import Run
+from foresee_dsl.simulate.triggers.record import HoldingTime
 
 FRAMES = 50
 SINCE = re.compile(r" since -?[0-9.]+ s")
@@ -90,12 +90,14 @@ def fires(condition: Condition, lights: Lights, frames: range, *, held: bool) ->
     return found
 
 
-def runs(condition: Condition, lights: Lights, frame: int, *, positive: bool = True, number: int = 0) -> dict[int, Run]:
+def runs(
+    condition: Condition, lights: Lights, frame: int, *, positive: bool = True, number: int = 0
+) -> dict[int, HoldingTime]:
     """What a watch tells: since when what each `for` is about holds, what cannot be said counting so under `not`."""
     inner = {Not: "condition", Sustained: "condition", Both: "conditions", Either: "conditions"}.get(type(condition))
     if inner is None:
         return {}
-    found: dict[int, Run] = {}
+    found: dict[int, HoldingTime] = {}
     if isinstance(condition, Sustained):
         values = row(condition.condition, lights)[: frame + 1]
         lasting = list(takewhile(lambda value: not positive if value is None else value, reversed(values)))
@@ -103,7 +105,7 @@ def runs(condition: Condition, lights: Lights, frame: int, *, positive: bool = T
             start = len(values) - len(lasting)
             earlier = condition.since is not None and not start
             known = earlier or (start > 0 and values[start - 1] is not None)
-            found[number] = Run(condition.since.si if earlier else start * 0.05, known)
+            found[number] = HoldingTime(condition.since.si if earlier else start * 0.05, known)
     several = getattr(condition, inner)
     after = number + 1
     for part in several if isinstance(several, tuple) else (several,):
@@ -166,7 +168,7 @@ ANY = [any_condition(RNG, 3) for _ in range(60)]
 @pytest.mark.parametrize("condition", [*WHOLE, *FOR, *EITHER, *ANY])
 def test_it_is_true_at_the_same_frames(condition: Condition) -> None:
     for lights, frame in cases(40):
-        again = rebased(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
+        again = rebased(condition, ClipMoment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
         assert not isinstance(again, bool)
         expected = [bool(value) for value in row(condition, lights)[frame:]]
         assert [bool(value) for value in row(again, later(lights, frame))] == expected, frame
@@ -179,7 +181,7 @@ def test_an_every_fires_at_the_same_frames(condition: Condition) -> None:
         held = False
         for now in row(condition, lights)[: frame + 1]:
             held = held if now is None else now
-        again = rebased(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame), held=held)
+        again = rebased(condition, ClipMoment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame), held=held)
         assert not isinstance(again, bool)
         found = fires(again, later(lights, frame), range(FRAMES - frame), held=held)
         expected = fires(condition, lights, range(FRAMES), held=False)[len(before) :]
@@ -190,7 +192,7 @@ def test_an_every_fires_at_the_same_frames(condition: Condition) -> None:
 def test_a_for_that_is_half_way_says_since_and_nothing_else(condition: Condition) -> None:
     found = set()
     for lights, frame in cases(60):
-        again = rebased(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
+        again = rebased(condition, ClipMoment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
         assert not isinstance(again, bool)
         found.add(SINCE.sub("", text_of(again)))
     assert found == {SINCE.sub("", text_of(condition))}
@@ -199,14 +201,14 @@ def test_a_for_that_is_half_way_says_since_and_nothing_else(condition: Condition
 def test_a_clip_of_a_clip_adds_up() -> None:
     condition = lasts(A, 40).model_copy(update={"since": q(-1.3, "s")})
     lights = {"a": [True] * FRAMES, "b": [True] * FRAMES}
-    again = rebased(condition, Moment(0.5, frozenset(), {}), runs(condition, lights, 10))
+    again = rebased(condition, ClipMoment(0.5, frozenset(), {}), runs(condition, lights, 10))
     assert isinstance(again, Sustained)
     assert text_of(again) == "a.speed > 1 m/s for 2.0 s since -1.80 s"
-    assert rebased(condition, Moment(0.5, frozenset(), {})) == again  # a step that nobody has looked at
+    assert rebased(condition, ClipMoment(0.5, frozenset(), {})) == again  # a step that nobody has looked at
 
 
 def test_times_count_from_the_window() -> None:
-    moment = Moment(2.0, frozenset(), {})
+    moment = ClipMoment(2.0, frozenset(), {})
 
     def at(op: str, seconds: float) -> Condition | bool:
         return rebased(Comparison(left=Measure(what="time"), op=op, right=q(seconds, "s")), moment)  # type: ignore[arg-type]  # a word
@@ -218,7 +220,7 @@ def test_times_count_from_the_window() -> None:
 
 
 def test_what_is_known_of_who_is_gone_is_worked_in() -> None:
-    moment = Moment(2.0, frozenset({"b"}), {})
+    moment = ClipMoment(2.0, frozenset({"b"}), {})
     near = Within(actor="a", distance=q(5, "m"), of=Named(name="b"))
     arrived, hit = Predicate(what="arrived", actor="b"), Predicate(what="collision", actor="b")
     assert rebased(near, moment) is False

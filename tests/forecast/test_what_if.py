@@ -10,7 +10,7 @@ import pytest
 from foresee_dsl.avoidance.candidates.scoring import BLIND, CAREFUL, DRIVES
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.records import dtype_of
-from foresee_dsl.kernels.what_if import MISSES_M, Ending, Style, WhatIf, roll_out
+from foresee_dsl.kernels.what_if import MISSES_M, RollOutEnding, Style, WhatIf, roll_out
 from tests.support.plain_what_if import Plain, rolled
 
 STYLES = [BLIND, *DRIVES, *CAREFUL]
@@ -50,7 +50,7 @@ def test_the_kernel_does_what_plain_python_does(seed: int) -> None:
     tracks = np.array([curve(rng, 9, (0, 0)), curve(rng, rng.choice([1.5, 8]), (0, 0)), curve(rng, 5, (12, 5))])
     sizes = np.array([[4.5, 1.8, 1.5], [1.0, 0.6, 1.6], [6.0, 2.2, 2.5]])
     whats = [change(rng) for _ in range(3)]
-    found = np.zeros((3, len(STYLES)), dtype_of(Ending))
+    found = np.zeros((3, len(STYLES)), dtype_of(RollOutEnding))
     roll_out(np.array(whats, dtype_of(WhatIf)), np.array(STYLES, dtype_of(Style)), tracks, sizes, found)
     for what, row in zip(whats, found, strict=True):
         blind = rolled(what, BLIND, 0.0, tracks, sizes)

@@ -20,7 +20,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.drawing.ground import Layer, ground_of
-from foresee_dsl.report.drawing.labels import Box, Room
+from foresee_dsl.report.drawing.labels import LabelBox, Room
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.drawing.png import png_of_svg
 from foresee_dsl.report.drawing.svg import svg_of
@@ -137,10 +137,10 @@ def test_names_cover_neither_each_other_nor_the_bodies(drawings: dict[str, Drawi
                 width = 0.6 * px * len(words.text)
                 left = {"start": words.x, "middle": words.x - width / 2, "end": words.x - width}[words.anchor]
                 if not words.angle_deg:
-                    boxes.append(Box(left, words.y - px / 2, left + width, words.y + px / 2))
+                    boxes.append(LabelBox(left, words.y - px / 2, left + width, words.y + px / 2))
         covered += sum(a.touches(b) for k, a in enumerate(boxes) for b in boxes[:k])
         frame = drawing.sheet.maps[0].frame
-        assert all(box.inside(Box(-1, -1, frame.width + 1, frame.height + 1)) for box in boxes)
+        assert all(box.inside(LabelBox(-1, -1, frame.width + 1, frame.height + 1)) for box in boxes)
     assert covered <= 1
 
 
@@ -265,14 +265,14 @@ def test_imported_networks(small: Path) -> None:
 
 
 def test_a_label_takes_the_nearest_free_place() -> None:
-    room = Room(Box(0, 0, 100, 60))
-    thing = Box(40, 20, 50, 30)
+    room = Room(LabelBox(0, 0, 100, 60))
+    thing = LabelBox(40, 20, 50, 30)
     room.take(thing)
     first = room.beside(thing, 20, 10, insist=True)
     second = room.beside(thing, 20, 10, insist=True)
     assert first is not None and second is not None and not first.touches(second)
     assert first.left >= 50 and second.right <= 40
-    room.take(Box(0, 0, 100, 60))
+    room.take(LabelBox(0, 0, 100, 60))
     assert room.beside(thing, 20, 10, insist=False) is None
     assert room.beside(thing, 20, 10, insist=True) is not None
 

@@ -17,8 +17,8 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.show.page import Page
 from foresee_dsl.report.show.sources import ShownRun
-from foresee_dsl.report.show.steps import Step, recorded_steps, step_lines
-from foresee_dsl.report.show.walk import Walk
+from foresee_dsl.report.show.steps import ShownStep, recorded_steps, step_lines
+from foresee_dsl.report.show.walk import RunWalk
 from tests.support.hidden_walker import hidden_walker
 
 
@@ -33,7 +33,7 @@ def shown(case: TestCase) -> ShownRun:
 
 
 @pytest.fixture(scope="module")
-def steps(shown: ShownRun) -> tuple[Step, ...]:
+def steps(shown: ShownRun) -> tuple[ShownStep, ...]:
     found, same = recorded_steps(shown)
     assert same, "asking for reasons must change nothing"
     return found
@@ -50,7 +50,7 @@ def test_asking_for_reasons_changes_nothing(case: TestCase, driver: str) -> None
     assert len({reason.rule for step in found for reason in step.reasons}) > (driver == "idm")
 
 
-def test_the_walker_is_why_it_brakes(steps: tuple[Step, ...], shown: ShownRun) -> None:
+def test_the_walker_is_why_it_brakes(steps: tuple[ShownStep, ...], shown: ShownRun) -> None:
     braking = [step for step in steps if step.control.brake > 0.5 and step.ego.speed_mps > 1]
     assert braking
     text = "\n".join(line.plain for line in step_lines(braking[2], shown.trace, "walker", 80))
@@ -58,7 +58,7 @@ def test_the_walker_is_why_it_brakes(steps: tuple[Step, ...], shown: ShownRun) -
     assert "walker (pedestrian)" in text
 
 
-def test_an_unseen_opponent_is_named(steps: tuple[Step, ...], shown: ShownRun) -> None:
+def test_an_unseen_opponent_is_named(steps: tuple[ShownStep, ...], shown: ShownRun) -> None:
     hidden = [s for s in steps if 0.5 < s.time_s < 3.0 and all(seen.kind != "pedestrian" for seen in s.actors)]
     assert hidden
     lines = [line.plain for line in step_lines(hidden[0], shown.trace, "walker", 80)]
@@ -71,13 +71,13 @@ def test_only_the_steps_that_were_asked_for(shown: ShownRun) -> None:
     assert [round(step.time_s, 2) for step in found] == [1.0, 1.5, 2.0]
 
 
-def test_a_driver_that_says_nothing_is_shown_too(steps: tuple[Step, ...], shown: ShownRun) -> None:
-    silent = Step(**{**{n: getattr(steps[0], n) for n in Step.__dataclass_fields__}, "reasons": ()})
+def test_a_driver_that_says_nothing_is_shown_too(steps: tuple[ShownStep, ...], shown: ShownRun) -> None:
+    silent = ShownStep(**{**{n: getattr(steps[0], n) for n in ShownStep.__dataclass_fields__}, "reasons": ()})
     assert any("does not say why" in line.plain for line in step_lines(silent, shown.trace, "", 80))
 
 
-def test_keys_walk_through_the_run(steps: tuple[Step, ...], shown: ShownRun) -> None:
-    tour = Walk(Page(shown, None), steps)
+def test_keys_walk_through_the_run(steps: tuple[ShownStep, ...], shown: ShownRun) -> None:
+    tour = RunWalk(Page(shown, None), steps)
     assert tour.after(0, b"\x1b[C") == 1
     assert tour.after(1, b"\x1b[D") == 0
     assert tour.after(0, b"\x1b[D") == 0
@@ -120,6 +120,6 @@ def _until(terminal: int, wanted: str) -> str:
     return text
 
 
-def test_reasons_have_plain_numbers(steps: tuple[Step, ...]) -> None:
+def test_reasons_have_plain_numbers(steps: tuple[ShownStep, ...]) -> None:
     wishes = [reason.acceleration_mps2 for step in steps for reason in step.reasons]
     assert all(wish is None or math.isfinite(wish) for wish in wishes)

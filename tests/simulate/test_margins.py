@@ -10,7 +10,7 @@ from foresee_dsl.language.model import Expect, Scenario, When
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.triggers.conditions import Outcome, every, some
+from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, every, some
 from tests.support.scenes import Cruise, LaneKeeper, Town
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
@@ -32,16 +32,16 @@ def judge(town: Town, *lines: str, speed: float = 8.0, end_s: float = 3.0) -> li
     return list(run(bundle, LaneKeeper(speed)).expectations)
 
 
-def metres(margin: float) -> Outcome:
-    return Outcome(margin > 0, margin, "m", None, "length")
+def metres(margin: float) -> ConditionOutcome:
+    return ConditionOutcome(margin > 0, margin, "m", None, "length")
 
 
-def seconds(margin: float) -> Outcome:
-    return Outcome(margin > 0, margin, "s", None, "time")
+def seconds(margin: float) -> ConditionOutcome:
+    return ConditionOutcome(margin > 0, margin, "s", None, "time")
 
 
-def fact(*, held: bool) -> Outcome:
-    return Outcome(held)
+def fact(*, held: bool) -> ConditionOutcome:
+    return ConditionOutcome(held)
 
 
 def test_within_one_dimension_and_is_the_least_and_or_the_most() -> None:

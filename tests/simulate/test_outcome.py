@@ -16,7 +16,7 @@ from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.results.outcome import (
     FLUSH_M,
     Decision,
-    Judge,
+    OutcomeJudge,
     classify,
     contact_sides,
     impact,
@@ -193,7 +193,7 @@ def test_the_place_is_on_egos_outline_and_the_other_sees_the_same(pose: tuple[fl
 FAR = [100.0, 100.0, 0.0]
 
 
-def judge(**values: object) -> Judge:
+def judge(**values: object) -> OutcomeJudge:
     settings: dict[str, object] = {
         "ids": ["runner", "walker", "crate"],
         "kinds": ["car", "pedestrian", "obstacle"],
@@ -202,10 +202,12 @@ def judge(**values: object) -> Judge:
         "end_s": 60.0,
         **values,
     }
-    return Judge(**settings)  # type: ignore[arg-type]  # tests vary single arguments
+    return OutcomeJudge(**settings)  # type: ignore[arg-type]  # tests vary single arguments
 
 
-def look(watcher: Judge, time_s: float, *poses: list[float], speed: float = 10.0, **seen: bool) -> Decision | None:
+def look(
+    watcher: OutcomeJudge, time_s: float, *poses: list[float], speed: float = 10.0, **seen: bool
+) -> Decision | None:
     rows = np.array([*poses, *[FAR] * (3 - len(poses))])
     flags = {"off_road": False, "arrived": False, "may_wait": False, **seen}
     return watcher.look(time_s, BicycleState(0, 0, 0, speed), rows, np.full(3, 5.0), **flags)

@@ -24,7 +24,7 @@ from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.trace import SPEED
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.triggers.unfired import Replay
+from foresee_dsl.simulate.triggers.unfired import ConditionReplay
 
 TEXT = """foresee 1
 
@@ -124,7 +124,7 @@ def test_a_replay_is_the_run(driven: tuple[TestCase, RunResult]) -> None:
     """Conditions that are asked of the trace fire at the very frames of the run."""
     case, result = driven
     bundle = compile_test_case(case)
-    replay = Replay(bundle, result.trace)
+    replay = ConditionReplay(bundle, result.trace)
     watches = [Watch(when.condition, conditions) for conditions in [Conditions(replay, bundle.signals)]
                for when in bundle.scene.whens]  # fmt: skip
     first: dict[int, float] = {}

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from foresee_dsl.avoidance.anticipating.foresight import Ego, Other, conflicts, crossings_of, priority_ways
+from foresee_dsl.avoidance.anticipating.foresight import Other, PredictedEgo, conflicts, crossings_of, priority_ways
 from foresee_dsl.avoidance.anticipating.hazards import Hazard, hazards
 from foresee_dsl.avoidance.anticipating.manoeuvre import HARDEST, steered
 from foresee_dsl.avoidance.anticipating.settings import (
@@ -45,7 +45,7 @@ _DECIDES_EVERY = 2
 """Frames between decisions: 10 Hz, the rate of the standard sensors."""
 
 
-class Ahead(Replay):
+class DriveAhead(Replay):
     """Drives the way of a recorded run as an anticipating driver would.
 
     Attributes:
@@ -135,7 +135,7 @@ class Ahead(Replay):
 
     def _decide(self, observation: Observation, others: list[tuple[int, Other]]) -> None:
         now, speed = observation.time_s, self._state.speed
-        ego = Ego(self._way, self._along, speed, self._info.length_m, self._info.width_m, self._first,
+        ego = PredictedEgo(self._way, self._along, speed, self._info.length_m, self._info.width_m, self._first,
                   self._crossings)  # fmt: skip
         people = [other for _, other in others]
         wish = math.inf
@@ -159,7 +159,7 @@ class Ahead(Replay):
         wanted = min(self._way.recorded_at(self._along + speed * EXPECTED_REACTION_S), paced)
         return min(max((wanted - speed) / EXPECTED_REACTION_S, -COMFORTABLE_MPS2), SETS_OFF_MPS2)
 
-    def _behind(self, ego: Ego, others: list[Other]) -> float:
+    def _behind(self, ego: PredictedEgo, others: list[Other]) -> float:
         """Return the acceleration that keeps two seconds behind the vehicle in front, m/s^2; infinite without one."""
         if not others:
             return math.inf
@@ -191,7 +191,7 @@ class Ahead(Replay):
             break
         return math.inf
 
-    def _for_conflicts(self, ego: Ego, others: list[tuple[int, Other]], now: float, expects: bool) -> float:
+    def _for_conflicts(self, ego: PredictedEgo, others: list[tuple[int, Other]], now: float, expects: bool) -> float:
         """Return the braking for actors that come into its way, m/s^2; 0 until the reaction time has passed."""
         meetings = conflicts(ego, [other for _, other in others])
         needed = 0.0
@@ -219,7 +219,7 @@ class Ahead(Replay):
         return needed
 
 
-def _needed(ego: Ego, other: Other, within_s: float) -> float:
+def _needed(ego: PredictedEgo, other: Other, within_s: float) -> float:
     """Return the braking for an actor that comes into the way after a time, m/s^2: comfortable, or harder if it
     must."""
     _, _, heading = ego.way.at(np.array([ego.along_m]))[0].tolist()

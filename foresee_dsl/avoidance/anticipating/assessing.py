@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foresee_dsl.avoidance.anticipating.ahead import CLEAR_SIGHT, Ahead
+from foresee_dsl.avoidance.anticipating.ahead import CLEAR_SIGHT, DriveAhead
 from foresee_dsl.avoidance.anticipating.answer import Answer, Anticipation
 from foresee_dsl.avoidance.anticipating.foresight import onset, priority_ways
 from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre
@@ -180,7 +180,7 @@ class _Assessment:
     def _by_driving_ahead(self, seen_s: float | None) -> Anticipation | None:
         if self._runs >= MOST_RUNS:
             return None
-        driver = Ahead(self._trace, self._way, self._whole.scene)
+        driver = DriveAhead(self._trace, self._way, self._whole.scene)
         confirmed = self._run(driver, sensors=CLEAR_SIGHT)
         slower, at_s = self._slower(confirmed.result, seen_s)
         what = f"driving ahead of time{_done(driver, slower, at_s)},"
@@ -237,7 +237,7 @@ class _Assessment:
         return f"leaves {left.relative_mps:.1f} m/s ({left.struck}{stands})"
 
 
-def _done(driver: Ahead, slower_mps: float, at_s: float) -> str:
+def _done(driver: DriveAhead, slower_mps: float, at_s: float) -> str:
     """Return the driver's actions in words: for which hazard it slowed, by how much, and how it then braked."""
     reasons, kmh = driver.slowed_for, slower_mps * 3.6
     because = f" for {reasons[0]}" if reasons else ""

@@ -67,7 +67,7 @@ class Other:
 
 
 @dataclass(frozen=True)
-class Ego:
+class PredictedEgo:
     """The ego at a place of its way.
 
     Attributes:
@@ -96,7 +96,7 @@ def crossings_of(mission: Mission) -> tuple[FloatArray, ...]:
     return tuple(foe.path for foe in foes if foe.has_priority and foe.pedestrian)
 
 
-def _goes_first(ego: Ego, other: Other) -> bool:
+def _goes_first(ego: PredictedEgo, other: Other) -> bool:
     """Return whether another is on a way with priority, in its direction."""
     cos, sin = math.cos(other.heading_rad), math.sin(other.heading_rad)
     for path in ego.first:
@@ -109,7 +109,7 @@ def _goes_first(ego: Ego, other: Other) -> bool:
 
 
 @dataclass(frozen=True)
-class Conflict:
+class ForeseenConflict:
     """Another actor comes into the ego's way. `certain`: it can no longer be expected to wait."""
 
     within_s: float
@@ -121,7 +121,7 @@ def horizon_s(speed_mps: float) -> float:
     return max(FORESEES_S + speed_mps / COMFORTABLE_MPS2, GAP_ACCEPTED_S)
 
 
-def ego_boxes(ego: Ego, time_s: FloatArray) -> FloatArray:
+def ego_boxes(ego: PredictedEgo, time_s: FloatArray) -> FloatArray:
     """Return the ego's boxes if it keeps its speed, [N, 5], lengthened by the gap in time on both ends."""
     speed = max(ego.speed_mps, _CREEPS_MPS)
     boxes = np.empty((len(time_s), 5))
@@ -130,14 +130,14 @@ def ego_boxes(ego: Ego, time_s: FloatArray) -> FloatArray:
     return boxes
 
 
-def conflicts(ego: Ego, others: list[Other]) -> list[Conflict | None]:
+def conflicts(ego: PredictedEgo, others: list[Other]) -> list[ForeseenConflict | None]:
     """Return the conflict of each other actor with the ego; None if it does not come into the ego's way."""
     time_s = np.arange(0.0, horizon_s(ego.speed_mps) + 1e-9, _EVERY_S)
     mine = ego_boxes(ego, time_s)
     reach = mine[:, 3].max() / 2 + ego.speed_mps * float(time_s[-1])
     at = mine[0]
     turns = abs(math.remainder(float(mine[-1, 2] - at[2]), math.tau)) > TURNING_RAD
-    meetings: list[Conflict | None] = []
+    meetings: list[ForeseenConflict | None] = []
     for other in others:
         far = reach + (other.speed_mps + WALKER_HASTENS_MPS) * float(time_s[-1]) + other.length_m
         near = math.hypot(other.x - at[0], other.y - at[1]) < far
@@ -145,14 +145,14 @@ def conflicts(ego: Ego, others: list[Other]) -> list[Conflict | None]:
     return meetings
 
 
-def _counts(ego: Ego, at: FloatArray, other: Other, turns: bool) -> bool:
+def _counts(ego: PredictedEgo, at: FloatArray, other: Other, turns: bool) -> bool:
     """Return whether another is ahead of the ego's rear, or comes from behind beside an ego that turns."""
     cos, sin, dx, dy = math.cos(at[2]), math.sin(at[2]), other.x - at[0], other.y - at[1]
     beside = abs(dy * cos - dx * sin) > (ego.width_m + other.width_m) / 2
     return bool(dx * cos + dy * sin > -ego.length_m / 2 or (turns and beside))
 
 
-def _conflict(ego: Ego, mine: FloatArray, other: Other, time_s: FloatArray) -> Conflict | None:
+def _conflict(ego: PredictedEgo, mine: FloatArray, other: Other, time_s: FloatArray) -> ForeseenConflict | None:
     turned = math.cos(other.heading_rad - mine[0, 2])
     hits = [box_overlap(mine, boxes) for boxes in _motions(mine[0], other, time_s, turned)]
     first = [float(time_s[int(hit.argmax())]) for hit in hits if hit.any()]
@@ -160,7 +160,7 @@ def _conflict(ego: Ego, mine: FloatArray, other: Other, time_s: FloatArray) -> C
         return None
     crosses = other.kind != "pedestrian" and turned < math.cos(CROSSES_RAD)
     may_wait = crosses and len(first) < len(hits) and not _goes_first(ego, other)
-    return Conflict(min(first), not may_wait or min(first) <= CRITICAL_TTC_S)
+    return ForeseenConflict(min(first), not may_wait or min(first) <= CRITICAL_TTC_S)
 
 
 def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) -> list[FloatArray]:
@@ -208,7 +208,9 @@ def onset(trace: Trace, way: Way, other: int, sight: Sight, first: tuple[FloatAr
     first_frame: int | None = None
     for frame in range(trace.frames - 2, -1, -_EVERY_FRAMES):
         them = other_at(trace, other, frame)
-        me = Ego(way, float(way.along[frame]), float(trace.states[frame, 0, SPEED]), info.length_m, info.width_m, first)
+        me = PredictedEgo(
+            way, float(way.along[frame]), float(trace.states[frame, 0, SPEED]), info.length_m, info.width_m, first
+        )
         meets = conflicts(me, [them])[0] if them is not None else None
         if meets is not None and meets.certain and in_view(trace, other, frame, sight):
             first_frame = frame

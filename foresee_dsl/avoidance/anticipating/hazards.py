@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.avoidance.anticipating.foresight import Ego, Other
+from foresee_dsl.avoidance.anticipating.foresight import Other, PredictedEgo
 from foresee_dsl.avoidance.anticipating.settings import (
     AT_CROSSING_M,
     BESIDE_M,
@@ -62,7 +62,7 @@ def careful_mps(gap_m: float, walks_mps: float, slowest_mps: float) -> float:
     return max(2 * HARDEST_MPS2 * (gap_m / walks_mps - EXPECTED_REACTION_S), slowest_mps)
 
 
-def hazards(ego: Ego, others: list[Other]) -> list[Hazard]:
+def hazards(ego: PredictedEgo, others: list[Other]) -> list[Hazard]:
     """Return the hazards ahead, from the actors in sight."""
     if not others:
         return []
@@ -82,7 +82,7 @@ def hazards(ego: Ego, others: list[Other]) -> list[Hazard]:
     return slow_places
 
 
-def _at_crossing(ego: Ego, walker: Other, front: float) -> list[Hazard]:
+def _at_crossing(ego: PredictedEgo, walker: Other, front: float) -> list[Hazard]:
     """Return the crossings with priority for walkers that this walker may enter."""
     slow_places = []
     for path in ego.crossings:

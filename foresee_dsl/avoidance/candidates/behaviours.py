@@ -14,7 +14,7 @@ from typing import assert_never
 import numpy as np
 from numpy.random import Generator
 
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.what_if import WhatIf
@@ -185,7 +185,7 @@ class Behaviours:
     """
 
     def __init__(
-        self, run: Recorded, first: int, last: int, frame: int, settings: CarefulSettings, rng: Generator
+        self, run: RecordedRun, first: int, last: int, frame: int, settings: CarefulSettings, rng: Generator
     ) -> None:
         self._run, self._first, self._last, self._settings, self._rng = run, first, last, settings, rng
         self._moment_s = (frame - first) * STEP_S

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
 from foresee_dsl.forecast.foresee import CloseEncounter, ForeseeRanker, close_encounters
 from foresee_dsl.forecast.protocol import RiskyPoint
@@ -40,7 +40,7 @@ class CarefulRanker:
         self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
     ) -> tuple[RiskyPoint, ...]:
         """Rank the moments of a run; see `Ranker.rank`."""
-        run = Recorded.of(trace)
+        run = RecordedRun.of(trace)
         ranked: list[_Moment] = []
         for number, encounter in enumerate(close_encounters(trace, self.encounters, before_s=before_s)):
             first = max(0, encounter.frame - round(before_s / STEP_S))

@@ -14,7 +14,7 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RecordedRun:
     """The tables of a run that roll-outs read.
 
     Attributes:

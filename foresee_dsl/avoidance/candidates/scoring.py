@@ -10,10 +10,10 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.avoidance.candidates.behaviours import Behaviours, Candidate, CarefulSettings, Kind
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray, Records
 from foresee_dsl.kernels.records import dtype_of
-from foresee_dsl.kernels.what_if import Ending, Style, WhatIf, roll_out
+from foresee_dsl.kernels.what_if import RollOutEnding, Style, WhatIf, roll_out
 from foresee_dsl.simulate.trace import STEP_S
 
 BLIND = Style(delay=99.0, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0)
@@ -99,21 +99,21 @@ def _ways(avoidable: float) -> str:
     return "avoidable by a slower approach or by keeping aside" if avoidable > 0 else "hardly avoidable"
 
 
-def endings(run: Recorded, candidates: Sequence[Candidate]) -> Records:
+def endings(run: RecordedRun, candidates: Sequence[Candidate]) -> Records:
     """Roll candidates out: [C, S] endings, with the style `BLIND`, those of `DRIVES` and then those of `CAREFUL`."""
-    rolled = np.zeros((len(candidates), len(_STYLES)), dtype=dtype_of(Ending))
+    rolled = np.zeros((len(candidates), len(_STYLES)), dtype=dtype_of(RollOutEnding))
     if candidates:
         whats = np.array([c.what for c in candidates], dtype=dtype_of(WhatIf))
         roll_out(whats, _STYLES, run.tracks, run.sizes, rolled)
     return rolled
 
 
-def avoidable_shares(run: Recorded, what: WhatIf, rows: FloatArray) -> FloatArray:
+def avoidable_shares(run: RecordedRun, what: WhatIf, rows: FloatArray) -> FloatArray:
     """Return how likely a careful driver avoids the contact with a changed actor, [C], 0 to 1.
 
     `what`: the actor and the window, without a change. `rows`: [C, T, 4] tracks that replace the actor's recorded one,
-    laid out as `Recorded.tracks`."""
-    rolled = np.zeros((len(rows), len(_CAREFULLY)), dtype=dtype_of(Ending))
+    laid out as `RecordedRun.tracks`."""
+    rolled = np.zeros((len(rows), len(_CAREFULLY)), dtype=dtype_of(RollOutEnding))
     whats, tracks = np.array([what], dtype=dtype_of(WhatIf)), run.tracks.copy()
     for k, row in enumerate(rows):
         tracks[what.actor] = row
@@ -128,7 +128,7 @@ def _avoidable(careful: Records) -> FloatArray:
     return shares
 
 
-def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[ScoredCandidate]:
+def scored(run: RecordedRun, candidates: Sequence[Candidate]) -> list[ScoredCandidate]:
     """Score candidates; a candidate that hits a standing ego has a score of 0."""
     rolled = endings(run, candidates)
     count = 1 + len(DRIVES)
@@ -158,7 +158,7 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[ScoredCandida
     ]  # fmt: skip
 
 
-def _ahead_in_line(run: Recorded, candidates: Sequence[Candidate], blind: Records) -> BoolArray:
+def _ahead_in_line(run: RecordedRun, candidates: Sequence[Candidate], blind: Records) -> BoolArray:
     """Return for which candidates the recorded actor is in the ego's own line when the driver that does not react is
     nearest to it: every driver keeps a distance there."""
     in_line = np.zeros(len(candidates), dtype=np.bool_)
@@ -182,7 +182,7 @@ def _scored(
 
 
 def search(
-    run: Recorded, actors: Sequence[int], first: int, last: int, frame: int, rng: Generator,
+    run: RecordedRun, actors: Sequence[int], first: int, last: int, frame: int, rng: Generator,
     settings: CarefulSettings | None = None,
 ) -> list[ScoredCandidate]:  # fmt: skip
     """Return the scored candidates of some actors in a window of a run, best first, without those of score 0."""
@@ -197,7 +197,7 @@ def search(
 class Promise:
     """Tests whether the moments of a run are promising, whichever of its actors behaves otherwise."""
 
-    run: Recorded
+    run: RecordedRun
     settings: CarefulSettings
     seed: int = 0
 
@@ -210,14 +210,14 @@ class Promise:
         return any(candidate.score >= PROMISING for candidate in best)
 
 
-def _near(run: Recorded, actor: int, first: int, last: int, reach_m: float) -> bool:
+def _near(run: RecordedRun, actor: int, first: int, last: int, reach_m: float) -> bool:
     if not run.there[actor, first]:
         return False
     apart: FloatArray = run.tracks[actor, first : last + 1, :2] - run.tracks[0, first : last + 1, :2]
     return bool(np.hypot(*apart.T).min() <= reach_m)
 
 
-def _ego_stands(run: Recorded, candidate: Candidate) -> bool:
+def _ego_stands(run: RecordedRun, candidate: Candidate) -> bool:
     """Return whether the ego stands at any time at which a swerving actor may reach it."""
     at = candidate.what.first + round((candidate.at_s or 0.0) / STEP_S)
     until = at + round(3.0 / STEP_S)

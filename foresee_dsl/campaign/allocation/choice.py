@@ -105,14 +105,14 @@ def worths(children: Iterable[tuple[ChildFacts, bool]]) -> list[float]:
 # ---- which clips get the next mutants --------------------------------------------------------------------------------
 
 
-class Way(NamedTuple):
+class MutantDraw(NamedTuple):
     """A way to draw a mutant: the names of the operators, and whether it is drawn near another mutant."""
 
     operators: tuple[str, ...]
     near: bool = False
 
 
-SEARCHED_WAY = Way(("searched",))
+SEARCHED_WAY = MutantDraw(("searched",))
 """The way of the mutants that the preset's search proposes, one after the other."""
 
 
@@ -123,7 +123,7 @@ class PastChild(NamedTuple):
     """
 
     clip: str
-    way: Way
+    way: MutantDraw
     worth: float
     fails: bool
 
@@ -141,7 +141,7 @@ def halved(count: int, number: int) -> int:
     return max(1, math.ceil(count / (1 << (number - 1))))
 
 
-class Ways:
+class MutantDraws:
     """Estimates of the worth of each way over all clips, and the number of its uses per clip."""
 
     def __init__(self, past: Sequence[PastChild], rng: Generator) -> None:
@@ -149,13 +149,13 @@ class Ways:
         self._rng = rng
         # Strictly between 0 and 1, as the mean of a beta distribution must be.
         self._mean = (sum(child.worth for child in past if child.fails) + 0.1) / (len(past) + 1)
-        self._worth: defaultdict[Way, list[float]] = defaultdict(list)
-        self._had: Counter[tuple[str, Way]] = Counter()
+        self._worth: defaultdict[MutantDraw, list[float]] = defaultdict(list)
+        self._had: Counter[tuple[str, MutantDraw]] = Counter()
         for child in past:
             self._worth[child.way].append(child.worth if child.fails else 0.0)
             self._had[child.clip, child.way] += 1
 
-    def choose(self, clip: str, ways: Sequence[Way]) -> Way:
+    def choose(self, clip: str, ways: Sequence[MutantDraw]) -> MutantDraw:
         """Return one of a clip's ways, and count its use."""
         # Mutants of the search differ anyway, so repeated use has no penalty.
         scores = [self._drawn(way) / (1 if way == SEARCHED_WAY else 1 + self._had[clip, way]) for way in ways]
@@ -163,7 +163,7 @@ class Ways:
         self._had[clip, best] += 1
         return best
 
-    def _drawn(self, way: Way) -> float:
+    def _drawn(self, way: MutantDraw) -> float:
         worth = self._worth[way]
         good = self._mean * WAY_WEIGHT + sum(worth)
         bad = (1 - self._mean) * WAY_WEIGHT + len(worth) - sum(worth)

@@ -19,9 +19,9 @@ from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.choice import (
     SEARCHED_WAY,
     ChildFacts,
+    MutantDraw,
+    MutantDraws,
     PastChild,
-    Way,
-    Ways,
     avoided,
     counts,
     halved,
@@ -29,7 +29,7 @@ from foresee_dsl.campaign.allocation.choice import (
     spread,
     worths,
 )
-from foresee_dsl.campaign.node import Node
+from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest, Wanted
@@ -49,19 +49,19 @@ class Steps(Protocol):
         """The campaign's settings."""
         ...
 
-    def row(self, node: Node) -> Row | None:
+    def row(self, node: StepNode) -> Row | None:
         """Return the result of a step, if there is one."""
         ...
 
-    def after(self, node: Node, row: Row) -> tuple[Node, ...]:
+    def after(self, node: StepNode, row: Row) -> tuple[StepNode, ...]:
         """Return the steps that follow from a step with this result."""
         ...
 
-    def walk(self, roots: Sequence[Node] | None = None) -> Iterator[tuple[Node, Row | None]]:
+    def walk(self, roots: Sequence[StepNode] | None = None) -> Iterator[tuple[StepNode, Row | None]]:
         """Yield every step that follows from the roots, with its result if there is one."""
         ...
 
-    def further(self, clip: Node, step: MutantsStep, request: RoundRequest) -> Node:
+    def further(self, clip: StepNode, step: MutantsStep, request: RoundRequest) -> StepNode:
         """Return the step that mutates an already mutated clip once more."""
         ...
 
@@ -126,7 +126,7 @@ _NAMED = 3
 class _DrawnChild(NamedTuple):
     """A drawn mutant. `node`: the step that runs it."""
 
-    node: Node
+    node: StepNode
     step: ChildStep
     round: int
     plan: int
@@ -137,7 +137,7 @@ class _DrawnChild(NamedTuple):
 class _Unit:
     """A clip with one seed, and the mutants drawn from it."""
 
-    clip: Node
+    clip: StepNode
     step: MutantsStep
     plans: tuple[PlanNames, ...]
     drawn: list[_DrawnChild] = field(default_factory=list)
@@ -153,10 +153,10 @@ class _Unit:
     """Number of draws requested in total."""
     wanted: list[Wanted] = field(default_factory=list)
 
-    def way(self, plan: int, *, near: bool = False) -> Way:
+    def way(self, plan: int, *, near: bool = False) -> MutantDraw:
         if plan == SEARCHED:
             return SEARCHED_WAY._replace(near=near)
-        return Way(tuple(name for name, _ in self.plans[plan]), near)
+        return MutantDraw(tuple(name for name, _ in self.plans[plan]), near)
 
     @property
     def open_plans(self) -> list[int]:
@@ -169,17 +169,17 @@ class _Unit:
 class Rounds:
     """The rounds of one part of a campaign: of these test cases and all steps that follow from them."""
 
-    def __init__(self, stages: Steps, seeds: tuple[Node, ...]) -> None:
+    def __init__(self, stages: Steps, seeds: tuple[StepNode, ...]) -> None:
         """Begin with the first round, in which each clip gets its first mutants."""
         self._stages, self.seeds = stages, seeds
         self.number = 1
-        self.nodes: list[Node] = []
+        self.nodes: list[StepNode] = []
         """Mutation steps that the later rounds requested."""
         self.begun: list[Round] = []
         """The later rounds."""
         self.finished = False
         """True when there is no further round."""
-        self._facts: dict[Node, ChildFacts] = {}
+        self._facts: dict[StepNode, ChildFacts] = {}
 
     @property
     def ready(self) -> bool:
@@ -197,7 +197,7 @@ class Rounds:
                     if isinstance(node.step, MutantsStep) and self._stages.row(node) is None)  # fmt: skip
         return self._stages.settings.children * len(units) - sum(len(unit.drawn) for unit in units) - requested
 
-    def next(self) -> tuple[Node, ...]:
+    def next(self) -> tuple[StepNode, ...]:
         """Begin the next round and return its first steps; empty if all mutants are allocated or no clip has more."""
         units = self._units()
         total = self._stages.settings.children * len(units)
@@ -211,7 +211,7 @@ class Rounds:
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, self.number])))
         self.number += 1
         most = MOST * self._stages.settings.children
-        _give_out(units, before, Ways(before.past, rng), count, self.number, most=most)
+        _give_out(units, before, MutantDraws(before.past, rng), count, self.number, most=most)
         asking = [unit for unit in units if unit.wanted]
         nodes = tuple(self._stages.further(unit.clip, unit.step, _request(unit, self.number)) for unit in asking)
         self.nodes += nodes
@@ -272,7 +272,7 @@ class Rounds:
         ]
         return _Before(past, {drawn.node: facts.nearness for drawn, _, facts in finished})
 
-    def _read(self, node: Node) -> ChildFacts | None:
+    def _read(self, node: StepNode) -> ChildFacts | None:
         if node not in self._facts:
             row = self._stages.row(node)
             record = decode(row.record, ChildOutcome) if row is not None else None
@@ -296,12 +296,12 @@ class _Before(NamedTuple):
     """The mutants of the earlier rounds. `nearness`: nearness of each mutant that passed, by its step."""
 
     past: list[PastChild]
-    nearness: dict[Node, float]
+    nearness: dict[StepNode, float]
 
 
-def awaited_by(node: Node) -> int:
+def awaited_by(node: StepNode) -> int:
     """Return the number of the first round that waits for a step's result."""
-    above: Node | None = node
+    above: StepNode | None = node
     while above is not None and not isinstance(above.step, MutantsStep):
         above = above.above
     in_round = above.step.request.round if above is not None and isinstance(above.step, MutantsStep) else 1
@@ -310,7 +310,7 @@ def awaited_by(node: Node) -> int:
     return in_round + 1 if node.step.kind in ("seed", "forecast", "clip", "mutants", "child") else _NEVER
 
 
-def _give_out(units: list[_Unit], before: _Before, ways: Ways, count: int, number: int, *, most: int) -> None:
+def _give_out(units: list[_Unit], before: _Before, ways: MutantDraws, count: int, number: int, *, most: int) -> None:
     """Choose `count` mutants, at most `most` of one clip and seed.
 
     The clips that remain in this round get them in turn; if these have no more, other clips follow.
@@ -334,20 +334,20 @@ def _give_out(units: list[_Unit], before: _Before, ways: Ways, count: int, numbe
         left = left if some else min(2 * left, len(order))
 
 
-def _open_ways(units: list[_Unit], nearness: Mapping[Node, float]) -> tuple[Way, ...]:
+def _open_ways(units: list[_Unit], nearness: Mapping[StepNode, float]) -> tuple[MutantDraw, ...]:
     anew = (unit.way(plan) for unit in units for plan in unit.open_plans)
     near = (unit.way(drawn.plan, near=True) for unit in units for drawn in _bases(unit, nearness))
     return tuple(sorted({*anew, *near}))
 
 
-def _bases(unit: _Unit, nearness: Mapping[Node, float]) -> Iterator[_DrawnChild]:
+def _bases(unit: _Unit, nearness: Mapping[StepNode, float]) -> Iterator[_DrawnChild]:
     """Yield the mutants near which others may be drawn."""
     for drawn in unit.drawn:
         if nearness.get(drawn.node, 0.0) >= NEAR_ENOUGH and unit.uses[drawn.step.mutant.number] < NEAR_AT_MOST:
             yield drawn
 
 
-def _want(units: list[_Unit], way: Way, nearness: Mapping[Node, float]) -> None:
+def _want(units: list[_Unit], way: MutantDraw, nearness: Mapping[StepNode, float]) -> None:
     """Request a mutant drawn in a way from one of a clip's units."""
     if way.near:
         bases = [

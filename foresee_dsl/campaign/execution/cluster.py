@@ -24,7 +24,7 @@ from typing import Any
 
 from foresee_dsl.campaign.execution.isolation import Task, end_with
 from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, Broken, Executor, RunOptions, Update, WorkerPool
-from foresee_dsl.campaign.settings import Limits
+from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.errors import ForeseeError
 
 _TICK_S = 0.2
@@ -51,7 +51,7 @@ class DaskExecutor(Executor):
     """Runs tasks on the workers of a Dask cluster."""
 
     def __init__(
-        self, scheduler: str = "", *, jobs: int = 1, memory_mb: float = Limits.memory_mb, dashboard: str = ""
+        self, scheduler: str = "", *, jobs: int = 1, memory_mb: float = CampaignLimits.memory_mb, dashboard: str = ""
     ) -> None:
         """Connect to a scheduler, or start a cluster of `jobs` processes here; each of our workers gets `memory_mb`.
 

@@ -18,12 +18,11 @@ from typing import NamedTuple
 
 from foresee_dsl.campaign.allocation.rounds import Round, Rounds, awaited_by
 from foresee_dsl.campaign.assembly import assemble
-from foresee_dsl.campaign.execution.pool import Broken, Executor, RunOptions, Update
-from foresee_dsl.campaign.execution.pool import Part as TaskPart
+from foresee_dsl.campaign.execution.pool import Broken, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.findings.representatives import choose_representatives
 from foresee_dsl.campaign.folder import CampaignFolder
-from foresee_dsl.campaign.node import Node
+from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome, encode
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -114,7 +113,7 @@ def run_campaign(
     return result
 
 
-class Ran(NamedTuple):
+class CampaignEnd(NamedTuple):
     """The end of a campaign's runs. `broken`: steps that could not be done, sorted. `stopped`: before the end."""
 
     broken: tuple[str, ...]
@@ -130,7 +129,7 @@ def run_missing(
     listeners: Sequence[Listener] = (),
     options: RunOptions = RunOptions(),  # noqa: B008 - immutable
     minimise: bool = True,
-) -> Ran:
+) -> CampaignEnd:
     """Run the steps of a campaign that the store lacks; no folder is written.
 
     Args:
@@ -141,12 +140,12 @@ def run_missing(
     Raises:
         StoreError: the store can no longer be written; it has the finished results.
     """
-    run = _Run(stages, store, CaseFiles(work / "cases"), listeners, options)
+    run = _CampaignRun(stages, store, CaseFiles(work / "cases"), listeners, options)
     broken, stopped = run.until_done(minimise=minimise)
-    return Ran(tuple(sorted(broken)), stopped)
+    return CampaignEnd(tuple(sorted(broken)), stopped)
 
 
-class _Run:
+class _CampaignRun:
     """The state of a running campaign."""
 
     def __init__(
@@ -155,16 +154,16 @@ class _Run:
         self._stages, self._store, self._files = stages, store, files
         self._listeners, self._options = listeners, options
         self._executor: Executor | None = None
-        self._running: dict[str, Node] = {}
+        self._running: dict[str, StepNode] = {}
         """The steps of the running tasks, by key."""
-        self._waiting: dict[str, list[Node]] = {}
+        self._waiting: dict[str, list[StepNode]] = {}
         """Steps that wait for a result of a running task, by key."""
         self._expected: Counter[str] = Counter()
         """Number of running tasks that may give a result, by the result's key."""
         self._broken: list[str] = []
         self._begun_again: set[str] = set()
         """Keys of steps that broke because their input had changed on the disk."""
-        self._then: dict[str, list[Node]] = {}
+        self._then: dict[str, list[StepNode]] = {}
         """Those steps, by the key of their input."""
         self._rounds = {node: rounds for rounds in stages.rounds for node in rounds.seeds}
         """The rounds of each test case, if mutants are allocated in rounds."""
@@ -180,7 +179,7 @@ class _Run:
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
         try:
-            roots: Sequence[Node] = self._stages.seeds
+            roots: Sequence[StepNode] = self._stages.seeds
             for _ in range(_MENDED):
                 self._run_through(roots)
                 # Findings are known only after all mutants.
@@ -202,7 +201,7 @@ class _Run:
         unfinished = any(not rounds.finished for rounds in self._stages.rounds)
         return self._stopped_early or bool(self._running) or unfinished
 
-    def _run_through(self, nodes: Iterable[Node]) -> None:
+    def _run_through(self, nodes: Iterable[StepNode]) -> None:
         """Run the missing ones of some steps and of all steps that follow from them."""
         with _no_search_for_cycles():
             self._visit(nodes)
@@ -212,7 +211,7 @@ class _Run:
                 self._handle(update)
                 self._begin_rounds()
 
-    def _changed_meanwhile(self) -> list[Node]:
+    def _changed_meanwhile(self) -> list[StepNode]:
         """Return the steps without a result, if one of these results was changed on the disk since it was stored."""
         if self._executor is None:
             return []
@@ -240,7 +239,7 @@ class _Run:
     def _stop(self) -> bool:
         return self._options.stop() or time.monotonic() > self._ends_s
 
-    def _visit(self, nodes: Iterable[Node]) -> None:
+    def _visit(self, nodes: Iterable[StepNode]) -> None:
         """Visit steps and all known steps that follow from them; start tasks for the missing ones."""
         ahead = list(reversed(tuple(nodes)))
         while ahead and not self._stop():
@@ -258,12 +257,12 @@ class _Run:
                 ahead.extend(reversed(self._stages.after(node, row)))
         self._stopped_early |= bool(ahead)
 
-    def _awaited_by(self, node: Node) -> tuple[int, int]:
+    def _awaited_by(self, node: StepNode) -> tuple[int, int]:
         """Return the part of the campaign and its first round that waits for a step's result."""
         rounds = self._rounds.get(node.over("seed"))
         return id(rounds), awaited_by(node)
 
-    def _hand_out(self, node: Node) -> None:
+    def _hand_out(self, node: StepNode) -> None:
         waiting = self._waiting.setdefault(node.step.key, [])
         if node in waiting:
             return
@@ -305,7 +304,7 @@ class _Run:
                 for listener in self._listeners:
                     listener.broken(self._broken[-1])
 
-    def _begins_again(self, node: Node) -> bool:
+    def _begins_again(self, node: StepNode) -> bool:
         """Repeat the input of a step that broke, if that input was changed on the disk; the step follows again."""
         if not node.step.reads or node.step.key in self._begun_again:
             return False
@@ -325,7 +324,7 @@ class _Run:
             self._tell(row, new=k == 0)
             self._visit((*self._then.pop(row.key, ()), *self._stages.after(node, row)))
 
-    def _end_waiting(self, key: str) -> list[Node]:
+    def _end_waiting(self, key: str) -> list[StepNode]:
         """Return the steps that waited for a result, and stop their waiting."""
         nodes = self._waiting.pop(key, [])
         self._awaited.subtract(self._awaited_by(node) for node in nodes)
@@ -354,7 +353,7 @@ def _row(result: StepResult, *, broken: bool = False) -> Row:
     )
 
 
-def _broken_row(node: Node, broken: Broken) -> Row | None:
+def _broken_row(node: StepNode, broken: Broken) -> Row | None:
     """Return the row of a run that gave no result.
 
     None if the step is a forecast or a mutation, not a run; also if the process was ended from outside, which is not a

@@ -198,7 +198,7 @@ class Worker:
         printed = shortened(read_all(self._output.descriptor))
         return LeftBehind(printed, stack.startswith("Timeout "), place_in_dump(stack), stack)
 
-    def kill(self, *, gone: bool = False) -> Ending:
+    def kill(self, *, gone: bool = False) -> ProcessEnding:
         """End the process now, or one that is already `gone`, with its descendants; return how it had ended."""
         if gone:
             self._process.join(_REPORTED_S)
@@ -215,21 +215,21 @@ class Worker:
         _running.discard(self.pid)
         end_session(self.pid)
         end_orphans(self._server, _running)
-        return Ending.of(code)
+        return ProcessEnding.of(code)
 
 
 _running: set[int] = set()
 """Ids of all worker processes that this process has started and not ended."""
 
 
-class Ending(NamedTuple):
+class ProcessEnding(NamedTuple):
     """How a process ended. `outside`: by a signal that a process does not send to itself."""
 
     text: str
     outside: bool = False
 
     @classmethod
-    def of(cls, code: int | None) -> Ending:
+    def of(cls, code: int | None) -> ProcessEnding:
         """Return the meaning of an exit code."""
         if code is None:
             return cls("its process broke off the connection")

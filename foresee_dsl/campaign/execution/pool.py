@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, Literal, Self
 
-from foresee_dsl.campaign.execution.isolation import Ending, Task, Worker
+from foresee_dsl.campaign.execution.isolation import ProcessEnding, Task, Worker
 from foresee_dsl.campaign.execution.processes import MOST
 from foresee_dsl.campaign.execution.task_queue import Priority, TaskQueue
-from foresee_dsl.campaign.settings import Limits, Shard
+from foresee_dsl.campaign.settings import CampaignLimits, Shard
 
-__all__ = ["BATCH", "DEATHS", "Broken", "Executor", "Part", "RunOptions", "Task", "Update", "WorkerPool", "local"]
+__all__ = ["BATCH", "DEATHS", "Broken", "Executor", "RunOptions", "Task", "TaskPart", "Update", "WorkerPool", "local"]
 
 DEATHS = 3
 """Number of deaths of its process after which a task counts as the cause. Ours: a `kill` from outside, or the kernel's
@@ -48,7 +48,7 @@ class Broken:
 
 
 @dataclass(frozen=True)
-class Part:
+class TaskPart:
     """One part of the outcome of a task that yields parts."""
 
     value: Any
@@ -56,7 +56,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Update:
-    """News of a task: a `Part`, a `Broken`, or its outcome (None for a task that yields parts)."""
+    """News of a task: a `TaskPart`, a `Broken`, or its outcome (None for a task that yields parts)."""
 
     task: Task
     value: Any
@@ -64,7 +64,7 @@ class Update:
     @property
     def final(self) -> bool:
         """Whether the task has ended."""
-        return not isinstance(self.value, Part)
+        return not isinstance(self.value, TaskPart)
 
 
 class Executor(ABC):
@@ -107,7 +107,7 @@ class WorkerPool(Executor):
     """
 
     def __init__(
-        self, jobs: int, *, memory_mb: float = Limits.memory_mb, deaths: int = DEATHS, once: bool = False
+        self, jobs: int, *, memory_mb: float = CampaignLimits.memory_mb, deaths: int = DEATHS, once: bool = False
     ) -> None:
         """Store the settings; processes start later.
 
@@ -220,7 +220,7 @@ class WorkerPool(Executor):
             for what, number, value in worker.messages():
                 self._failed_starts = 0
                 if what == "part":
-                    yield Update(self._tasks[number], Part(value))
+                    yield Update(self._tasks[number], TaskPart(value))
                 elif what == "done":
                     yield self._ended(number, value)
                 elif what == "raised":
@@ -275,7 +275,7 @@ class WorkerPool(Executor):
         """Return how many processes ended at a task; with any, the task runs alone in a fresh process."""
         return self._deaths[number] + self._kills[number]
 
-    def _drop(self, worker: Worker, *, gone: bool = False) -> Ending:
+    def _drop(self, worker: Worker, *, gone: bool = False) -> ProcessEnding:
         """End a worker and requeue its waiting tasks; return how it ended."""
         self._workers.remove(worker)
         self._requeue(number for number, _ in worker.waiting)
@@ -325,7 +325,7 @@ class RunOptions:
     """
 
     jobs: int = 1
-    limits: Limits = field(default_factory=Limits)
+    limits: CampaignLimits = field(default_factory=CampaignLimits)
     shard: Shard = field(default_factory=Shard)
     retry: bool = False
     executor: Callable[[RunOptions], Executor] = local

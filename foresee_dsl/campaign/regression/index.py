@@ -27,7 +27,7 @@ _SPECIAL = re.compile(r"([\\|`*\[\]])")
 
 
 @dataclass(frozen=True)
-class Row:
+class IndexRow:
     """One test in the index; `changes` and `expected` are lines of its file."""
 
     name: str
@@ -60,11 +60,11 @@ def write_index(folder: Path, tests: Iterable[Path]) -> bool:
     return new != old
 
 
-def _row(folder: Path, test: Path) -> Row:
+def _row(folder: Path, test: Path) -> IndexRow:
     document = load(test)
     body: tuple[m.Item, ...] = getattr(document.model, "body", ())
     changes = tuple(print_item(item).removeprefix("change ") for item in body if isinstance(item, m.Change))
-    return Row(
+    return IndexRow(
         name=test.stem,
         link=test.relative_to(folder).as_posix(),
         sentence=_sentence(document),

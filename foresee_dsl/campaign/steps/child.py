@@ -11,7 +11,7 @@ from foresee_dsl.campaign.driving import notes_of, run_test_case
 from foresee_dsl.campaign.findings.failures import NOTHING, Explained, explained
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
-from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.printer import print_model
@@ -41,7 +41,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
     mutant: MutantDraft
 
     @classmethod
-    def following(cls, above: MutantsStep, result: Mutants | None, campaign: Campaign) -> Iterator[Self]:
+    def following(cls, above: MutantsStep, result: Mutants | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield one step per mutant."""
         again = f"_s{above.seed}" if above.seed != campaign.settings.seed else ""
         for mutant in result.drafts if result is not None else ():

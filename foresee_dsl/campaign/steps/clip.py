@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Self
 from foresee_dsl.campaign.driving import notes_of, run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
 from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of
-from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.model import Clip
@@ -40,7 +40,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
     usual_s = 0.2
 
     @classmethod
-    def following(cls, above: ForecastStep, result: Forecast | None, campaign: Campaign) -> Iterator[Self]:
+    def following(cls, above: ForecastStep, result: Forecast | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield one step per studied risky point."""
         for draft in result.drafts if result is not None else ():
             key = campaign.key(cls, seed=above.run_key, pin=draft.pin)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import Promise
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.records import Draft, Forecast, SeedOutcome
 from foresee_dsl.campaign.steps.clip_text import risk_hash
-from foresee_dsl.campaign.steps.step import Campaign, Step, Work
+from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip as make_clip
@@ -50,7 +50,7 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
     run_key: str
 
     @classmethod
-    def following(cls, above: SeedStep, result: SeedOutcome | None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
+    def following(cls, above: SeedStep, result: SeedOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
         """Yield the one forecast of a run."""
         s = campaign.settings
         searched = s.preset if preset(s.preset).search is not None else None
@@ -76,7 +76,7 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         ranker = ranker_within(s.ranker, lambda: compile_test_case(case), mutations)
         points = ranker.rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
         search = preset(s.preset).search
-        promise = Promise(Recorded.of(trace), search, self.seed) if search is not None else None
+        promise = Promise(RecordedRun.of(trace), search, self.seed) if search is not None else None
         # Points at one moment (for example of two actors) have clips of the same meaning: keep only the first.
         drafts: dict[str, Draft] = {}
         for point in points:

@@ -17,7 +17,7 @@ from foresee_dsl.simulate.trace import Trace
 
 
 @dataclass(frozen=True)
-class Ref:
+class InputRef:
     """Some bytes: their file, or the bytes themselves for a process on another machine. `name` is their hash."""
 
     name: str
@@ -36,7 +36,7 @@ class Ref:
             raise ValueError(f"{self.path} was changed on the disk")
         return data
 
-    def inline(self) -> Ref:
+    def inline(self) -> InputRef:
         """Return a reference that contains its bytes; its reader checks whether they were changed."""
         return replace(self, data=self._bytes())
 
@@ -48,8 +48,8 @@ class Ref:
 class CaseRef:
     """A test case: its own part, and the network and models that it shares with others."""
 
-    own: Ref
-    shared: Ref
+    own: InputRef
+    shared: InputRef
 
     def inline(self) -> CaseRef:
         """Return a reference that contains its bytes."""
@@ -64,7 +64,7 @@ def load_case(ref: CaseRef) -> TestCase:
 
 
 @Part.STORE.measured
-def load_trace(ref: Ref) -> Trace:
+def load_trace(ref: InputRef) -> Trace:
     """Return a trace of the store.
 
     Raises:
@@ -75,7 +75,7 @@ def load_trace(ref: Ref) -> Trace:
 
 
 @lru_cache(maxsize=32)
-def _loaded(ref: Ref) -> TestCase:
+def _loaded(ref: InputRef) -> TestCase:
     case = pickle.loads(ref.read())  # noqa: S301 - of this campaign
     if not isinstance(case, TestCase):
         raise TypeError(f"{ref.path} holds no test case")
@@ -83,6 +83,6 @@ def _loaded(ref: Ref) -> TestCase:
 
 
 @lru_cache(maxsize=16)
-def _loaded_shared(ref: Ref) -> tuple[Network | Path, Mapping[str, VehicleModel]]:
+def _loaded_shared(ref: InputRef) -> tuple[Network | Path, Mapping[str, VehicleModel]]:
     shared: tuple[Network | Path, Mapping[str, VehicleModel]] = pickle.loads(ref.read())  # noqa: S301 - as above
     return shared

@@ -12,10 +12,10 @@ from foresee_dsl.campaign.driving import relative_path, run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, Reduced
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
 from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
-from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
-from foresee_dsl.derive.minimise.trials import Judge
+from foresee_dsl.derive.minimise.trials import TrialJudge
 from foresee_dsl.language.model import Actor, Clip, Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -49,7 +49,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
     child_text: str
 
     @classmethod
-    def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: Campaign) -> Iterator[Self]:
+    def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield the single step of a mutant."""
         if result is not None:
             s = campaign.settings
@@ -135,7 +135,7 @@ def _actors(clip: Clip) -> int:
     return sum(isinstance(item, Actor) for item in clip.body)
 
 
-def judge_of(driver: str, seed: int) -> Judge:
+def judge_of(driver: str, seed: int) -> TrialJudge:
     """Return how mutants are run with a driver, and when two of their failures count as the same."""
 
     def sign(case: TestCase, result: RunResult) -> tuple[str, ...]:
@@ -144,7 +144,7 @@ def judge_of(driver: str, seed: int) -> Judge:
     def avoided(case: TestCase, result: RunResult) -> str:
         return ", ".join(str(judgement.answer) for judgement in judged(Failure.of(result, case)))
 
-    return Judge(drive=lambda case: run_test_case(case, driver, seed), sign=sign, avoided=avoided)
+    return TrialJudge(drive=lambda case: run_test_case(case, driver, seed), sign=sign, avoided=avoided)
 
 
 def _run(subject: Subject, clip: Clip, mutant: Mutant, driver: str, seed: int) -> tuple[ChildOutcome, RunResult]:

@@ -12,7 +12,7 @@ from foresee_dsl.campaign.records import Minimised
 from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.steps.referring import Reference, driven
-from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -40,7 +40,7 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
     driver: str
 
     @classmethod
-    def following(cls, above: MinimiseStep, result: Minimised | None, campaign: Campaign) -> Iterator[Self]:
+    def following(cls, above: MinimiseStep, result: Minimised | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield one step per reference driver."""
         if result is None:
             return

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of, mutant_of
-from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.mutate import Draw, Mutator, PlanNames
 from foresee_dsl.drivers.registry import recorded_driver
 from foresee_dsl.language.model import Mutant
@@ -76,7 +76,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     request: RoundRequest = RoundRequest()
 
     @classmethod
-    def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
+    def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
         """Yield one step per seed."""
         s, draft = campaign.settings, above.draft
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
@@ -84,7 +84,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
                                operators=campaign.operators)  # fmt: skip
             yield cls(key, above.name, seed, draft, RoundRequest(int(s.allocation == "adaptive")))
 
-    def again(self, request: RoundRequest, clip: ClipStep, campaign: Campaign) -> Self:
+    def again(self, request: RoundRequest, clip: ClipStep, campaign: KeyInputs) -> Self:
         """Return the step that mutates the same clip with the same seed in a later round."""
         key = campaign.key(type(self), clip=clip.key, risk=self.draft.risk, preset=campaign.settings.preset,
                            seed=self.seed, operators=campaign.operators, asked=json.dumps(asdict(request)))  # fmt: skip

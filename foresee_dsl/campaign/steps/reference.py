@@ -12,7 +12,7 @@ from foresee_dsl.campaign.records import ChildOutcome, MutantDraft
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
 from foresee_dsl.campaign.steps.referring import Reference, driven, verdict_of_clip
-from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.simulate.trace import Trace
@@ -38,7 +38,7 @@ class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
     driver: str
 
     @classmethod
-    def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: Campaign) -> Iterator[Self]:
+    def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield one step per reference driver."""
         for driver, identity in campaign.references if result is not None else ():
             key = campaign.key(cls, child=above.key, clip=above.draft.pin, driver=identity)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.findings.failures import explained
 from foresee_dsl.campaign.records import SeedOutcome
-from foresee_dsl.campaign.steps.step import Campaign, Step, Work
+from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
@@ -32,7 +32,7 @@ class SeedStep(Step[None, None]):
     usual_s = 0.6
 
     @classmethod
-    def of_case(cls, case: TestCase, name: str, campaign: Campaign) -> Self:
+    def of_case(cls, case: TestCase, name: str, campaign: KeyInputs) -> Self:
         """Return the step of a test case; `name` begins the names of its files."""
         # A clip's window is not part of the scenario, but determines the noise of its sensors.
         window = clip_pin(case.clip, case.clip.pin) if case.clip is not None else ""
@@ -42,7 +42,7 @@ class SeedStep(Step[None, None]):
         )
 
     @classmethod
-    def following(cls, above: None, result: None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
+    def following(cls, above: None, result: None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
         """Yield nothing, because test cases are inputs."""
         yield from ()
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 from foresee_dsl.campaign.driving import longest_s
 from foresee_dsl.campaign.records import Draft, Record
-from foresee_dsl.campaign.steps.inputs import CaseRef, Ref, load_case, load_trace
+from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef, load_case, load_trace
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class Campaign:
+class KeyInputs:
     """Inputs of keys beside a step's own parts.
 
     Attributes:
@@ -58,7 +58,7 @@ class Work:
     case: CaseRef
     settings: CampaignSettings
     folder: Path
-    trace: Ref | None = None
+    trace: InputRef | None = None
     deadlines: Deadlines = DEADLINES
 
 
@@ -115,7 +115,7 @@ class Step(ABC, Generic[Above, Result]):
 
     @classmethod
     @abstractmethod
-    def following(cls, above: Above, result: Result | None, campaign: Campaign) -> Iterator[Self]:
+    def following(cls, above: Above, result: Result | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield the steps of this class that follow from a step whose result is `wanted`.
 
         `result` is None if it is not known yet, which happens only for `same_task` classes.

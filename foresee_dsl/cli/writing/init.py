@@ -26,14 +26,14 @@ _FILES = (
 """Each file with its template in `templates/init`; "" stands for an empty file."""
 
 
-class Server(StrEnum):
+class BuildServer(StrEnum):
     """Build server for which a configuration file is written."""
 
     github = "github"
     gitlab = "gitlab"
 
 
-_CI_FILES = {Server.github: ".github/workflows/scenarios.yml", Server.gitlab: ".gitlab-ci.yml"}
+_CI_FILES = {BuildServer.github: ".github/workflows/scenarios.yml", BuildServer.gitlab: ".gitlab-ci.yml"}
 
 
 def init(
@@ -46,7 +46,9 @@ def init(
         typer.Argument(metavar="[SKETCH]", help="After `network`: a street sketch, or - for standard input."),
     ] = "",
     driver: DriverOption = "pdm",
-    ci: Annotated[Server, typer.Option("--ci", help="Build server for which a file is written.")] = Server.github,
+    ci: Annotated[
+        BuildServer, typer.Option("--ci", help="Build server for which a file is written.")
+    ] = BuildServer.github,
     install: Annotated[
         str,
         typer.Option(

@@ -49,7 +49,7 @@ Kind = Literal["kink", "loop", "gap", "narrow", "outside"]
 
 
 @dataclass(frozen=True)
-class Fault:
+class GeometryFault:
     """A place over which no car can drive.
 
     Attributes:
@@ -72,31 +72,31 @@ class Fault:
         return f"{what} {self.text} at ({self.x:.1f} m, {self.y:.1f} m)"
 
 
-def faults_of(net: Topology) -> tuple[Fault, ...]:
+def faults_of(net: Topology) -> tuple[GeometryFault, ...]:
     """Return the faults of the lanes for cars, then of the connections between them, in the net's order."""
-    return Checked.of(net).faults
+    return CheckedGeometry.of(net).faults
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedGeometry:
     """A checked net, with the fault (or None) of each of its lanes and connections, in its order."""
 
     net: Topology
-    lanes: tuple[Fault | None, ...]
-    ways: tuple[Fault | None, ...]
+    lanes: tuple[GeometryFault | None, ...]
+    ways: tuple[GeometryFault | None, ...]
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def faults(self) -> tuple[GeometryFault, ...]:
         """The faults of the lanes for cars, then of the connections between them, in the net's order."""
         return tuple(fault for fault in (*self.lanes, *self.ways) if fault is not None)
 
     @classmethod
-    def of(cls, net: Topology) -> Checked:
+    def of(cls, net: Topology) -> CheckedGeometry:
         """Check all lines of a net."""
         areas = Areas(net)
         return cls(net, tuple(map(_of_lane, _lanes(net))), tuple(_of_way(net, way, areas) for way in _ways(net)))
 
-    def again(self, net: Topology) -> Checked:
+    def again(self, net: Topology) -> CheckedGeometry:
         """Check the same net with changed lines; only changed lanes and the connections at their junctions are
         checked."""
         moved = {name for name, lane in net.lanes.items() if lane is not self.net.lanes[name]}
@@ -105,7 +105,7 @@ class Checked:
         areas = Areas(net)
         lanes = zip(_lanes(net), self.lanes, strict=True)
         ways = zip(_ways(net), self.ways, strict=True)
-        return Checked(
+        return CheckedGeometry(
             net,
             tuple(_of_lane(lane) if lane.id in moved else fault for lane, fault in lanes),
             tuple(
@@ -125,16 +125,16 @@ def _ways(net: Topology) -> Iterator[Movement]:
     return (way for way in net.movements if "car" in way.kinds and way.turn != "back")
 
 
-def _of_lane(lane: Lane) -> Fault | None:
+def _of_lane(lane: Lane) -> GeometryFault | None:
     return fault_of_line(lane.shape, lane.id) or _narrow(lane)
 
 
-def _of_way(net: Topology, way: Movement, areas: Areas) -> Fault | None:
+def _of_way(net: Topology, way: Movement, areas: Areas) -> GeometryFault | None:
     fault = fault_of_connection(net, way)
     return _outside(net, way, areas) if fault is None and way.via else fault
 
 
-def fault_of_connection(net: Topology, movement: Movement) -> Fault | None:
+def fault_of_connection(net: Topology, movement: Movement) -> GeometryFault | None:
     """Return the fault of the line from one lane through a junction to another, if any."""
     before, *via, after = (net.lanes[name].shape for name in (movement.from_lane, *movement.via, movement.to_lane))
     parts = [ending(before), *via, beginning(after)]
@@ -142,21 +142,21 @@ def fault_of_connection(net: Topology, movement: Movement) -> Fault | None:
     for first, second in gaps:
         away = distance(first[-1], second[0])
         if away > LONGEST_GAP_M:
-            return Fault("gap", *first[-1], f"has a gap of {away:.1f} m", *movement.ends)
+            return GeometryFault("gap", *first[-1], f"has a gap of {away:.1f} m", *movement.ends)
     return fault_of_line(joined(parts), *movement.ends)
 
 
-def fault_of_line(points: Sequence[XY], lane: str, to: str = "", kink_rad: float = KINK_RAD) -> Fault | None:
+def fault_of_line(points: Sequence[XY], lane: str, to: str = "", kink_rad: float = KINK_RAD) -> GeometryFault | None:
     """Return a line's kink (a turn by more than `kink_rad`) or the loop in which it crosses itself, if any."""
     line = simplified(points)
     for k, (angle, over_m) in enumerate(turns(line)):
         if abs(angle) > kink_rad:
             text = f"turns by {abs(math.degrees(angle)):.0f} degrees within {max(over_m, 0.1):.1f} m"
-            return Fault("kink", *line[k + 1], text, lane, to)
+            return GeometryFault("kink", *line[k + 1], text, lane, to)
     crossing = _crossing(line)
     if crossing is not None:
         at, length_m = crossing
-        return Fault("loop", *at, f"crosses itself in a loop of {length_m:.1f} m", lane, to)
+        return GeometryFault("loop", *at, f"crosses itself in a loop of {length_m:.1f} m", lane, to)
     return None
 
 
@@ -225,10 +225,10 @@ def _crossing(line: Sequence[XY]) -> tuple[XY, float] | None:
     return None
 
 
-def _narrow(lane: Lane) -> Fault | None:
+def _narrow(lane: Lane) -> GeometryFault | None:
     if lane.width_m >= NARROWEST_M:
         return None
-    return Fault("narrow", *lane.shape[0], f"is {lane.width_m:.2f} m wide, less than a car,", lane.id)
+    return GeometryFault("narrow", *lane.shape[0], f"is {lane.width_m:.2f} m wide, less than a car,", lane.id)
 
 
 class Areas:
@@ -258,7 +258,7 @@ class Areas:
         return area
 
 
-def _outside(net: Topology, movement: Movement, areas: Areas) -> Fault | None:
+def _outside(net: Topology, movement: Movement, areas: Areas) -> GeometryFault | None:
     chord = net.lanes[movement.from_lane].shape[-1], net.lanes[movement.to_lane].shape[0]
     points = [point for name in movement.via for point in net.lanes[name].shape]
     points = [point for point in points if distance_to(*point, chord) > FARTHEST_OUTSIDE_M]
@@ -267,7 +267,7 @@ def _outside(net: Topology, movement: Movement, areas: Areas) -> Fault | None:
     away_m, (x, y) = max(zip(areas.beyond(movement.junction, points), points, strict=True))
     if away_m <= FARTHEST_OUTSIDE_M:
         return None
-    return Fault("outside", x, y, f"leaves its junction by {away_m:.1f} m", *movement.ends)
+    return GeometryFault("outside", x, y, f"leaves its junction by {away_m:.1f} m", *movement.ends)
 
 
 def ending(shape: Points) -> Points:

@@ -40,7 +40,7 @@ _MOST_CORNERS = 50
 """Maximum number of corners that are rounded in a lane (ours: a hairpin road in the Alps has some 30)."""
 
 
-class Lines:
+class Centrelines:
     """The centrelines of a net's lanes, which can be changed and written into its tree."""
 
     def __init__(self, net: Topology) -> None:

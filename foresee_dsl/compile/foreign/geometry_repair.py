@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element, SubElement  # no parsing: that is safe_xml's
 
-from foresee_dsl.compile.foreign.geometry_faults import Checked, Fault
-from foresee_dsl.compile.foreign.geometry_lines import Lines
+from foresee_dsl.compile.foreign.geometry_faults import CheckedGeometry, GeometryFault
+from foresee_dsl.compile.foreign.geometry_lines import Centrelines
 from foresee_dsl.compile.nets.net_reader import FAULT, points_of, topology_of
 from foresee_dsl.compile.roads.topology import Topology
 
@@ -38,15 +38,15 @@ def repair_geometry(root: Element, net: Topology | None = None) -> Geometry:
     `net`: the tree's topology, if the caller has it.
     """
     net = topology_of(root) if net is None else net
-    checked = Checked.of(net)
+    checked = CheckedGeometry.of(net)
     if not checked.faults:
         return Geometry()
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
-    lines = Lines(net)
+    lines = Centrelines(net)
     repaired = [fault for fault in checked.faults if not fault.to and lines.round_corners(fault.lane)]
     if repaired:
         checked = checked.again(_with_lines(net, lanes, lines.write(lanes)))
-        lines = Lines(checked.net)
+        lines = Centrelines(checked.net)
     ways = {movement.ends: movement for movement in net.movements}
     for fault in checked.faults:
         if fault.to and lines.lead(ways[fault.lane, fault.to]):
@@ -85,7 +85,7 @@ def geometry_of(root: Element) -> Geometry:
     return Geometry(tuple(dict.fromkeys(values[REPAIRED])), tuple(values[FAULT]))
 
 
-def _close(root: Element, lanes: dict[str, Element], broken: Sequence[Fault]) -> None:
+def _close(root: Element, lanes: dict[str, Element], broken: Sequence[GeometryFault]) -> None:
     connections = {
         (f"{c.get('from')}_{c.get('fromLane')}", f"{c.get('to')}_{c.get('toLane')}"): c
         for c in root.iterfind("connection")

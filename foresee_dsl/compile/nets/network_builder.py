@@ -10,7 +10,7 @@ from pathlib import Path
 from foresee_dsl.compile.nets import signals, turn_rules
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
-from foresee_dsl.compile.nets.plain_edges import CORNER_RADIUS_M, Node, Plain, plain_of
+from foresee_dsl.compile.nets.plain_edges import CORNER_RADIUS_M, Plain, PlainNode, plain_of
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
@@ -71,11 +71,11 @@ def build_network(network: Network, out: Path) -> None:
 
 
 def _write_plain(
-    folder: Path, network: Network, plain: Plain, connections: Sequence[turn_rules.Connection]
+    folder: Path, network: Network, plain: Plain, connections: Sequence[turn_rules.TurnConnection]
 ) -> list[str]:
     """Write netconvert's input files; return the options that name them."""
     junctions = (item for item in network.body if isinstance(item, Junction))
-    usual = [Node(j.name, xy(j.at), CORNER_RADIUS_M, _CONTROL_TYPES[j.control]) for j in junctions]
+    usual = [PlainNode(j.name, xy(j.at), CORNER_RADIUS_M, _CONTROL_TYPES[j.control]) for j in junctions]
     nodes = [*usual, *plain.nodes]
     crossings = [*_crossings(network, plain), *plain.crossings]
     render("nodes.nod.xml", folder / "nodes.nod.xml", nodes=nodes)
@@ -84,7 +84,7 @@ def _write_plain(
         "connections.con.xml",
         folder / "connections.con.xml",
         crossings=[{"node": node, "edges": edges, "width": width} for node, edges, width in crossings],
-        connections=[*map(turn_rules.Connection._make, plain.connections), *connections],
+        connections=[*map(turn_rules.TurnConnection._make, plain.connections), *connections],
         width=CROSSING_WIDTH_M,
     )
     return [
@@ -95,7 +95,7 @@ def _write_plain(
 
 
 def _again(
-    folder: Path, files: Sequence[str], network: Network, plain: Plain, connections: Sequence[turn_rules.Connection]
+    folder: Path, files: Sequence[str], network: Network, plain: Plain, connections: Sequence[turn_rules.TurnConnection]
 ) -> Topology:
     """Build the net again, with the connections that the turn rules allow."""
     _write_plain(folder, network, plain, connections)

@@ -46,7 +46,7 @@ _ALLOWS: Mapping[str, str] = {"cycle_track": "bicycle", "bay": "bus", "cycle_lan
 
 
 @dataclass(frozen=True)
-class Strip:
+class SideStrip:
     """A lane that is not for cars: its index from the right, its type, its width, m."""
 
     index: int
@@ -84,12 +84,12 @@ class PlainEdge:
     priority: int
 
     @property
-    def strips(self) -> tuple[Strip, ...]:
+    def strips(self) -> tuple[SideStrip, ...]:
         """Its lanes that are not for cars."""
-        return tuple(Strip(k, what, self.widths[what]) for k, what in enumerate(self.lanes) if what in self.widths)
+        return tuple(SideStrip(k, what, self.widths[what]) for k, what in enumerate(self.lanes) if what in self.widths)
 
 
-class Node(NamedTuple):
+class PlainNode(NamedTuple):
     """A `<node>` of netconvert's input."""
 
     id: str
@@ -103,7 +103,7 @@ class Plain:
     """Netconvert's input besides the junctions, in the order of the file: nodes, edges, crossings (node, edges, width),
     connections (from, to, lane, lane) and roundabouts."""
 
-    nodes: list[Node] = field(default_factory=list)
+    nodes: list[PlainNode] = field(default_factory=list)
     edges: list[PlainEdge] = field(default_factory=list)
     crossings: list[tuple[str, tuple[str, ...], float | None]] = field(default_factory=list)
     connections: list[tuple[str, str, int, int]] = field(default_factory=list)
@@ -121,7 +121,7 @@ def plain_of(network: m.Network) -> Plain:
     plain = Plain(roundabouts=list(rings.values()))
     for ring in rings.values():
         arms = zip(ring.nodes, ring.arms, strict=True)
-        plain.nodes += [Node(node, ring.place(angle), CORNER_RADIUS_M) for node, (angle, _) in arms]
+        plain.nodes += [PlainNode(node, ring.place(angle), CORNER_RADIUS_M) for node, (angle, _) in arms]
     for edge in edges:
         plain.edges += _pieces(edge)
         plain.nodes += [node for node in _cut_nodes(edge) if node.id not in {other.id for other in plain.nodes}]
@@ -253,7 +253,7 @@ def _apart(islands: Sequence[tuple[tuple[float, float, float, float], float]], s
     return most
 
 
-def _cut_nodes(edge: Directed) -> Iterator[Node]:
+def _cut_nodes(edge: Directed) -> Iterator[PlainNode]:
     """Yield the nodes that divide an edge; a node that divides only one direction lies on the right side of it."""
     two_way = lanes_of(edge.road)[1] > 0
     width = _width(_pieces_usual(edge))
@@ -261,7 +261,7 @@ def _cut_nodes(edge: Directed) -> Iterator[Node]:
         point, heading = at(edge.line, cut.at_m)
         both = isinstance(cut.item, m.Zebra | m.Bump)
         right = 0.0 if both or not two_way else number(edge.road.median) / 2 + width / 2
-        yield Node(cut.node, beside(point, heading, right), JOINT_RADIUS_M)
+        yield PlainNode(cut.node, beside(point, heading, right), JOINT_RADIUS_M)
 
 
 def _pieces_usual(edge: Directed) -> PlainEdge:

@@ -12,7 +12,7 @@ from foresee_dsl.language.model import BannedTurn, LaneTurns, Network, Turn
 from foresee_dsl.language.streets.lines import number
 
 
-class Connection(NamedTuple):
+class TurnConnection(NamedTuple):
     """A `<connection>` between two edges, or (with indices) between two of their lanes."""
 
     start: str
@@ -21,7 +21,7 @@ class Connection(NamedTuple):
     to_lane: int | None = None
 
 
-def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[Connection, ...]:
+def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[TurnConnection, ...]:
     """Return the remaining connections of all edges with a forbidden turn; netconvert chooses their lanes again.
 
     Raises:
@@ -37,7 +37,7 @@ def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[Conne
                         f"road {road} does not lead to {item.junction}: no turn from it can be forbidden"
                     )
                 forbidden.setdefault(into, {})[item.turn] = item
-    connections: list[Connection] = []
+    connections: list[TurnConnection] = []
     for edge, rules in forbidden.items():
         ways = _ways(net, edge)
         for turn, item in rules.items():
@@ -48,11 +48,13 @@ def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[Conne
         left = [target for target, turn in ways.items() if turn not in rules]
         if not left:
             raise CompileError(f"forbid: no way on is left from {edge} over {net.edges[edge].end}")
-        connections += [Connection(edge, target) for target in left]
+        connections += [TurnConnection(edge, target) for target in left]
     return tuple(connections)
 
 
-def by_lane(network: Network, plain: Plain, net: Topology, left: Sequence[Connection]) -> tuple[Connection, ...]:
+def by_lane(
+    network: Network, plain: Plain, net: Topology, left: Sequence[TurnConnection]
+) -> tuple[TurnConnection, ...]:
     """Return the connections, lane by lane, of all edges with a `lane N of EDGE goes` rule.
 
     Lanes without a rule keep their connections. `left`: the remaining connections of edges with a forbidden turn.
@@ -73,13 +75,13 @@ def by_lane(network: Network, plain: Plain, net: Topology, left: Sequence[Connec
     return tuple(connections)
 
 
-def _of_edge(net: Topology, edge: str, rules: dict[int, LaneTurns]) -> list[Connection]:
+def _of_edge(net: Topology, edge: str, rules: dict[int, LaneTurns]) -> list[TurnConnection]:
     cars = net.edges[edge].for_kind("car")
     ways = _ways(net, edge)
     usual = {(m.from_lane, m.to_edge): net.lanes[m.to_lane].index for m in _movements(net, edge)}
     wanted: dict[str, list[int]] = {}
     connections = [
-        Connection(edge, m.to_edge, net.lanes[m.from_lane].index, net.lanes[m.to_lane].index)
+        TurnConnection(edge, m.to_edge, net.lanes[m.from_lane].index, net.lanes[m.to_lane].index)
         for m in _movements(net, edge)
         if all(net.lanes[m.from_lane] is not cars[k - 1] for k in rules if k <= len(cars))
     ]
@@ -104,7 +106,7 @@ def _of_edge(net: Topology, edge: str, rules: dict[int, LaneTurns]) -> list[Conn
             place = every.index(lane)
             aligned = _aligned(place, len(every), into, ways[target])
             to = usual.get((net.edges[edge].lanes[lane].id, target), aligned) if others else aligned
-            connections.append(Connection(edge, target, lane, to))
+            connections.append(TurnConnection(edge, target, lane, to))
     return sorted(connections, key=lambda c: (c.from_lane or 0, c.end))
 
 

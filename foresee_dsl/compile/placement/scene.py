@@ -26,7 +26,7 @@ from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
 from foresee_dsl.compile.placement.reach import never_near
 from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, UnsettledError
-from foresee_dsl.compile.placement.starts import Starts
+from foresee_dsl.compile.placement.starts import StartSearch
 from foresee_dsl.compile.placement.statements import WHEELS, item, items, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, line_of
@@ -82,7 +82,7 @@ class SceneBuilder:
                 message = f"there is no model {model}"
                 self._add(actor.name, "model", codes.UNKNOWN, message, did_you_mean(model, specs))
         self._spec_of = {name: specs[str(actor.model)] for name, actor in self._actors.items()}
-        self._starts = Starts(network, self._actors, self._spec_of)
+        self._starts = StartSearch(network, self._actors, self._spec_of)
         self._waiting = {
             action.actor
             for when in scenario.all(m.When)

@@ -50,7 +50,7 @@ _SLACK_M = 1e-3
 _R = TypeVar("_R")
 
 
-class Starts:
+class StartSearch:
     """Computes the starts of actors, one at a time, because a place may refer to the route and start of another actor.
 
     `actors`, and the `specs` of their models, by the actor's name.

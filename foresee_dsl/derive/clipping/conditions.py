@@ -14,14 +14,14 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import mentioned, parts, si_of
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.record import Run, Runs
+from foresee_dsl.simulate.triggers.record import HoldingTime, Runs
 
 Rewritten = m.Condition | bool
 """A rewritten condition, or its outcome if that is fixed from the clip's beginning on."""
 
 
 @dataclass(frozen=True)
-class Moment:
+class ClipMoment:
     """The beginning of a clip.
 
     Attributes:
@@ -35,7 +35,9 @@ class Moment:
     places: Mapping[str, m.Point]
 
 
-def rebased(condition: m.Condition, moment: Moment, runs: Runs | None = None, *, held: bool | None = None) -> Rewritten:
+def rebased(
+    condition: m.Condition, moment: ClipMoment, runs: Runs | None = None, *, held: bool | None = None
+) -> Rewritten:
     """Return a condition for the clip, which is true at the same frames as in the run.
 
     Args:
@@ -54,7 +56,7 @@ def rebased(condition: m.Condition, moment: Moment, runs: Runs | None = None, *,
 
 
 class _Rebase:
-    def __init__(self, moment: Moment, runs: Runs | None, *, again: bool) -> None:
+    def __init__(self, moment: ClipMoment, runs: Runs | None, *, again: bool) -> None:
         self._moment, self._runs, self._again = moment, runs, again
 
     def part(self, condition: m.Condition, number: int, *, positive: bool) -> Rewritten:
@@ -113,7 +115,7 @@ class _Rebase:
             return at_least(left) if left > 0 else True
         return self._half_way(fresh, run, left, positive=positive)
 
-    def _half_way(self, fresh: m.Sustained, run: Run, left: int, *, positive: bool) -> m.Condition:
+    def _half_way(self, fresh: m.Sustained, run: HoldingTime, left: int, *, positive: bool) -> m.Condition:
         """Return a `for` with `left` frames to go. `since` states when it began, and that it was false before.
 
         If it is unknown whether it was false before, `since` is still right where only a true outcome matters. Where

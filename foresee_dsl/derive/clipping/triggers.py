@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from foresee_dsl.compile.placement.doors import door_side
-from foresee_dsl.derive.clipping.conditions import Moment, both, rebased, seconds
+from foresee_dsl.derive.clipping.conditions import ClipMoment, both, rebased, seconds
 from foresee_dsl.derive.clipping.snapshot import present
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language import model as m
@@ -56,7 +56,7 @@ class Triggers:
 
     trace: Trace
     frame: int
-    moment: Moment
+    moment: ClipMoment
     whens: tuple[m.When, ...]
     states: tuple[TriggerState, ...]
     orders: Mapping[str, ActorOrders]
@@ -269,7 +269,7 @@ def triggers_at(scenario: m.Scenario, trace: Trace, frame: int) -> Triggers:
     return Triggers(
         trace=trace,
         frame=frame,
-        moment=Moment(now_s, gone, _places(record)),
+        moment=ClipMoment(now_s, gone, _places(record)),
         whens=whens,
         states=record.triggers_at(now_s),
         orders=record.orders_at(now_s),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 from types import MappingProxyType
 
-from foresee_dsl.derive.minimise.candidate import Candidate
+from foresee_dsl.derive.minimise.candidate import TrialCandidate
 from foresee_dsl.derive.minimise.outcome import Boundary, Ended, ValueTrial
 from foresee_dsl.derive.minimise.trials import Trial, Trials
 from foresee_dsl.derive.presets import FOCUSED
@@ -50,7 +50,7 @@ class _Grid:
         return self.change.model_copy(update={"now": m.Quantity(value=self.value(k), unit=self.unit)})
 
 
-def nearest(trials: Trials, candidate: Candidate, index: int, *, look_beside: bool = False) -> Candidate:
+def nearest(trials: Trials, candidate: TrialCandidate, index: int, *, look_beside: bool = False) -> TrialCandidate:
     """Return the candidate with the number of one change as near to its `was` value as still fails, by bisection.
 
     A change without a number (a model swap) stays. The value next to the result does not fail; values beyond it are not
@@ -75,7 +75,7 @@ def nearest(trials: Trials, candidate: Candidate, index: int, *, look_beside: bo
     return _with(candidate, index, grid.changed(low)) if low else candidate
 
 
-def ask_for_passing(trials: Trials, candidate: Candidate) -> None:
+def ask_for_passing(trials: Trials, candidate: TrialCandidate) -> None:
     """If the value next to a boundary fails in another way, try values by bisection until one passes."""
     for index, change in enumerate(candidate.changes):
         grid = _grid(change)
@@ -90,12 +90,12 @@ def ask_for_passing(trials: Trials, candidate: Candidate) -> None:
             low, high = (middle, high) if failed else (low, middle)
 
 
-def boundaries(trials: Trials, whole: Candidate, reduced: Candidate) -> tuple[Boundary, ...]:
+def boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) -> tuple[Boundary, ...]:
     """Return the boundary of each number in the reduced mutant, from the runs so far."""
     return tuple(_boundaries(trials, whole, reduced))
 
 
-def _boundaries(trials: Trials, whole: Candidate, reduced: Candidate) -> Iterator[Boundary]:
+def _boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) -> Iterator[Boundary]:
     for index, change in enumerate(reduced.changes):
         grid = _grid(change)
         if grid is None:
@@ -125,7 +125,7 @@ def _boundaries(trials: Trials, whole: Candidate, reduced: Candidate) -> Iterato
         )
 
 
-def _runs_of(trials: Trials, reduced: Candidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
+def _runs_of(trials: Trials, reduced: TrialCandidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
     """Yield the values of one change that were run; those of the candidate's own clip come last and so replace
     others."""
     own, change = [], reduced.changes[index]
@@ -141,7 +141,7 @@ def _runs_of(trials: Trials, reduced: Candidate, index: int) -> Iterable[tuple[D
     yield from own
 
 
-def _others(candidate: Candidate, change: m.Change) -> tuple[m.Change, ...]:
+def _others(candidate: TrialCandidate, change: m.Change) -> tuple[m.Change, ...]:
     return tuple(other for other in candidate.changes if other is not change)
 
 
@@ -150,7 +150,7 @@ def _summary(value: float, trial: Trial) -> ValueTrial:
     return ValueTrial(_rounded(value), ended, trial.reason)
 
 
-def _offset(trials: Trials, candidate: Candidate, index: int, grid: _Grid) -> float:
+def _offset(trials: Trials, candidate: TrialCandidate, index: int, grid: _Grid) -> float:
     """Return the difference of the value in a clip that begins later, as its actor has moved on by then."""
     built = trials.trial(candidate).built
     own = _grid(built.mutant.changes[index]) if built is not None else None
@@ -169,7 +169,7 @@ def _grid(change: m.Change) -> _Grid | None:
     return _Grid(change, before, now.value, STEPS.get(change.property, _STEP), now.unit)
 
 
-def _with(candidate: Candidate, index: int, change: m.Change) -> Candidate:
+def _with(candidate: TrialCandidate, index: int, change: m.Change) -> TrialCandidate:
     return replace(candidate, changes=(*candidate.changes[:index], change, *candidate.changes[index + 1 :]))
 
 

@@ -20,7 +20,7 @@ from foresee_dsl.simulate.trace import STEP_S, Trace
 
 
 @dataclass(frozen=True)
-class Candidate:
+class TrialCandidate:
     """A version of the mutant.
 
     Attributes:
@@ -55,11 +55,11 @@ class Subject:
     folder: Path
 
     @property
-    def whole(self) -> Candidate:
+    def whole(self) -> TrialCandidate:
         """The unreduced mutant."""
         window = next(item for item in self.clip.body if isinstance(item, m.Window))
         first, last = (round(_si(value) / STEP_S) for value in (window.start, window.end))
-        return Candidate(first, last, self.mutant.changes)
+        return TrialCandidate(first, last, self.mutant.changes)
 
     @property
     def actors(self) -> tuple[str, ...]:
@@ -133,7 +133,7 @@ class BuiltCandidate:
     case: TestCase = field(repr=False)
 
 
-def build(subject: Subject, candidate: Candidate) -> BuiltCandidate:
+def build(subject: Subject, candidate: TrialCandidate) -> BuiltCandidate:
     """Return the clip and the mutant of a candidate.
 
     Raises:
@@ -152,7 +152,7 @@ def build(subject: Subject, candidate: Candidate) -> BuiltCandidate:
     return BuiltCandidate(clip, mutant, clip_case, case)
 
 
-def _left(body: Iterable[m.ClipItem], candidate: Candidate) -> Iterable[m.ClipItem]:
+def _left(body: Iterable[m.ClipItem], candidate: TrialCandidate) -> Iterable[m.ClipItem]:
     """Yield the statements of a clip without the actors, signals and triggers that are left out."""
     gone, number = candidate.actors, -1
     for item in body:

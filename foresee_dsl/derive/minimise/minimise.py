@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from foresee_dsl.derive.clipping.fidelity import with_fidelity
 from foresee_dsl.derive.minimise.boundary import boundaries
-from foresee_dsl.derive.minimise.candidate import Candidate, Subject
+from foresee_dsl.derive.minimise.candidate import Subject, TrialCandidate
 from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
 from foresee_dsl.derive.minimise.reductions import reduce
-from foresee_dsl.derive.minimise.trials import Judge, Trials
+from foresee_dsl.derive.minimise.trials import TrialJudge, Trials
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.meaning import clip_pin
@@ -43,7 +43,7 @@ class Minimal:
     cut_again: bool
 
 
-def minimise(subject: Subject, judge: Judge, *, limit_m: float, budget: int = RUNS) -> Minimal:
+def minimise(subject: Subject, judge: TrialJudge, *, limit_m: float, budget: int = RUNS) -> Minimal:
     """Return the mutant without what its failure does not need.
 
     The same inputs give the same result.
@@ -80,13 +80,13 @@ def minimise(subject: Subject, judge: Judge, *, limit_m: float, budget: int = RU
     )
 
 
-def _clip_meaning(trials: Trials, whole: Candidate) -> str:
+def _clip_meaning(trials: Trials, whole: TrialCandidate) -> str:
     """Return the hash of the meaning of the unreduced clip."""
     built = trials.trial(whole).built
     return built.clip_case.meaning if built is not None else ""
 
 
-def _dropped(subject: Subject, whole: Candidate, reduced: Candidate, clip: m.Clip) -> Dropped:
+def _dropped(subject: Subject, whole: TrialCandidate, reduced: TrialCandidate, clip: m.Clip) -> Dropped:
     cut = subject.cut(reduced.first, reduced.last)
     return Dropped(
         changes=len(whole.changes) - len(reduced.changes),

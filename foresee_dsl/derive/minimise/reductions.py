@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from foresee_dsl.derive.minimise.boundary import ask_for_passing, nearest
-from foresee_dsl.derive.minimise.candidate import Candidate
+from foresee_dsl.derive.minimise.candidate import TrialCandidate
 from foresee_dsl.derive.minimise.trials import Trials
 from foresee_dsl.language import model as m
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
@@ -35,7 +35,7 @@ _RESERVE = 28
 signals and triggers, 5 for the boundary."""
 
 
-def reduce(trials: Trials, whole: Candidate) -> Candidate:
+def reduce(trials: Trials, whole: TrialCandidate) -> TrialCandidate:
     """Return the smallest candidate that still shows the failure."""
     candidate = without_changes(trials, whole)
     trials.reserve = min(_RESERVE, trials.left // 2)
@@ -51,7 +51,7 @@ def reduce(trials: Trials, whole: Candidate) -> Candidate:
     return candidate
 
 
-def without_changes(trials: Trials, candidate: Candidate) -> Candidate:
+def without_changes(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
     """Leave out each change that the failure does not need, the last first, until all remaining ones are needed."""
     again = len(candidate.changes) > 1
     while again:
@@ -64,7 +64,7 @@ def without_changes(trials: Trials, candidate: Candidate) -> Candidate:
     return candidate
 
 
-def without_bystanders(trials: Trials, candidate: Candidate) -> Candidate:
+def without_bystanders(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
     """Leave out actors that the failure does not need, the farthest first: all together, then halves, then singly."""
     trial = trials.trial(candidate)
     if trial.result is None:
@@ -76,13 +76,13 @@ def without_bystanders(trials: Trials, candidate: Candidate) -> Candidate:
     return replace(candidate, actors=gone)
 
 
-def without_signals(trials: Trials, candidate: Candidate) -> Candidate:
+def without_signals(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
     """Leave out the states of signals that the failure does not need; these signals then begin with their program."""
     gone = drop_most(trials.subject.signals, lambda names: trials.stands(replace(candidate, signals=names)))
     return replace(candidate, signals=gone)
 
 
-def without_triggers(trials: Trials, candidate: Candidate) -> Candidate:
+def without_triggers(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
     """Leave out triggers that the failure does not need."""
     cut = trials.subject.cut(candidate.first, candidate.last)
     numbers = range(sum(isinstance(item, m.When) for item in cut.body))
@@ -90,7 +90,7 @@ def without_triggers(trials: Trials, candidate: Candidate) -> Candidate:
     return replace(candidate, triggers=gone)
 
 
-def nearer(trials: Trials, candidate: Candidate, *, look_beside: bool = False) -> Candidate:
+def nearer(trials: Trials, candidate: TrialCandidate, *, look_beside: bool = False) -> TrialCandidate:
     """Reduce every number to the value nearest to `was` that still fails, one change after the other (see
     `nearest`)."""
     for index in range(len(candidate.changes)):
@@ -98,7 +98,7 @@ def nearer(trials: Trials, candidate: Candidate, *, look_beside: bool = False) -
     return candidate
 
 
-def shorter(trials: Trials, candidate: Candidate) -> Candidate:
+def shorter(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
     """Let the clip begin as late and end as early as it still shows the failure with the same avoidability.
 
     Without the condition on avoidability, a clip that begins too late would make an avoidable failure unavoidable.
@@ -168,13 +168,13 @@ def _far_first(trace: Trace, names: Collection[str]) -> list[str]:
     return sorted(names, key=lambda name: (-near_m(name), name))
 
 
-def _risk_frame(trials: Trials, candidate: Candidate) -> int:
+def _risk_frame(trials: Trials, candidate: TrialCandidate) -> int:
     """Return the frame of the risky point; if the clip does not state one, its last frame."""
     risk = trials.subject.clip.risk
     return round(risk.at.si / STEP_S) if risk is not None and isinstance(risk.at, m.Quantity) else candidate.last
 
 
-def _onset(change: m.Change, candidate: Candidate) -> int:
+def _onset(change: m.Change, candidate: TrialCandidate) -> int:
     """Return the frame at which a change begins; the last frame for a change without a time."""
     if isinstance(change.start, m.Quantity):
         return candidate.first + round(change.start.si / STEP_S)

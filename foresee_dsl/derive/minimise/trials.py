@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation
-from foresee_dsl.derive.minimise.candidate import BuiltCandidate, Candidate, Subject, build
+from foresee_dsl.derive.minimise.candidate import BuiltCandidate, Subject, TrialCandidate, build
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.model import Actor
 from foresee_dsl.language.project.document import TestCase
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Judge:
+class TrialJudge:
     """How candidates are run, and which properties of the failure must stay.
 
     Attributes:
@@ -56,7 +56,7 @@ class BudgetSpentError(Exception):
 class Trials:
     """Runs candidates of one mutant."""
 
-    def __init__(self, subject: Subject, judge: Judge, *, limit_m: float, budget: int) -> None:
+    def __init__(self, subject: Subject, judge: TrialJudge, *, limit_m: float, budget: int) -> None:
         """Prepare the runs; nothing runs yet.
 
         Args:
@@ -67,9 +67,9 @@ class Trials:
         self.spent = False
         """Whether a run was skipped because the budget was spent."""
         self._judge, self._limit_m, self._budget = judge, limit_m, budget
-        self._trials: dict[Candidate, Trial] = {}
+        self._trials: dict[TrialCandidate, Trial] = {}
         self._clips: dict[str, Deviation | None] = {}
-        self._answers: dict[Candidate, str] = {}
+        self._answers: dict[TrialCandidate, str] = {}
         self._wanted: tuple[str, ...] | None = None
         self._own: tuple[Trace | None, ...] = ()
         """The unmutated run of the unreduced clip; empty until it is needed."""
@@ -79,7 +79,7 @@ class Trials:
         """Number of runs left."""
         return self._budget - self.runs
 
-    def first(self, candidate: Candidate) -> Trial:
+    def first(self, candidate: TrialCandidate) -> Trial:
         """Run the unreduced mutant; its failure is the one that must stay."""
         trial = self.trial(candidate)
         if trial.built is not None and trial.result is not None and trial.result.verdict.is_failure:
@@ -87,7 +87,7 @@ class Trials:
             self._trials[candidate] = trial = Trial(True, trial.verdict, trial.reason, trial.built, trial.result)
         return trial
 
-    def trial(self, candidate: Candidate) -> Trial:
+    def trial(self, candidate: TrialCandidate) -> Trial:
         """Run a candidate.
 
         Raises:
@@ -97,20 +97,20 @@ class Trials:
             self._trials[candidate] = self._run(candidate)
         return self._trials[candidate]
 
-    def fails(self, candidate: Candidate) -> bool:
+    def fails(self, candidate: TrialCandidate) -> bool:
         """Return whether a candidate shows the same failure with the same actor; False if no run is left."""
         return self._within_budget(lambda: self.trial(candidate).same)
 
-    def fails_somehow(self, candidate: Candidate) -> bool:
+    def fails_somehow(self, candidate: TrialCandidate) -> bool:
         """Return whether a candidate shows any failure; False if no run is left."""
         return self._within_budget(lambda: self.trial(candidate).failed)
 
-    def stands(self, candidate: Candidate) -> bool:
+    def stands(self, candidate: TrialCandidate) -> bool:
         """Return whether a candidate shows the same failure, and its unmutated clip passes within `limit_m` of its
         parent's run."""
         return self.fails(candidate) and self._within_budget(lambda: self._clip_stands(candidate))
 
-    def answer(self, candidate: Candidate) -> str:
+    def answer(self, candidate: TrialCandidate) -> str:
         """Return, in words, whether a careful driver would have avoided a failure; "" if no run is left.
 
         It counts as two runs.
@@ -122,11 +122,11 @@ class Trials:
             self._answers[candidate] = self._judge.avoided(trial.built.case, trial.result)
         return self._answers.get(candidate, "")
 
-    def finished(self) -> Iterable[tuple[Candidate, Trial]]:
+    def finished(self) -> Iterable[tuple[TrialCandidate, Trial]]:
         """Return all candidates that were run and their trials, in the order of the runs."""
         return self._trials.items()
 
-    def fidelity(self, candidate: Candidate) -> Deviation | None:
+    def fidelity(self, candidate: TrialCandidate) -> Deviation | None:
         """Return the deviation of a candidate's unmutated clip; None if it was not measured."""
         built = self._trials[candidate].built
         return self._clips.get(built.clip_case.meaning) if built is not None else None
@@ -143,7 +143,7 @@ class Trials:
             raise BudgetSpentError
         self.runs += runs
 
-    def _run(self, candidate: Candidate) -> Trial:
+    def _run(self, candidate: TrialCandidate) -> Trial:
         try:
             built = build(self.subject, candidate)
         except (ForeseeError, ValueError) as err:
@@ -156,7 +156,7 @@ class Trials:
         same = result.verdict.is_failure and self._judge.sign(built.case, result) == self._wanted
         return Trial(same, result.verdict, result.reason, built, result)
 
-    def _clip_stands(self, candidate: Candidate) -> bool:
+    def _clip_stands(self, candidate: TrialCandidate) -> bool:
         built = self.trial(candidate).built
         if built is None:
             return False
@@ -167,7 +167,7 @@ class Trials:
         strays = self._clips[key]
         return strays is not None and strays.largest_m <= self._limit_m
 
-    def _strays(self, built: BuiltCandidate, candidate: Candidate) -> Deviation | None:
+    def _strays(self, built: BuiltCandidate, candidate: TrialCandidate) -> Deviation | None:
         """Return the deviation of the unmutated clip; None if it does not pass."""
         there = self._reference()
         trace = self._passed(built)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.avoidance.candidates.behaviours import what_if
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import EGO_STANDS_MPS, avoidable_shares
 from foresee_dsl.derive.reach.rolling import RollOut
 from foresee_dsl.derive.reach.settings import ReachSettings
@@ -40,7 +40,7 @@ class Tale(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Promise:
+class ReachPromise:
     """A change, and the contacts that its values cause.
 
     Attributes:
@@ -60,7 +60,7 @@ class Promise:
         return self.rolled.change.onset
 
 
-def promise(trace: Trace, rolled: RollOut, gaps: FloatArray, settings: ReachSettings) -> Promise:
+def promise(trace: Trace, rolled: RollOut, gaps: FloatArray, settings: ReachSettings) -> ReachPromise:
     """Return the contacts of a change. `gaps`: [A, T] recorded gaps of the actors to the ego, m; infinite for
     obstacles."""
     least = rolled.gaps.min(axis=1)
@@ -76,10 +76,10 @@ def promise(trace: Trace, rolled: RollOut, gaps: FloatArray, settings: ReachSett
     if np.isfinite(window[nearest]):
         tales[Tale(_MET, nearest, 0, 0, stands=False)] = settings.met_weight / (1.0 + float(window[nearest]))
     among = first[reaching] if len(reaching) else first[[int(least.argmin())]]
-    return Promise(rolled, reaching, tales, int(rolled.frames[round(float(among.mean()))]))
+    return ReachPromise(rolled, reaching, tales, int(rolled.frames[round(float(among.mean()))]))
 
 
-def avoided_share(run: Recorded, promised: Promise, settings: ReachSettings) -> float:
+def avoided_share(run: RecordedRun, promised: ReachPromise, settings: ReachSettings) -> float:
     """Return the mean share of contacts that a careful driver avoids, over `settings.decided` of the reaching
     values."""
     rolled, change = promised.rolled, promised.rolled.change
@@ -91,8 +91,8 @@ def avoided_share(run: Recorded, promised: Promise, settings: ReachSettings) -> 
     return float(avoidable_shares(run, what, _rows(run, rolled, promised.reaching[places])).mean())
 
 
-def _rows(run: Recorded, rolled: RollOut, chosen: IntArray) -> FloatArray:
-    """Return the actor's track with each of the chosen values: [C, T, 4], laid out as in `Recorded.tracks`."""
+def _rows(run: RecordedRun, rolled: RollOut, chosen: IntArray) -> FloatArray:
+    """Return the actor's track with each of the chosen values: [C, T, 4], laid out as in `RecordedRun.tracks`."""
     change = rolled.change
     rows = np.repeat(run.tracks[None, change.actor], len(chosen), axis=0)
     every, steps = rolled.every, rolled.steps
@@ -120,7 +120,7 @@ def _tale(trace: Trace, rolled: RollOut, value: int, step: int) -> Tale:
     return Tale(role, course, side, int(trace.lanes[frame, 0]), bool(ego[SPEED] < EGO_STANDS_MPS))
 
 
-def in_order(promises: Sequence[Promise], settings: ReachSettings) -> list[Promise]:
+def in_order(promises: Sequence[ReachPromise], settings: ReachSettings) -> list[ReachPromise]:
     """Return the promises, best first: each by the kinds of contact that those before it do not have.
 
     Each earlier promise lowers the worth of its kinds of contact, in proportion to their share in it. Of equal promises
@@ -133,7 +133,7 @@ def in_order(promises: Sequence[Promise], settings: ReachSettings) -> list[Promi
             shares[k, column[tale]] = share
     worth: FloatArray = np.ones(len(tales))
     left = list(range(len(promises)))
-    order: list[Promise] = []
+    order: list[ReachPromise] = []
     while left and len(order) < settings.proposals:
         gains = np.round(shares[left] @ worth, 9)
         best = max(range(len(left)), key=lambda k: (gains[k], promises[left[k]].onset, -left[k]))

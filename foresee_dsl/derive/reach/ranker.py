@@ -9,14 +9,14 @@ from typing import cast
 
 import numpy as np
 
-from foresee_dsl.avoidance.candidates.recorded import Recorded
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.situation import Numeric
 from foresee_dsl.derive.presets import Preset, preset
-from foresee_dsl.derive.reach.promise import Promise, avoided_share, in_order, promise
+from foresee_dsl.derive.reach.promise import ReachPromise, avoided_share, in_order, promise
 from foresee_dsl.derive.reach.rolling import Rolling
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.foresee import ForeseeRanker
@@ -51,7 +51,7 @@ class ReachRanker:
         The clip of a change begins with the change, so its point may lie nearer to the run's beginning than `before_s`.
         """
         s, gaps = self.settings, _gaps(trace)
-        run = Recorded.of(trace, {name: spec.height_m for name, spec in self._models(trace).items()})
+        run = RecordedRun.of(trace, {name: spec.height_m for name, spec in self._models(trace).items()})
         best = in_order(self.promises(trace), s)
         points = [_point(trace, gaps, promised, avoided_share(run, promised, s)) for promised in best]
         for other in ForeseeRanker().rank(trace, seed=seed, before_s=before_s, after_s=after_s):
@@ -59,7 +59,7 @@ class ReachRanker:
                 points.append(replace(other, score=0.0))
         return tuple(replace(p, rank=k) for k, p in enumerate(points, start=1))
 
-    def promises(self, trace: Trace) -> list[Promise]:
+    def promises(self, trace: Trace) -> list[ReachPromise]:
         """Return the promises of all changes that the ranker examines, in the order of their onsets."""
         s, gaps = self.settings, _gaps(trace)
         rolling = self.rolling(trace, gaps)
@@ -121,7 +121,7 @@ def _usual(trace: Trace) -> Mapping[str, ModelSpec]:
     return specs
 
 
-def _point(trace: Trace, gaps: FloatArray, best: Promise, avoided: float) -> RiskyPoint:
+def _point(trace: Trace, gaps: FloatArray, best: ReachPromise, avoided: float) -> RiskyPoint:
     change, frame, count = best.rolled.change, best.contact_frame, len(best.rolled.values)
     actor = trace.actors[change.actor].id
     onset_s, contact_s = trace.time_s[change.onset], trace.time_s[frame]

@@ -33,7 +33,7 @@ _AFTER_POINT_S = 1.0
 
 
 @dataclass(frozen=True)
-class Change:
+class RolledChange:
     """An operator that acts on an actor from a moment on. `onset`: the frame. `actor`: the column."""
 
     onset: int
@@ -52,7 +52,7 @@ class RollOut:
         gaps: [N, T] gaps to the recorded ego's footprint, m; exact below some metres, infinite after the run's end.
     """
 
-    change: Change
+    change: RolledChange
     values: FloatArray
     frames: FloatArray
     poses: FloatArray
@@ -105,9 +105,9 @@ class Rolling:
     clip: Clip
     operators: Sequence[Numeric | ModelSwap]
     gaps: FloatArray
-    models_of: dict[Change, tuple[str, ...]] = field(default_factory=dict)
+    models_of: dict[RolledChange, tuple[str, ...]] = field(default_factory=dict)
 
-    def changes(self, onset: int, actors: Sequence[int]) -> Iterator[tuple[Change, FloatArray]]:
+    def changes(self, onset: int, actors: Sequence[int]) -> Iterator[tuple[RolledChange, FloatArray]]:
         """Yield the changes of some actors (columns) from a frame on, with all allowed values."""
         moment = self.moment(onset)
         for actor in actors:
@@ -120,7 +120,7 @@ class Rolling:
                     continue
                 values = operator.values(moment, name, self.preset)
                 if len(values):
-                    yield Change(onset, actor, operator), np.array(values, dtype=np.float64)
+                    yield RolledChange(onset, actor, operator), np.array(values, dtype=np.float64)
 
     def moment(self, onset: int) -> Situation:
         """Return a frame as the situation at the beginning of a clip that is not cut yet."""
@@ -132,7 +132,7 @@ class Rolling:
 
     def _swaps(
         self, moment: Situation, onset: int, actor: int, operator: ModelSwap
-    ) -> Iterator[tuple[Change, FloatArray]]:
+    ) -> Iterator[tuple[RolledChange, FloatArray]]:
         """Yield the model swap of a moving actor if another model of its class can bring it near the ego.
 
         Whether models fit is slow to compute, so it is computed only for an actor that would come near.
@@ -141,7 +141,7 @@ class Rolling:
         moves = np.nanmax(self.trace.states[onset : until + 1, actor, SPEED]) > STANDS_MPS
         if not moves or self.gaps[actor, onset : until + 1].min() > self.settings.swap_within_m:
             return
-        change = Change(onset, actor, operator)
+        change = RolledChange(onset, actor, operator)
         self.models_of[change] = tuple(
             n for n, spec in self.models.items() if spec.kind == info.kind and n != info.model
         )
@@ -154,7 +154,7 @@ class Rolling:
             self.models_of[change] = models
             yield change, np.arange(len(models), dtype=np.float64)
 
-    def rolled(self, changes: Sequence[tuple[Change, FloatArray]]) -> list[RollOut]:
+    def rolled(self, changes: Sequence[tuple[RolledChange, FloatArray]]) -> list[RollOut]:
         """Roll changes out, each with up to `settings.shares` of its allowed values, evenly spaced."""
         chosen = [(change, _evenly(values, self.settings.shares)) for change, values in changes]
         steers = [(change, values) for change, values in chosen if isinstance(change.operator, Steer)]
@@ -167,7 +167,7 @@ class Rolling:
         steps = np.arange(round(looks_s / self.settings.step_s) + 1)
         return np.minimum(onset + every * steps, self.trace.frames - 1)
 
-    def _steered(self, chosen: Sequence[tuple[Change, FloatArray]]) -> list[RollOut]:
+    def _steered(self, chosen: Sequence[tuple[RolledChange, FloatArray]]) -> list[RollOut]:
         if not chosen:
             return []
         most = max(len(values) for _, values in chosen)
@@ -182,7 +182,7 @@ class Rolling:
             for k, (change, values) in enumerate(chosen)
         ]
 
-    def _shifted(self, change: Change, values: FloatArray) -> RollOut:
+    def _shifted(self, change: RolledChange, values: FloatArray) -> RollOut:
         frames = self._frames(change.onset, self.settings.paced_s)
         part = self.trace.part(change.onset, int(frames[-1]) + 1)
         boxes = footprints(part, change.actor)

@@ -16,9 +16,9 @@ from collections.abc import Mapping, Sequence
 
 from foresee_dsl.drivers.bundled import BundledDriver
 from foresee_dsl.drivers.idm import traffic
-from foresee_dsl.drivers.idm.traffic import ACCELERATION_MPS2, Leader
+from foresee_dsl.drivers.idm.traffic import ACCELERATION_MPS2, IdmLeader
 from foresee_dsl.drivers.pdm.route import build_route
-from foresee_dsl.drivers.pdm.situation import Situation, read_situation
+from foresee_dsl.drivers.pdm.situation import RoadSituation, read_situation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
 from foresee_dsl.kernels.pdm import settings as cfg
@@ -45,7 +45,7 @@ class _State:
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
         self._route, self._vehicle = build_route(mission, vehicle), vehicle
         self._tracker, self._signals = Tracker(), SignalMemory()
-        self._last: tuple[Situation, Tracks] | None = None
+        self._last: tuple[RoadSituation, Tracks] | None = None
 
     def step(self, observation: Observation) -> Control:
         """Keep the middle of the lane, with the acceleration of the model."""
@@ -80,7 +80,7 @@ class IdmDriver(BundledDriver[_State]):
     state_type = _State
 
 
-def _acceleration(situation: Situation) -> float:
+def _acceleration(situation: RoadSituation) -> float:
     """Return the desired acceleration, m/s^2."""
     ego, route = situation.ego, situation.route
     speed, others = ego.forward, traffic.read_others(situation)
@@ -96,7 +96,7 @@ def _acceleration(situation: Situation) -> float:
         (traffic.stop_line(situation), cfg.MINIMUM_GAP_M),
         (traffic.giving_way(situation), cfg.MINIMUM_GAP_M),
     )
-    places = [Leader(gap + farther, 0.0) for gap, farther in waits if gap is not None]
+    places = [IdmLeader(gap + farther, 0.0) for gap, farther in waits if gap is not None]
     ahead = traffic.leader(others)
     for place in places if ahead is None else [ahead, *places]:
         wish = min(wish, idm_acceleration(speed, desired, place.gap_m, place.speed_mps))

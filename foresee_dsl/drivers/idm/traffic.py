@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm.situation import Situation, signal_braking
+from foresee_dsl.drivers.pdm.situation import RoadSituation, signal_braking
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.arrays import BoolArray, Records
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import match
-from foresee_dsl.kernels.pdm.records import Ego
+from foresee_dsl.kernels.pdm.records import EgoRecord
 from foresee_dsl.kernels.pdm.route import stops_before
 
 ACCELERATION_MPS2 = 1.0
@@ -66,14 +66,14 @@ class Others:
 
 
 @dataclass(frozen=True)
-class Leader:
+class IdmLeader:
     """The actor that the ego must stay behind: the gap to it (m), and its speed along the route (m/s)."""
 
     gap_m: float
     speed_mps: float
 
 
-def read_others(situation: Situation) -> Others:
+def read_others(situation: RoadSituation) -> Others:
     """Return the other actors in the route's coordinates."""
     ego, actors = situation.ego, situation.actors
     road = situation.route.points[actors["point"]]
@@ -91,13 +91,13 @@ def read_others(situation: Situation) -> Others:
     )
 
 
-def leader(others: Others) -> Leader | None:
+def leader(others: Others) -> IdmLeader | None:
     """Return the nearest actor ahead in the corridor; an oncoming one counts as standing."""
     inside = (np.abs(others.d) < others.side + CORRIDOR_MARGIN_M) & (others.ahead > -1.0)
     if not inside.any():
         return None
     nearest = int(np.where(inside, others.ahead, np.inf).argmin())
-    return Leader(float(others.ahead[nearest]), max(float(others.speed_s[nearest]), 0.0))
+    return IdmLeader(float(others.ahead[nearest]), max(float(others.speed_s[nearest]), 0.0))
 
 
 def time_to_collision(others: Others, speed_mps: float) -> float:
@@ -109,7 +109,7 @@ def time_to_collision(others: Others, speed_mps: float) -> float:
     return float(np.where(touch, first, np.inf).min(initial=np.inf))
 
 
-def walkers(situation: Situation, others: Others) -> float | None:
+def walkers(situation: RoadSituation, others: Others) -> float | None:
     """Return the gap (m) to the nearest pedestrian who is in the corridor now or when the ego arrives; None: none."""
     if not situation.actors["pedestrian"].any():
         return None
@@ -126,7 +126,7 @@ def walkers(situation: Situation, others: Others) -> float | None:
     return float(others.ahead[in_way].min()) if in_way.any() else None
 
 
-def stop_line(situation: Situation) -> float | None:
+def stop_line(situation: RoadSituation) -> float | None:
     """Return the distance (m) to the first stop line at which the ego must stop for a signal, and can; None: none."""
     ego = situation.ego
     for k in np.flatnonzero(_near_junctions(situation)).tolist():
@@ -139,7 +139,7 @@ def stop_line(situation: Situation) -> float | None:
     return None
 
 
-def giving_way(situation: Situation) -> float | None:
+def giving_way(situation: RoadSituation) -> float | None:
     """Return the distance (m) to the place where the ego waits for a gap in a stream with priority; None: it may go."""
     ego, route = situation.ego, situation.route
     yields = route.foes["has_priority"] & ~route.foes["walking"]
@@ -159,13 +159,13 @@ def giving_way(situation: Situation) -> float | None:
     return None
 
 
-def _near_junctions(situation: Situation) -> BoolArray:
+def _near_junctions(situation: RoadSituation) -> BoolArray:
     """Return, for each junction, whether the ego is in or near it, [J]."""
     ego, junctions = situation.ego, situation.route.junctions
     return np.asarray((ego.rear_s < junctions["end_s"]) & (junctions["stop_s"] - ego.front_s < cfg.JUNCTION_REACH_M))
 
 
-def _waiting_places(foes: Records, ego: Ego) -> list[float]:
+def _waiting_places(foes: Records, ego: EgoRecord) -> list[float]:
     """Return the ego's waiting place for each stream, along the route: before the first of the conflicts that have no
     room for the ego between them."""
     length = ego.front_s - ego.rear_s
@@ -181,7 +181,7 @@ def _waiting_places(foes: Records, ego: Ego) -> list[float]:
     return places
 
 
-def _no_gap(ego: Ego, actors: Records, foe: np.void, matches: Records) -> bool:
+def _no_gap(ego: EgoRecord, actors: Records, foe: np.void, matches: Records) -> bool:
     """Return whether an actor of a stream is in the conflict zone at the same time as the ego, with a margin.
 
     `matches`: [A] the actors' matches with this stream.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situation, signal_brakings
+from foresee_dsl.drivers.pdm.situation import RoadSituation, ego_record, read_situation, signal_brakings
 from foresee_dsl.drivers.protocol import Reason, SignalColour
 from foresee_dsl.drivers.tracking import Tracks
 from foresee_dsl.kernels.arrays import Records
@@ -45,7 +45,7 @@ Decide = Callable[[Tracks, Mapping[str, SignalColour]], Wish]
 state."""
 
 
-def reasons_alone(now: Situation, tracks: Tracks, decide: Decide) -> tuple[Reason, ...]:
+def reasons_alone(now: RoadSituation, tracks: Tracks, decide: Decide) -> tuple[Reason, ...]:
     """Return the signals and objects that alone make a driver slower or change its place in the lane, the strongest
     first; `tracks`: the tracks from which `now` was read."""
     green: dict[str, SignalColour] = {key: "green" for _, key in now.route.signals}
@@ -61,7 +61,7 @@ def reasons_alone(now: Situation, tracks: Tracks, decide: Decide) -> tuple[Reaso
 
 
 def _signals(
-    now: Situation, empty: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
+    now: RoadSituation, empty: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
 ) -> Iterator[Reason]:
     """Yield the signals that alone make the driver slower."""
     for index, key in now.route.signals:
@@ -75,7 +75,7 @@ def _signals(
 
 
 def _objects(
-    now: Situation, tracks: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
+    now: RoadSituation, tracks: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
 ) -> Iterator[Reason]:
     """Yield the objects that alone make the driver slower, or change its place in the lane."""
     for k in range(len(tracks.table)):
@@ -91,7 +91,7 @@ def _objects(
         yield Reason(rule, text, tracks.numbers[k], None, wish.acceleration_mps2, _room(now, k))
 
 
-def _together(now: Situation, tracks: Tracks, real: Wish, decide: Decide) -> list[Reason]:
+def _together(now: RoadSituation, tracks: Tracks, real: Wish, decide: Decide) -> list[Reason]:
     """Return the objects without which the driver would be faster; they have an effect only together with others."""
     reasons = []
     for k in range(len(tracks.table)):
@@ -104,7 +104,7 @@ def _together(now: Situation, tracks: Tracks, real: Wish, decide: Decide) -> lis
     return reasons or [Reason("several", text, acceleration_mps2=real.acceleration_mps2)]
 
 
-def _free(now: Situation, free: Wish) -> Reason:
+def _free(now: RoadSituation, free: Wish) -> Reason:
     """Return the reason if no actor and no signal slows the ego down."""
     if free.acceleration_mps2 >= -LEAST_MPS2:
         return Reason(FREE_ROAD, "no actor and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
@@ -126,17 +126,17 @@ def _without(tracks: Tracks, k: int) -> Tracks:
     return Tracks(tracks.table[rest], numbers, kinds)  # type: ignore[arg-type]
 
 
-def situation_of(now: Situation, tracks: Tracks, signals: Mapping[str, SignalColour]) -> Situation:
+def situation_of(now: RoadSituation, tracks: Tracks, signals: Mapping[str, SignalColour]) -> RoadSituation:
     """Return the situation of the same step with other tracks and colours."""
     return read_situation(now.route, now.vehicle, now.observation, tracks, signals)
 
 
-def _room(now: Situation, k: int) -> float:
+def _room(now: RoadSituation, k: int) -> float:
     """Return the distance from the ego's front to an object along the route, m; 0 beside or behind it."""
     return max(float(now.actors["s"][k] - now.actors["half_length"][k]) - now.ego.front_s, 0.0)
 
 
-def _rule(now: Situation, k: int) -> tuple[str, str]:
+def _rule(now: RoadSituation, k: int) -> tuple[str, str]:
     """Return the rule that makes the ego react to an object, and its meaning here, in words."""
     route, actors, egos = now.route, now.actors[k : k + 1].copy(), now.egos.copy()
     foes = near_foes(egos, route.foes, route.junctions)
@@ -161,7 +161,7 @@ def _rule(now: Situation, k: int) -> tuple[str, str]:
 
 
 def _priorities(
-    now: Situation, egos: Records, actors: Records, foes: Records, matches: Records
+    now: RoadSituation, egos: Records, actors: Records, foes: Records, matches: Records
 ) -> Iterator[tuple[str, int]]:
     """Yield the streams in which an actor makes the ego wait: the junction's name, and the stream's index."""
     free = np.full(len(now.route.passages), -1.0)
@@ -171,7 +171,7 @@ def _priorities(
             yield now.route.passages[int(foes["junction"][f])].junction, f
 
 
-def ego_now(now: Situation) -> Records:
+def ego_now(now: RoadSituation) -> Records:
     """Return a copy of the ego's record [1], into which a decision may write the ego's position."""
     egos = ego_record(now.vehicle)
     egos[:] = now.egos

@@ -27,7 +27,7 @@ KEPT_ROUTES = 8
 
 
 @dataclass(frozen=True)
-class Route:
+class DriverRoute:
     """The mission, prepared for look-ups.
 
     Attributes:
@@ -79,7 +79,7 @@ class _Task:
     mission: Mission = field(compare=False)
 
 
-def build_route(mission: Mission, vehicle: VehicleLimits) -> Route:
+def build_route(mission: Mission, vehicle: VehicleLimits) -> DriverRoute:
     """Return the route of a mission, a function of mission and vehicle only, so that a restarted driver gets the same.
 
     The last `KEPT_ROUTES` routes are cached: a clip and its mutants have the same mission, up to its end.
@@ -96,7 +96,7 @@ def build_route(mission: Mission, vehicle: VehicleLimits) -> Route:
 
 
 @lru_cache(maxsize=KEPT_ROUTES)
-def _built(task: _Task) -> Route:
+def _built(task: _Task) -> DriverRoute:
     mission, vehicle = task.mission, task.vehicle
     s, centreline = np.asarray(mission.s, float), np.asarray(mission.centreline, float)
     grid_s = np.arange(s[0] - BEFORE_M, s[-1] + AFTER_M, GRID_M)
@@ -126,7 +126,7 @@ def _built(task: _Task) -> Route:
         (j.stop_s, j.exit_s, max([j.exit_s, *(f.conflict_s[1] for f in j.foes)]), any(not f.pedestrian for f in j.foes))
         for j in mission.junctions
     ]
-    return Route(
+    return DriverRoute(
         points=points,
         columns=columns,
         coarse=_coarse(columns),

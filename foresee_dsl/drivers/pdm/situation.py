@@ -13,23 +13,23 @@ from functools import cached_property
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm.route import Route
+from foresee_dsl.drivers.pdm.route import DriverRoute
 from foresee_dsl.drivers.protocol import EgoState, FloatArray, JunctionPassage, Observation, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracker, Tracks
 from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.records import ACTOR, EGO, Ego
+from foresee_dsl.kernels.pdm.records import ACTOR, EGO, EgoRecord
 from foresee_dsl.kernels.pdm.route import place_actors, place_ego
 
-_STATE = slice(Ego._fields.index("x"), Ego._fields.index("s"))
+_STATE = slice(EgoRecord._fields.index("x"), EgoRecord._fields.index("s"))
 
 
 @dataclass(frozen=True)
-class Situation:
-    """The input of one step: egos: [1] `Ego`; actors: [A] `Actor`s; signals: the known colours."""
+class RoadSituation:
+    """The input of one step: egos: [1] `EgoRecord`; actors: [A] `Actor`s; signals: the known colours."""
 
-    route: Route
+    route: DriverRoute
     vehicle: VehicleLimits
     observation: Observation
     egos: Records
@@ -37,18 +37,18 @@ class Situation:
     signals: Mapping[str, SignalColour]
 
     @cached_property
-    def ego(self) -> Ego:
+    def ego(self) -> EgoRecord:
         """The ego's record as a named tuple."""
-        return Ego(*self.egos[0].item())
+        return EgoRecord(*self.egos[0].item())
 
 
 def read_situation(
-    route: Route,
+    route: DriverRoute,
     vehicle: VehicleLimits,
     observation: Observation,
     tracks: Tracks | None = None,
     signals: Mapping[str, SignalColour] | None = None,
-) -> Situation:
+) -> RoadSituation:
     """Read an observation of this step.
 
     `tracks`: the tracked others; None: those of a new tracker on this observation. `signals`: the known colours; None:
@@ -60,7 +60,7 @@ def read_situation(
     actors = np.empty(len(tracks.table), ACTOR)
     place_actors(egos, tracks.table, route.points, actors)
     signals = observation.signals if signals is None else signals
-    return Situation(route, vehicle, observation, egos, actors, signals)
+    return RoadSituation(route, vehicle, observation, egos, actors, signals)
 
 
 def to_centre(vehicle: VehicleLimits) -> float:
@@ -69,7 +69,7 @@ def to_centre(vehicle: VehicleLimits) -> float:
 
 
 def ego_record(vehicle: VehicleLimits) -> Records:
-    """Return an `Ego` record [1] of a vehicle, with a state and position of zero."""
+    """Return an `EgoRecord` record [1] of a vehicle, with a state and position of zero."""
     grip = cfg.FRICTION_SHARE * vehicle.friction * GRAVITY_MPS2
     values = {
         "length": vehicle.length_m,
@@ -98,7 +98,7 @@ def write_state(numbers: FloatArray, state: EgoState) -> None:
     numbers[_STATE] = state.x, state.y, state.heading_rad, state.speed_mps, state.acceleration_mps2
 
 
-def signal_brakings(route: Route, strongest_mps2: float, signals: Mapping[str, SignalColour]) -> FloatArray:
+def signal_brakings(route: DriverRoute, strongest_mps2: float, signals: Mapping[str, SignalColour]) -> FloatArray:
     """Return `signal_braking` of each junction, [J] m/s^2, negative where the ego may go."""
     braking = [-1.0] * len(route.passages)
     for k, _ in route.signals:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from foresee_dsl.kernels.records import array_of, dtype_of
 
 
-class Ego(NamedTuple):
+class EgoRecord(NamedTuple):
     """The driven vehicle: its limits, its state, and its position on the route. All fields are floats.
 
     Attributes:
@@ -49,7 +49,7 @@ class Ego(NamedTuple):
     rear_s: float
 
 
-class Actor(NamedTuple):
+class ActorRecord(NamedTuple):
     """The current state of another road user.
 
     Attributes:
@@ -98,7 +98,7 @@ class RoutePoint(NamedTuple):
     right: float
 
 
-class Junction(NamedTuple):
+class JunctionRecord(NamedTuple):
     """A junction on the route: s of its stop line, of its exit, and of its end for the ego (the exit, or the end of its
     last conflict). `crossed`: whether other vehicles cross the ego's route."""
 
@@ -108,7 +108,7 @@ class Junction(NamedTuple):
     crossed: bool
 
 
-class Foe(NamedTuple):
+class FoeRecord(NamedTuple):
     """A stream that crosses or joins the ego's route (`drivers.protocol.Foe`), with its path on an even grid.
 
     Attributes:
@@ -143,7 +143,7 @@ class PathPoint(NamedTuple):
     sin: float
 
 
-class Match(NamedTuple):
+class MatchRecord(NamedTuple):
     """An actor relative to a crossing stream's path: length along it, speed along it, offset; `on`: it follows the
     path."""
 
@@ -174,7 +174,7 @@ class Predicted(NamedTuple):
     speed_s: float
 
 
-class Leader(NamedTuple):
+class LeaderRecord(NamedTuple):
     """The actor that the ego must stay behind: s of its rear, and its speed along the route."""
 
     s: float
@@ -194,7 +194,7 @@ class Rolled(NamedTuple):
     sin: float
 
 
-class Conflict(NamedTuple):
+class ConflictRecord(NamedTuple):
     """Conflicts of a proposal with others in a frame: a collision at fault, too little clearance, a TTC below
     `TTC_S`."""
 
@@ -203,11 +203,15 @@ class Conflict(NamedTuple):
     ttc: bool
 
 
-EGO, ACTOR, ROUTE_POINT, JUNCTION, FOE = (dtype_of(kind) for kind in (Ego, Actor, RoutePoint, Junction, Foe))
-PATH_POINT, MATCH, PREDICTED, LEADER = (dtype_of(kind) for kind in (PathPoint, Match, Predicted, Leader))
-ROLLED, CONFLICT = dtype_of(Rolled), dtype_of(Conflict)
+EGO, ACTOR, ROUTE_POINT, JUNCTION, FOE = (
+    dtype_of(kind) for kind in (EgoRecord, ActorRecord, RoutePoint, JunctionRecord, FoeRecord)
+)
+PATH_POINT, MATCH, PREDICTED, LEADER = (dtype_of(kind) for kind in (PathPoint, MatchRecord, Predicted, LeaderRecord))
+ROLLED, CONFLICT = dtype_of(Rolled), dtype_of(ConflictRecord)
 
-EGOS, ACTORS, ROUTE, JUNCTIONS, FOES = (array_of(kind) for kind in (Ego, Actor, RoutePoint, Junction, Foe))
+EGOS, ACTORS, ROUTE, JUNCTIONS, FOES = (
+    array_of(kind) for kind in (EgoRecord, ActorRecord, RoutePoint, JunctionRecord, FoeRecord)
+)
 """The kernels' array types of these records, with the lengths 1, A, N, J and F."""
-PATHS, MATCHES, PREDICTION = array_of(PathPoint), array_of(Match, 2), array_of(Predicted, 2)
+PATHS, MATCHES, PREDICTION = array_of(PathPoint), array_of(MatchRecord, 2), array_of(Predicted, 2)
 ROLLOUT = array_of(Rolled, 2)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from foresee_dsl.language.project.document import Document
 
 
-class Outcome(StrEnum):
+class CaseOutcome(StrEnum):
     """How a test result counts: `failed`: the software under test failed; `error`: it could not be tested."""
 
     PASSED = "passed"
@@ -37,7 +37,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
-class Place:
+class ReportPlace:
     """The line at which a result is shown; `span` is None if it is shown for the whole file."""
 
     path: str
@@ -60,10 +60,10 @@ class CaseResult:
 
     suite: str
     name: str
-    outcome: Outcome
+    outcome: CaseOutcome
     rule: str
     message: str
-    place: Place
+    place: ReportPlace
     details: tuple[str, ...] = ()
     reproduce: str = ""
     attachments: tuple[str, ...] = ()
@@ -79,11 +79,11 @@ class CaseResult:
         return "\n".join((self.message, *self.details, where, *again))
 
 
-def outcome_of(verdict: Verdict) -> Outcome:
+def outcome_of(verdict: Verdict) -> CaseOutcome:
     """Return how a verdict counts."""
     if verdict is Verdict.PASS:
-        return Outcome.PASSED
-    return Outcome.ERROR if verdict in (Verdict.CRASH, Verdict.INVALID) else Outcome.FAILED
+        return CaseOutcome.PASSED
+    return CaseOutcome.ERROR if verdict in (Verdict.CRASH, Verdict.INVALID) else CaseOutcome.FAILED
 
 
 def _of(
@@ -91,7 +91,7 @@ def _of(
     name: str,
     verdict: Verdict,
     reason: str,
-    place: Place,
+    place: ReportPlace,
     broken: Sequence[str] = (),
     **more: Any,  # noqa: ANN401
 ) -> CaseResult:
@@ -101,7 +101,7 @@ def _of(
     """
     suite, reason = address.partition("::")[0], reason or verdict.label
     if verdict is Verdict.PASS and broken:
-        return CaseResult(suite, name, Outcome.FAILED, EXPECTATION, reason, place, **more)
+        return CaseResult(suite, name, CaseOutcome.FAILED, EXPECTATION, reason, place, **more)
     more["details"] = (*broken, *more.get("details", ()))
     return CaseResult(suite, name, outcome_of(verdict), verdict.value, reason, place, **more)
 
@@ -176,13 +176,13 @@ def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResu
     """Return a result for each test that `foresee verify` ran; a test that ends otherwise than expected has failed."""
     from foresee_dsl.campaign.regression.expectations import Status
 
-    broke = dict.fromkeys((Status.CRASHED, Status.TIMED_OUT, Status.STALE), Outcome.ERROR)
-    outcomes = {Status.AS_EXPECTED: Outcome.PASSED, **broke}
+    broke = dict.fromkeys((Status.CRASHED, Status.TIMED_OUT, Status.STALE), CaseOutcome.ERROR)
+    outcomes = {Status.AS_EXPECTED: CaseOutcome.PASSED, **broke}
     return tuple(
         CaseResult(
             suite=recheck.path.parent.as_posix(),
             name=recheck.path.stem + (f"::{recheck.case}" if recheck.case else ""),
-            outcome=outcomes.get(recheck.status, Outcome.FAILED),
+            outcome=outcomes.get(recheck.status, CaseOutcome.FAILED),
             rule=recheck.status.value,
             message=f"{recheck.status.label}: {recheck.now or recheck.status.meaning}",
             place=_at_line(place_of(recheck.file), recheck.line),
@@ -198,7 +198,7 @@ def reproduce(address: str, driver: str, seed: int) -> str:
     return shlex.join(("foresee", "run", address, "--driver", driver, *(("--seed", str(seed)) if seed else ())))
 
 
-def place_of(address: str, text: str | None = None) -> Place:
+def place_of(address: str, text: str | None = None) -> ReportPlace:
     """Return the place of a result: a mutant's first change, the line of the case, or else the line of the definition.
 
     `text`: the file's content; None to read the file. For a file that cannot be read the place has no line.
@@ -207,7 +207,7 @@ def place_of(address: str, text: str | None = None) -> Place:
     try:
         document = parse(text, path) if text is not None else _loaded(path)
     except (InputError, OSError):
-        return Place(path)
+        return ReportPlace(path)
     model = document.written or document.model
     items: list[Item] = [item for item in getattr(model, "body", ()) if isinstance(item, Case) and item.name == case]
     if isinstance(model, Mutant):
@@ -215,26 +215,26 @@ def place_of(address: str, text: str | None = None) -> Place:
     item = items[0] if items else model
     span = document.span(item)
     if span is None:
-        return Place(path)
+        return ReportPlace(path)
     lines = document.text.split("\n")
     source_line = lines[span.line - 1] if span.line <= len(lines) else ""
     if span.end_line != span.line:  # of a block, only the first line is shown
         span = Span(span.line, span.column, span.line, len(source_line) + 1)
-    return Place(path, span, source_line)
+    return ReportPlace(path, span, source_line)
 
 
-def _at_line(place: Place, line: int | None) -> Place:
+def _at_line(place: ReportPlace, line: int | None) -> ReportPlace:
     """Return a mutant's place unchanged; for another file, the line that states what is expected."""
     if line is None or kind_of(Path(place.path)) == "mutant":
         return place
     text = read_outside_text(Path(place.path)).splitlines()[line - 1]
-    return Place(place.path, Span(line, len(text) - len(text.lstrip()) + 1, line, len(text) + 1), text)
+    return ReportPlace(place.path, Span(line, len(text) - len(text.lstrip()) + 1, line, len(text) + 1), text)
 
 
 def as_diagnostics(results: Iterable[CaseResult]) -> Iterator[Diagnostic]:
     """Yield a diagnostic for each result that did not pass, except siblings of a finding; for SARIF and GitHub."""
     for result in results:
-        if result.outcome is not Outcome.PASSED and not result.sibling_of:
+        if result.outcome is not CaseOutcome.PASSED and not result.sibling_of:
             more = [*result.details, *((f"reproduce: {result.reproduce}",) if result.reproduce else ())]
             yield Diagnostic(
                 code=result.rule,
@@ -276,7 +276,7 @@ def _loaded(path: str) -> Document:
 def _could_not_run(what: str) -> CaseResult:
     address, _, reason = what.partition(": ")
     suite, _, name = address.partition("::")
-    return CaseResult(suite, name or address, Outcome.ERROR, "not-run", reason or what, Place(suite))
+    return CaseResult(suite, name or address, CaseOutcome.ERROR, "not-run", reason or what, ReportPlace(suite))
 
 
 def _details(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:

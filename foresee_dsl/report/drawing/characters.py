@@ -18,7 +18,7 @@ from rich.text import Text
 from foresee_dsl.report.drawing.ground import FloatArray
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.drawing.shapes import Shape
-from foresee_dsl.report.drawing.sheet import Part
+from foresee_dsl.report.drawing.sheet import DrawnPart
 
 BoolArray = NDArray[np.bool_]
 
@@ -61,7 +61,7 @@ class Screen:
         self._x_m = (x + 0.5) / self._per_m - self._left_m
         self._y_m = self._top_m - (y + 0.5) / self._per_m
 
-    def draw(self, parts: Sequence[Part]) -> None:
+    def draw(self, parts: Sequence[DrawnPart]) -> None:
         """Draw the parts of a map: the ground, and then the bodies on it."""
         bodies = []
         for part in parts:
@@ -99,7 +99,7 @@ class Screen:
             self._put(dots, marks[inside])
         return dots
 
-    def _is_point(self, part: Part) -> bool:
+    def _is_point(self, part: DrawnPart) -> bool:
         """Return whether a body is drawn as a single sign."""
         return self._length(part.shapes[0].rings[0]) < _POINT_DOTS
 
@@ -108,7 +108,7 @@ class Screen:
         opposite = outline[0] - outline[len(outline) // 2 - 1]
         return float(np.hypot(*opposite)) * self._per_m
 
-    def _body(self, part: Part) -> None:
+    def _body(self, part: DrawnPart) -> None:
         """Draw a body: the ego in blocks, the opponent filled, all others as outlines."""
         style, shape = PAINTS[part.kind].terminal, part.shapes[0]
         (outline,) = shape.rings

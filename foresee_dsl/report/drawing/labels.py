@@ -16,7 +16,7 @@ _CHUNK = 1.0
 """Length divided by height of the boxes that approximate a slanted name (ours)."""
 
 
-class Box(NamedTuple):
+class LabelBox(NamedTuple):
     """Left, top, right, bottom; pixels, y downwards."""
 
     left: float
@@ -24,13 +24,13 @@ class Box(NamedTuple):
     right: float
     bottom: float
 
-    def touches(self, other: Box) -> bool:
+    def touches(self, other: LabelBox) -> bool:
         """Return whether two boxes overlap."""
         return (
             self.left < other.right and other.left < self.right and self.top < other.bottom and other.top < self.bottom
         )
 
-    def inside(self, other: Box) -> bool:
+    def inside(self, other: LabelBox) -> bool:
         """Return whether it lies within another box."""
         return (
             self.left >= other.left
@@ -53,24 +53,24 @@ def width_of(text: str, size: float) -> float:
 class Room:
     """The occupied boxes of a map."""
 
-    def __init__(self, whole: Box) -> None:
+    def __init__(self, whole: LabelBox) -> None:
         self.whole = whole
-        self._taken: list[Box] = []
-        self._better_free: list[Box] = []
+        self._taken: list[LabelBox] = []
+        self._better_free: list[LabelBox] = []
 
-    def take(self, *boxes: Box) -> None:
+    def take(self, *boxes: LabelBox) -> None:
         """Mark boxes as taken."""
         self._taken += boxes
 
-    def spare(self, *boxes: Box) -> None:
+    def spare(self, *boxes: LabelBox) -> None:
         """Mark boxes that labels avoid if there is another place (ways)."""
         self._better_free += boxes
 
-    def free(self, box: Box) -> bool:
+    def free(self, box: LabelBox) -> bool:
         """Return whether a box is within the map and not taken."""
         return box.inside(self.whole) and not any(box.touches(taken) for taken in self._taken)
 
-    def beside(self, thing: Box, width: float, height: float, *, insist: bool) -> Box | None:
+    def beside(self, thing: LabelBox, width: float, height: float, *, insist: bool) -> LabelBox | None:
         """Take the nearest free place for a label beside a thing, and return it.
 
         With `insist`, also distant places are tried, which need a line to the thing, and if none is free the place that
@@ -94,14 +94,14 @@ class Room:
         c, s = math.cos(angle_rad), math.sin(angle_rad)
         half = height / 2
         marks = [(k + 0.5) / count * width - width / 2 for k in range(count)]
-        boxes = [Box(x + t * c - half, y + t * s - half, x + t * c + half, y + t * s + half) for t in marks]
+        boxes = [LabelBox(x + t * c - half, y + t * s - half, x + t * c + half, y + t * s + half) for t in marks]
         if not all(self.free(box) for box in boxes):
             return False
         self.take(*boxes)
         return True
 
 
-def _around(thing: Box, width: float, height: float, rings: Sequence[float]) -> Iterator[Box]:
+def _around(thing: LabelBox, width: float, height: float, rings: Sequence[float]) -> Iterator[LabelBox]:
     """Yield places beside a thing, near ones first: right, left, above, below, and the diagonals."""
     x, y = thing.middle
     wide, high = (thing.right - thing.left) / 2, (thing.bottom - thing.top) / 2
@@ -110,14 +110,14 @@ def _around(thing: Box, width: float, height: float, rings: Sequence[float]) -> 
         for dx, dy in ((1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (1, 1), (-1, -1), (-1, 1)):
             cx = x + dx * (wide + off + width / 2)
             cy = y + dy * (high + off + height / 2)
-            yield Box(cx - width / 2, cy - height / 2, cx + width / 2, cy + height / 2)
+            yield LabelBox(cx - width / 2, cy - height / 2, cx + width / 2, cy + height / 2)
 
 
-def _pushed(box: Box, whole: Box) -> Box:
+def _pushed(box: LabelBox, whole: LabelBox) -> LabelBox:
     """Return a box moved into another one."""
     dx = max(whole.left - box.left, 0.0) or min(whole.right - box.right, 0.0)
     dy = max(whole.top - box.top, 0.0) or min(whole.bottom - box.bottom, 0.0)
-    return Box(box.left + dx, box.top + dy, box.right + dx, box.bottom + dy)
+    return LabelBox(box.left + dx, box.top + dy, box.right + dx, box.bottom + dy)
 
 
 def wrapped(text: str, size: float, width: float, lines: int) -> Sequence[str]:

@@ -61,7 +61,7 @@ class Words:
 
 
 @dataclass(frozen=True)
-class Part:
+class DrawnPart:
     """The shapes and words of one object, such as a body or a trigger place; `place`: where it is written."""
 
     kind: str
@@ -73,7 +73,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Frame:
+class MapFrame:
     """A map of `width` by `height` pixels, its left and top sides in the world, m, and its `scale`, pixels per m."""
 
     width: float
@@ -107,8 +107,8 @@ class Map:
 
     x: float
     y: float
-    frame: Frame
-    parts: tuple[Part, ...]
+    frame: MapFrame
+    parts: tuple[DrawnPart, ...]
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Sheet:
     width: float
     height: float
     maps: tuple[Map, ...]
-    around: tuple[Part, ...]
+    around: tuple[DrawnPart, ...]
     label: str
     sizes: Sizes
 
@@ -133,23 +133,25 @@ class Key:
     dash: tuple[float, ...] = ()
 
 
-def legend(keys: Iterable[Key], width: float, top: float, sizes: Sizes) -> tuple[list[Part], float]:
+def legend(keys: Iterable[Key], width: float, top: float, sizes: Sizes) -> tuple[list[DrawnPart], float]:
     """Return the parts of a legend in rows, and the height of a sheet of a width that ends with it, px."""
     px = sizes.small * sizes.room
     x, y = PAD, top + px * LINE / 2
-    parts: list[Part] = []
+    parts: list[DrawnPart] = []
     for key in keys:
         wide = 24 + width_of(key.text, px)
         if x + wide > width - PAD and x > PAD:
             x, y = PAD, y + px * 1.6
         mark = np.array([(x, y), (x + 18, y)]) if key.line else rectangle(x + 1, y - 5, x + 17, y + 5)
         shape = Shape(key.paint, (mark,), closed=not key.line, width=3.0 if key.line else 1.0, dash=key.dash)
-        parts.append(Part("key", (shape,), (Words("quiet", key.text, x + 24, y, "small"),)))
+        parts.append(DrawnPart("key", (shape,), (Words("quiet", key.text, x + 24, y, "small"),)))
         x += wide + 14
     return parts, (y + px * LINE / 2 + PAD if parts else top)
 
 
-def scale_and_north(frame: Frame, sizes: Sizes, north_rad: float = math.pi / 2) -> tuple[Part, Sequence[FloatArray]]:
+def scale_and_north(
+    frame: MapFrame, sizes: Sizes, north_rad: float = math.pi / 2
+) -> tuple[DrawnPart, Sequence[FloatArray]]:
     """Return the scale bar and the arrow to the north in a map's corners, and the outlines that they cover, px.
 
     `north_rad`: direction of north, counter-clockwise from the map's right.
@@ -171,7 +173,7 @@ def scale_and_north(frame: Frame, sizes: Sizes, north_rad: float = math.pi / 2) 
     )
     words = Words("ink", f"{metres} m", 18, y - 5 - px / 2, "small")
     title = "scale; north is up" if abs(turn) < 1e-9 else "scale; the arrow points north"
-    return Part("scale", shapes, (words,), title), (plate, corner)
+    return DrawnPart("scale", shapes, (words,), title), (plate, corner)
 
 
 def rectangle(left: float, top: float, right: float, bottom: float) -> FloatArray:

@@ -9,7 +9,7 @@ from foresee_dsl.compile.templates import number
 from foresee_dsl.files import rendered, templates
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.drawing.shapes import Shape
-from foresee_dsl.report.drawing.sheet import Frame, Part, Sheet
+from foresee_dsl.report.drawing.sheet import DrawnPart, MapFrame, Sheet
 
 Scheme = Literal["", "light", "dark"]
 _ALWAYS = ("paper", "grass", "frame")
@@ -43,13 +43,13 @@ def style_of(sheet: Sheet, scheme: Scheme = "") -> str:
 
 
 def _paints(sheet: Sheet) -> Iterator[str]:
-    parts: list[Part] = [*sheet.around, *(part for map_ in sheet.maps for part in map_.parts)]
+    parts: list[DrawnPart] = [*sheet.around, *(part for map_ in sheet.maps for part in map_.parts)]
     for part in parts:
         yield from (shape.paint for shape in part.shapes)
         yield from (words.paint for words in part.words)
 
 
-def _path(shape: Shape, frame: Frame | None) -> str:
+def _path(shape: Shape, frame: MapFrame | None) -> str:
     """Return a shape as an SVG path, rounded to tenths of a pixel; a shape of a map lies in its frame."""
     end = "Z" if shape.closed else ""
     rings = (frame.pixels(ring) if frame is not None else ring for ring in shape.rings)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from foresee_dsl.report.drawing.sheet import Frame
-from foresee_dsl.report.picture.subject import FloatArray, Subject, Way
+from foresee_dsl.report.drawing.sheet import MapFrame
+from foresee_dsl.report.picture.subject import FloatArray, SceneSubject, ShownWay
 
 MARGIN_M, MARGIN_SHARE = 12.0, 0.06
 """Free margin around the relevant points: at least this many metres, and this share of the larger side. Ours: three
@@ -23,7 +23,7 @@ _ZONE_REACH_M = 60.0
 """Largest side of a trigger place that must be completely in the picture, m (ours)."""
 
 
-def frame_of(subject: Subject, width: float, *, whole: bool) -> Frame:
+def frame_of(subject: SceneSubject, width: float, *, whole: bool) -> MapFrame:
     """Return the frame of a picture `width` pixels wide: around the actors and their ways, or the whole network."""
     points = [np.array(p) for p in _whole(subject)] if whole or not subject.bodies else list(_concerned(subject))
     if not points:
@@ -40,10 +40,10 @@ def frame_of(subject: Subject, width: float, *, whole: bool) -> Frame:
     share = min(max(high_m / wide, FLATTEST), TALLEST)
     wide, high_m = max(wide, high_m / share), max(high_m, wide * share)
     scale = width / wide
-    return Frame(width, round(high_m * scale), float(middle[0]) - wide / 2, float(middle[1]) + high_m / 2, scale)
+    return MapFrame(width, round(high_m * scale), float(middle[0]) - wide / 2, float(middle[1]) + high_m / 2, scale)
 
 
-def _whole(subject: Subject) -> Iterator[FloatArray]:
+def _whole(subject: SceneSubject) -> Iterator[FloatArray]:
     for lane in subject.network.lanes.values():
         if lane.shape:
             yield np.array(lane.shape)[:, :2]
@@ -53,7 +53,7 @@ def _whole(subject: Subject) -> Iterator[FloatArray]:
         yield body.corners
 
 
-def _concerned(subject: Subject) -> Iterator[FloatArray]:
+def _concerned(subject: SceneSubject) -> Iterator[FloatArray]:
     for body in subject.bodies:
         if body.tone != "traffic":
             yield body.corners
@@ -70,7 +70,7 @@ def _concerned(subject: Subject) -> Iterator[FloatArray]:
                 yield outline
 
 
-def _rings(subject: Subject) -> Iterator[FloatArray]:
+def _rings(subject: SceneSubject) -> Iterator[FloatArray]:
     """Yield the outlines of the roundabouts that a visible way passes; a picture shows them as a whole."""
     ways = [part_of(way) for way in subject.ways]
     for ring in subject.network.rings.values():
@@ -80,7 +80,7 @@ def _rings(subject: Subject) -> Iterator[FloatArray]:
             yield outline
 
 
-def part_of(way: Way) -> FloatArray:
+def part_of(way: ShownWay) -> FloatArray:
     """Return the first part of a way, which should be in the picture, [N, 2] m."""
     steps = np.hypot(*np.diff(way.points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])

@@ -9,14 +9,14 @@ from pathlib import Path
 from foresee_dsl.report.drawing.sheet import Sheet
 from foresee_dsl.report.picture.reading import read_subject
 from foresee_dsl.report.picture.sheet import FILE_SIZES, LIVE_SIZES, WIDTH, sheet_of
-from foresee_dsl.report.picture.subject import Mistake, Subject
+from foresee_dsl.report.picture.subject import Mistake, SceneSubject
 
 
 @dataclass(frozen=True)
 class Drawing:
     """A picture with its subject."""
 
-    subject: Subject
+    subject: SceneSubject
     sheet: Sheet
 
     @property

@@ -33,9 +33,9 @@ from foresee_dsl.report.picture.subject import (
     Mistake,
     Name,
     Patch,
-    Subject,
+    SceneSubject,
+    ShownWay,
     Tone,
-    Way,
 )
 from foresee_dsl.report.picture.text_places import TextPlaces, place_of
 from foresee_dsl.report.picture.zones import where_is, zones_of
@@ -57,7 +57,9 @@ _BEST_FIRST: tuple[SignalColour, ...] = ("green", "amber", "red", "off")
 """Order in which a lane with several movements shows one of their colours."""
 
 
-def read_subject(address: str, overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True) -> Subject:
+def read_subject(
+    address: str, overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True
+) -> SceneSubject:
     """Return the subject of the picture of an address; for a scenario with cases, if none is named, of the first case.
 
     `overlay`: texts of an editor that replace those on the disk, by absolute path.
@@ -86,7 +88,7 @@ def read_subject(address: str, overlay: Mapping[Path, str] | None = None, *, all
     return subject_of(loaded, project, names, case or "")
 
 
-def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), chosen: str = "") -> Subject:
+def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), chosen: str = "") -> SceneSubject:
     """Return the subject of a test case's picture; actors that cannot be placed are left out and reported."""
     sketch = sketch_case(case)
     texts = TextPlaces(project, case)
@@ -99,7 +101,7 @@ def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), ch
     changes = tuple(print_item(change) for change in case.mutant.changes) if case.mutant is not None else ()
     document = case.document
     about = next((item.text for item in document.model.body if isinstance(item, m.Doc)), "") if document else ""
-    return Subject(
+    return SceneSubject(
         title=case.id,
         about=about,
         network=sketch.network,
@@ -120,14 +122,14 @@ def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), ch
     )
 
 
-def _network_alone(name: str, about: str, model: m.Network | Path, document: Document | None) -> Subject:
+def _network_alone(name: str, about: str, model: m.Network | Path, document: Document | None) -> SceneSubject:
     network, signals = network_of(model)
     places: dict[str, TextPlace | None] = {}
     if document is not None and isinstance(model, m.Network):
         items = (item for item in model.body if isinstance(item, m.Junction | m.Road))
         places = {item.name: place_of(document, item) for item in items}
     files = (model,) if isinstance(model, Path) else (a.absolute(Path(document.path)),) if document is not None else ()
-    return Subject(
+    return SceneSubject(
         title=name,
         about=about,
         network=network,
@@ -253,7 +255,7 @@ def _mistakes(sketch: Sketch, bodies: tuple[Body, ...]) -> Iterator[Mistake]:
 # ---- ways -----------------------------------------------------------------------------------------------------------
 
 
-def _ways(sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Iterator[Way]:
+def _ways(sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Iterator[ShownWay]:
     lines: dict[str, FloatArray] = {}
     for actor in sketch.actors:
         if tones[actor.id] == "traffic":
@@ -272,7 +274,7 @@ def _ways(sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Itera
             continue
         path = actor.line is None
         others = [line for name, line in lines.items() if name != actor.id]
-        yield Way(
+        yield ShownWay(
             actor=actor.id,
             kind="path" if path else "route",
             tone=tones[actor.id],
@@ -283,7 +285,7 @@ def _ways(sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Itera
         )
 
 
-def _later_ways(case: TestCase, sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Iterator[Way]:
+def _later_ways(case: TestCase, sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Iterator[ShownWay]:
     """Yield the paths that actors follow after a trigger."""
     for number, when in enumerate(case.scenario.all(m.When)):
         for action in all_actions(when.actions):
@@ -293,7 +295,7 @@ def _later_ways(case: TestCase, sketch: Sketch, texts: TextPlaces, tones: Mappin
             points = [xy for xy in places if xy is not None]
             if len(points) > 1:
                 text = texts.trigger(m.When, number)
-                yield Way(action.actor, "path", tones[action.actor], np.array(points), 1e6, text)
+                yield ShownWay(action.actor, "path", tones[action.actor], np.array(points), 1e6, text)
 
 
 def _matters(points: FloatArray, others: list[FloatArray], *, ego: bool) -> float:

@@ -11,11 +11,22 @@ import shapely
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.report.drawing.ground import ground_of, lines_of, within
-from foresee_dsl.report.drawing.labels import LINE, Box, Room, width_of, wrapped
+from foresee_dsl.report.drawing.labels import LINE, LabelBox, Room, width_of, wrapped
 from foresee_dsl.report.drawing.shapes import DISC_PX, Shape, arrow, body_shapes, disc, ghost_shape, ground_shapes
-from foresee_dsl.report.drawing.sheet import PAD, Frame, Key, Map, Part, Sheet, Sizes, Words, legend, scale_and_north
+from foresee_dsl.report.drawing.sheet import (
+    PAD,
+    DrawnPart,
+    Key,
+    Map,
+    MapFrame,
+    Sheet,
+    Sizes,
+    Words,
+    legend,
+    scale_and_north,
+)
 from foresee_dsl.report.picture.crop import frame_of
-from foresee_dsl.report.picture.subject import Body, Name, Patch, Subject, Way, Zone
+from foresee_dsl.report.picture.subject import Body, Name, Patch, SceneSubject, ShownWay, Zone
 from foresee_dsl.report.safe_text import shortened
 
 WIDTH = 720.0
@@ -28,7 +39,7 @@ _ARROW_PX, _GOAL_PX, _MISTAKE_PX = 9.0, 6.0, 16.0
 """Length of an arrowhead, and radii of the circles at a goal and around an error, px (ours)."""
 
 
-def sheet_of(subject: Subject, *, width: float = WIDTH, whole: bool = False, sizes: Sizes = FILE_SIZES) -> Sheet:
+def sheet_of(subject: SceneSubject, *, width: float = WIDTH, whole: bool = False, sizes: Sizes = FILE_SIZES) -> Sheet:
     """Return the sheet of a subject.
 
     Args:
@@ -48,7 +59,7 @@ def sheet_of(subject: Subject, *, width: float = WIDTH, whole: bool = False, siz
 # ---- around the map -------------------------------------------------------------------------------------------------
 
 
-def _header(subject: Subject, width: float, sizes: Sizes) -> tuple[list[Part], float]:
+def _header(subject: SceneSubject, width: float, sizes: Sizes) -> tuple[list[DrawnPart], float]:
     words: list[Words] = []
     y = PAD
     most = width - 2 * PAD
@@ -69,7 +80,7 @@ def _header(subject: Subject, width: float, sizes: Sizes) -> tuple[list[Part], f
         add(change, "title", "text", 2)
     for number, mistake in enumerate(subject.mistakes[:_LINES_MOST], start=1):
         add(f"{number}  {mistake.message}", "mistake-name", "text", 2, bold=True)
-    return [Part("header", words=tuple(words))], y + PAD / 2
+    return [DrawnPart("header", words=tuple(words))], y + PAD / 2
 
 
 _KEYS = {  # by the kind of the part that it explains
@@ -91,7 +102,7 @@ _KEYS = {  # by the kind of the part that it explains
 
 
 @lru_cache(maxsize=12)
-def _ground(network: RoadNetwork, frame: Frame) -> tuple[Part, ...]:
+def _ground(network: RoadNetwork, frame: MapFrame) -> tuple[DrawnPart, ...]:
     """Return the roads of a frame; cached, because they do not change while a user edits a scenario."""
     left, bottom, right, top = frame.bounds
     ground = ground_of(network, within(frame.bounds))
@@ -99,7 +110,7 @@ def _ground(network: RoadNetwork, frame: Frame) -> tuple[Part, ...]:
         layer: shapely.clip_by_rect(shape, left - 1, bottom - 1, right + 1, top + 1) for layer, shape in ground.items()
     }
     shapes = ground_shapes(cut, tolerance_m=0.25 / frame.scale)
-    return tuple(Part(shape.paint, (shape,)) for shape in shapes)
+    return tuple(DrawnPart(shape.paint, (shape,)) for shape in shapes)
 
 
 # ---- the contents of the map ----------------------------------------------------------------------------------------
@@ -108,22 +119,22 @@ def _ground(network: RoadNetwork, frame: Frame) -> tuple[Part, ...]:
 class _MapParts:
     """Builds the parts of a map; names are placed one after the other, in the order of importance."""
 
-    def __init__(self, subject: Subject, frame: Frame, sizes: Sizes) -> None:
+    def __init__(self, subject: SceneSubject, frame: MapFrame, sizes: Sizes) -> None:
         self._subject, self._frame, self._sizes = subject, frame, sizes
-        self._whole = Box(2, 2, frame.width - 2, frame.height - 2)
+        self._whole = LabelBox(2, 2, frame.width - 2, frame.height - 2)
         self._room = Room(self._whole)
         self._window = shapely.box(*frame.bounds)
         self._px = 1 / frame.scale
         """Length of a pixel, m."""
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[DrawnPart]:
         """Return all parts in the order of drawing, from back to front."""
         bodies = [body for body in self._subject.bodies if self._sees(body)]
         for body in bodies:
             self._room.take(self._box(body))
         self._spare_ways()
         corner, covered = scale_and_north(self._frame, self._sizes)
-        self._room.take(*(Box(*outline.min(axis=0), *outline.max(axis=0)) for outline in covered))
+        self._room.take(*(LabelBox(*outline.min(axis=0), *outline.max(axis=0)) for outline in covered))
         mistakes = self._mistakes()
         named = [self._body(body) for body in sorted(bodies, key=_rank)]
         zones = [self._zone(zone) for zone in self._subject.zones]
@@ -142,21 +153,21 @@ class _MapParts:
             line = shapely.LineString(self._frame.pixels(way.points))
             for mark in np.arange(0.0, min(line.length, 3000.0), 8.0).tolist():
                 at = line.interpolate(mark)
-                self._room.spare(Box(at.x - 3, at.y - 3, at.x + 3, at.y + 3))
+                self._room.spare(LabelBox(at.x - 3, at.y - 3, at.x + 3, at.y + 3))
 
     def _sees(self, body: Body) -> bool:
         x, y = self._frame.point(*body.middle)
         return 0 <= x <= self._frame.width and 0 <= y <= self._frame.height
 
-    def _box(self, body: Body) -> Box:
+    def _box(self, body: Body) -> LabelBox:
         points = self._frame.pixels(body.corners)
         (left, top), (right, bottom) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
         x, y = (left + right) / 2, (top + bottom) / 2
         least = DISC_PX * 0.8
-        return Box(min(left, x - least), min(top, y - least), max(right, x + least), max(bottom, y + least))
+        return LabelBox(min(left, x - least), min(top, y - least), max(right, x + least), max(bottom, y + least))
 
     def _words(
-        self, paint: str, text: str, thing: Box, *, size: str, insist: bool
+        self, paint: str, text: str, thing: LabelBox, *, size: str, insist: bool
     ) -> tuple[Words | None, Shape | None]:
         """Return a label beside a thing, and the line to the thing if the label is not close to it."""
         px = getattr(self._sizes, size) * self._sizes.room
@@ -178,7 +189,7 @@ class _MapParts:
         line = self._frame.metres(np.array([(edge_x, edge_y), (near_x, near_y)]))
         return words, Shape("leader", (line,), closed=False)
 
-    def _body(self, body: Body) -> Part:
+    def _body(self, body: Body) -> DrawnPart:
         shapes = body_shapes(body.corners, body.kind, body.tone, self._frame.scale)
         words: tuple[Words, ...] = ()
         if body.tone != "traffic":
@@ -191,37 +202,39 @@ class _MapParts:
             shapes = (leader, *shapes) if leader is not None else shapes
         title = f"{body.name}: {body.about}" + (f"; {body.mistake}" if body.mistake else "")
         kind = body.tone if body.tone in ("traffic", "thing") else "body"
-        return Part(kind, shapes, words, title, body.name, body.text)
+        return DrawnPart(kind, shapes, words, title, body.name, body.text)
 
-    def _before(self, body: Body) -> Part:
+    def _before(self, body: Body) -> DrawnPart:
         assert body.before is not None  # noqa: S101 - the caller passes only such bodies
-        return Part("before", (ghost_shape(body.before),), title=f"{body.name} before the change", name=body.name)
+        return DrawnPart("before", (ghost_shape(body.before),), title=f"{body.name} before the change", name=body.name)
 
-    def _patch(self, patch: Patch) -> Part:
+    def _patch(self, patch: Patch) -> DrawnPart:
         shape = Shape("slippery", (patch.outline,))
-        return Part("slippery", (shape,), (), f"{patch.name}: slippery, friction {patch.friction:g}", "", patch.text)
+        return DrawnPart(
+            "slippery", (shape,), (), f"{patch.name}: slippery, friction {patch.friction:g}", "", patch.text
+        )
 
-    def _zone(self, zone: Zone) -> Part:
+    def _zone(self, zone: Zone) -> DrawnPart:
         rings = zone.outlines
         shapes = [Shape("zone", rings, width=0.0)] if zone.closed else []
         width, dash = (1.4, (5.0, 3.0)) if zone.closed else (2.4, ())
         shapes.append(Shape("zone-line", rings, zone.closed, width=width, dash=dash))
         x, y = self._frame.point(*zone.at)
-        thing = Box(x - 5, y - 5, x + 5, y + 5)
+        thing = LabelBox(x - 5, y - 5, x + 5, y + 5)
         if zone.closed:  # the name of a small place stands at its edge
             points = self._frame.pixels(np.vstack(rings))
             low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
             small = max(high[0] - low[0], high[1] - low[1]) < 160
-            thing = Box(low[0], low[1], high[0], high[1]) if small else thing
+            thing = LabelBox(low[0], low[1], high[0], high[1]) if small else thing
         words: tuple[Words, ...] = ()
         if thing.touches(self._whole):
             text = shortened(zone.label, 40)
             label, leader = self._words("zone-name", text, thing, size="small", insist=True)
             words = (label,) if label is not None else ()
             shapes = [*shapes, leader] if leader is not None else shapes
-        return Part("zone", tuple(shapes), words, zone.label, "", zone.text)
+        return DrawnPart("zone", tuple(shapes), words, zone.label, "", zone.text)
 
-    def _way(self, way: Way) -> Part | None:
+    def _way(self, way: ShownWay) -> DrawnPart | None:
         inner = shapely.intersection(shapely.LineString(way.points), self._window)
         lines = [line for line in lines_of(inner) if len(line) > 1]
         if not lines:
@@ -234,9 +247,9 @@ class _MapParts:
         if way.goal and whole:
             shapes.append(Shape(f"{way.tone}-way", (disc(last[-1], _GOAL_PX * self._px),), width=2.0))
         what = "path" if path else "route"
-        return Part(f"way-{what}", tuple(shapes), title=f"{what} of {way.actor}", place=way.text)
+        return DrawnPart(f"way-{what}", tuple(shapes), title=f"{what} of {way.actor}", place=way.text)
 
-    def _head(self, number: int) -> Part | None:
+    def _head(self, number: int) -> DrawnPart | None:
         head = self._subject.heads[number]
         middle = head.line.mean(axis=0)
         if not shapely.contains_xy(self._window, *middle.tolist()):
@@ -246,9 +259,9 @@ class _MapParts:
         half = half * (max(half_px, 3.0) / max(half_px, 1e-6))
         width = min(max(half_px, 2.2), 3.4)
         shape = Shape(head.colour, (np.array([middle + half, middle - half]),), closed=False, width=width)
-        return Part(f"head-{head.colour}", (shape,), title=f"signal: {head.colour}")
+        return DrawnPart(f"head-{head.colour}", (shape,), title=f"signal: {head.colour}")
 
-    def _name(self, name: Name) -> Part | None:
+    def _name(self, name: Name) -> DrawnPart | None:
         points = self._frame.pixels(name.line)
         text = shortened(name.text, _LONGEST_NAME)
         if name.kind == "junction":
@@ -256,10 +269,12 @@ class _MapParts:
             if not (0 < x < self._frame.width and 0 < y < self._frame.height):
                 return None
             text = f"{text}: {shortened(name.note, _LONGEST_NAME)}" if name.note else text
-            thing = Box(x - 1, y - 1, x + 1, y + 1)
+            thing = LabelBox(x - 1, y - 1, x + 1, y + 1)
             words, _ = self._words("junction-name", text, thing, size="small", insist=False)
             return (
-                Part("junction", (), (words,), f"junction {name.text}", "", name.place) if words is not None else None
+                DrawnPart("junction", (), (words,), f"junction {name.text}", "", name.place)
+                if words is not None
+                else None
             )
         px = self._sizes.small * self._sizes.room
         map_ = shapely.box(0, 0, self._frame.width, self._frame.height)
@@ -276,20 +291,20 @@ class _MapParts:
             angle = angle - math.pi * round(angle / math.pi) if abs(angle) > math.pi / 2 else angle
             if self._room.along(at.x, at.y, angle, wide, px):
                 words = Words("road-name", text, at.x, at.y, "small", "middle", angle_deg=math.degrees(angle))
-                return Part("road-name", (), (words,), f"road {name.text}", "", name.place)
+                return DrawnPart("road-name", (), (words,), f"road {name.text}", "", name.place)
         return None
 
-    def _mistakes(self) -> list[Part]:
+    def _mistakes(self) -> list[DrawnPart]:
         marks = []
         for number, mistake in enumerate(self._subject.mistakes[:_LINES_MOST], start=1):
             if mistake.at is None:
                 continue
             x, y = self._frame.point(*mistake.at)
-            thing = Box(x - 15, y - 15, x + 15, y + 15)
+            thing = LabelBox(x - 15, y - 15, x + 15, y + 15)
             label, _ = self._words("mistake-name", str(number), thing, size="text", insist=True)
             ring = Shape("mistake", (disc(np.array(mistake.at), _MISTAKE_PX * self._px),), width=2.4)
             words = (label,) if label is not None else ()
-            marks.append(Part("mistake", (ring,), words, mistake.message, "", mistake.text))
+            marks.append(DrawnPart("mistake", (ring,), words, mistake.message, "", mistake.text))
         return marks
 
 

@@ -52,7 +52,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Way:
+class ShownWay:
     """The route or path of an actor, [N, 2] m; the picture should show its first `matters_m` metres."""
 
     actor: str
@@ -116,7 +116,7 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class Subject:
+class SceneSubject:
     """The contents of a picture.
 
     Attributes:
@@ -128,7 +128,7 @@ class Subject:
     about: str
     network: RoadNetwork
     bodies: tuple[Body, ...] = ()
-    ways: tuple[Way, ...] = ()
+    ways: tuple[ShownWay, ...] = ()
     zones: tuple[Zone, ...] = ()
     patches: tuple[Patch, ...] = ()
     heads: tuple[Head, ...] = ()

@@ -16,7 +16,7 @@ from foresee_dsl.kernels.boxes import corners
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.report.drawing.ground import Bounds, FloatArray, Ground, Layer, ground_of, with_patches, within
 from foresee_dsl.report.drawing.shapes import body_shapes, ghost_shape, ground_shapes
-from foresee_dsl.report.drawing.sheet import Part
+from foresee_dsl.report.drawing.sheet import DrawnPart
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.measures import Measures
 from foresee_dsl.report.show.moments import Snapshot
@@ -78,7 +78,7 @@ class Footprint:
 
 
 @dataclass(frozen=True)
-class Window:
+class PanelWindow:
     """The part of the world in a panel: its middle and side, m, and the angle by which it is turned, rad."""
 
     x: float
@@ -116,7 +116,7 @@ class Panel:
     """
 
     snapshot: Snapshot
-    window: Window
+    window: PanelWindow
     ground: Mapping[Layer, BaseGeometry]
     footprints: tuple[Footprint, ...]
     ego_mps: float
@@ -161,7 +161,7 @@ def strip_panels(
     opponent: str,
     moments: Sequence[Snapshot],
     *,
-    windows: Sequence[Window],
+    windows: Sequence[PanelWindow],
     ghost: Trace | None = None,
 ) -> tuple[Panel, ...]:
     """Return a panel for each moment of a run.
@@ -190,24 +190,24 @@ def strip_panels(
     )
 
 
-def panel_parts(panel: Panel, px_per_m: float = math.inf, *, bars: bool = True) -> tuple[Part, ...]:
+def panel_parts(panel: Panel, px_per_m: float = math.inf, *, bars: bool = True) -> tuple[DrawnPart, ...]:
     """Return the parts of a panel from back to front, m; `px_per_m`, `bars`: see `body_shapes` and `ground_shapes`."""
-    ground = (Part(shape.paint, (shape,)) for shape in ground_shapes(panel.ground, bars=bars))
+    ground = (DrawnPart(shape.paint, (shape,)) for shape in ground_shapes(panel.ground, bars=bars))
     # Pedestrians are drawn last, because at a contact the ego would cover them.
     bodies = sorted(panel.footprints, key=lambda footprint: footprint.kind == "pedestrian")
     return (*ground, *(_body(footprint, px_per_m) for footprint in bodies))
 
 
-def _body(footprint: Footprint, px_per_m: float) -> Part:
+def _body(footprint: Footprint, px_per_m: float) -> DrawnPart:
     role, title = footprint.role, shortened(footprint.actor, _LONGEST_TITLE)
     if role is Role.GHOST:
-        return Part(role.value, (ghost_shape(footprint.corners),), title=title)
-    return Part(role.value, body_shapes(footprint.corners, footprint.kind, role.value, px_per_m), title=title)
+        return DrawnPart(role.value, (ghost_shape(footprint.corners),), title=title)
+    return DrawnPart(role.value, body_shapes(footprint.corners, footprint.kind, role.value, px_per_m), title=title)
 
 
 def windows_around(
     trace: Trace, bundle: SumoBundle, opponent: str, moments: Sequence[Snapshot], up: Up
-) -> tuple[Window, ...]:
+) -> tuple[PanelWindow, ...]:
     """Return a window around ego and opponent for each moment; the direction that is up is the same in all of them.
 
     Args:
@@ -227,29 +227,29 @@ def _way(trace: Trace, bundle: SumoBundle, frame: int) -> float:
     return near.lane.line.at(near.pos_m)[2]
 
 
-def _cut(ground: Ground, window: Window) -> Ground:
+def _cut(ground: Ground, window: PanelWindow) -> Ground:
     shapes = {layer: window.shape(shape) for layer, shape in ground.items()}
     return {layer: shape for layer, shape in shapes.items() if not shape.is_empty}
 
 
-def _window(trace: Trace, opponent: str, frame: int, turn: float) -> Window:
+def _window(trace: Trace, opponent: str, frame: int, turn: float) -> PanelWindow:
     """Return the smallest window around ego and opponent; without a near opponent, a window ahead of the ego."""
     x, y, heading = trace.states[frame, 0, [X, Y, HEADING]].tolist()
     if opponent:
         other = trace.states[frame, trace.index(opponent), [X, Y]]
         if np.hypot(*(other - (x, y))) <= TOGETHER_M:  # False where it is absent
             pair = np.array([(x, y), other.tolist()])
-            turned = Window(0.0, 0.0, 0.0, turn).points(pair)
+            turned = PanelWindow(0.0, 0.0, 0.0, turn).points(pair)
             reach = float(np.abs(turned[1] - turned[0]).max()) + 2 * MARGIN_M
             side = next((side for side in SIDES_M if side >= reach), SIDES_M[-1])
             middle = pair.mean(axis=0).tolist()
-            return Window(middle[0], middle[1], side, turn)
+            return PanelWindow(middle[0], middle[1], side, turn)
     side = SIDES_M[3]
     ahead = AHEAD_SHARE * side
-    return Window(x + ahead * math.cos(heading), y + ahead * math.sin(heading), side, turn)
+    return PanelWindow(x + ahead * math.cos(heading), y + ahead * math.sin(heading), side, turn)
 
 
-def _footprints(trace: Trace, opponent: str, frame: int, window: Window, ghost: Trace | None) -> list[Footprint]:
+def _footprints(trace: Trace, opponent: str, frame: int, window: PanelWindow, ghost: Trace | None) -> list[Footprint]:
     footprints = [
         footprint
         for k in range(len(trace.actors))
@@ -276,7 +276,7 @@ def role_of(trace: Trace, actor: int, opponent: str) -> Role:
     return Role.OTHER if np.nanmax(speeds, initial=0.0) > STANDS_MPS else Role.PARKED
 
 
-def _footprint(trace: Trace, actor: int, frame: int, window: Window, role: Role) -> Footprint | None:
+def _footprint(trace: Trace, actor: int, frame: int, window: PanelWindow, role: Role) -> Footprint | None:
     """Return an actor's footprint in a window; None if it is absent or outside."""
     row = trace.states[frame, actor]
     if np.isnan(row[X]):

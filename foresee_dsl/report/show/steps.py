@@ -38,7 +38,7 @@ _LABEL = 9
 
 
 @dataclass(frozen=True)
-class Step:
+class ShownStep:
     """One step of a driver: its observation, its answer, and its reasons (none if it does not state any)."""
 
     time_s: float
@@ -56,7 +56,7 @@ class RecordingDriver:
     def __init__(self, driver: Driver, from_s: float, to_s: float, every_s: float) -> None:
         """Prepare to record a step every `every_s`, from one time to another, s."""
         self.name, self.version = driver.name, driver.version
-        self.steps: list[Step] = []
+        self.steps: list[ShownStep] = []
         self._driver, self._from_s, self._to_s = driver, from_s, to_s
         self._every = max(round(every_s / STEP_S), 1)
 
@@ -73,7 +73,7 @@ class RecordingDriver:
             reasons = tuple(self._driver.explain()) if isinstance(self._driver, Explaining) else ()
             measured_s = now_s if observation.measured_s is None else observation.measured_s
             seen = observation.actors, dict(observation.signals)
-            self.steps.append(Step(now_s, measured_s, observation.ego, *seen, control, reasons))
+            self.steps.append(ShownStep(now_s, measured_s, observation.ego, *seen, control, reasons))
         return control
 
     def close(self) -> None:
@@ -84,14 +84,14 @@ class RecordingDriver:
 
 def recorded_steps(
     original: ShownRun, from_s: float = 0.0, to_s: float = math.inf, every_s: float = STEP_S
-) -> tuple[tuple[Step, ...], bool]:
+) -> tuple[tuple[ShownStep, ...], bool]:
     """Repeat a run; return its steps, and whether it is identical to the run that is shown."""
     driver = RecordingDriver(load_driver(original.driver), from_s, to_s, every_s)
     result = run(original.bundle, driver, seed=original.seed, sensors=sensors_of(original.driver))
     return tuple(driver.steps), result.trace.digest == original.trace.digest
 
 
-def step_lines(step: Step, trace: Trace, opponent: str, width: int) -> Iterator[Text]:
+def step_lines(step: ShownStep, trace: Trace, opponent: str, width: int) -> Iterator[Text]:
     """Yield a step in lines of a width (0: of any length): the answer, the reasons, the objects and signals seen.
 
     Args:
@@ -139,7 +139,7 @@ def _reason(reason: Reason, names: dict[int, str]) -> str:
     return safe(f"{wish}{reason.rule}: {actor}{' ' if actor else ''}{reason.text}{room}")
 
 
-def _seen(seen: SeenActor, step: Step, names: dict[int, str]) -> str:
+def _seen(seen: SeenActor, step: ShownStep, names: dict[int, str]) -> str:
     dx, dy = seen.x - step.ego.x, seen.y - step.ego.y
     cos, sin = math.cos(step.ego.heading_rad), math.sin(step.ego.heading_rad)
     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
@@ -149,7 +149,7 @@ def _seen(seen: SeenActor, step: Step, names: dict[int, str]) -> str:
     return f"{name} ({seen.kind}) {along}, {across}, {seen.speed_mps * 3.6:.0f} km/h"
 
 
-def _names(step: Step, trace: Trace) -> dict[int, str]:
+def _names(step: ShownStep, trace: Trace) -> dict[int, str]:
     """Return the actor's id of each track: the nearest actor of its class at the time of the measurement."""
     states = trace.states[trace.frame_at(max(step.measured_s, 0.0))]
     ids: dict[int, str] = {}

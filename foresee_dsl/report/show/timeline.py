@@ -30,7 +30,7 @@ _WAS = "  in its parent"
 
 
 @dataclass(frozen=True)
-class Line:
+class TimelineLine:
     """A line: its name, a sign for each column, the figures at its end, its style."""
 
     name: str
@@ -147,7 +147,7 @@ class _Scale:
         return max(end, 0.05) / max(self._columns - 1, 1)
 
 
-def _lines(measures: Measures, opponent: str, scale: _Scale, parent: Measures | None) -> Iterator[Line]:
+def _lines(measures: Measures, opponent: str, scale: _Scale, parent: Measures | None) -> Iterator[TimelineLine]:
     was = (None, None, None) if parent is None else (parent.ego_mps, parent.other_mps, parent.gap_m)
     yield from _motion("ego", measures.ego_mps, measures.ego_mps2, scale, _EGO, was[0])
     if not opponent:
@@ -156,13 +156,13 @@ def _lines(measures: Measures, opponent: str, scale: _Scale, parent: Measures | 
     if not stands:
         yield from _motion(opponent, measures.other_mps, measures.other_mps2, scale, _OTHER, was[1])
     most = min(_most(measures.gap_m), GAP_MOST_M)
-    yield Line("gap", _bars(scale.of(measures.gap_m, np.min), most), f"least {_least(measures.gap_m):.2f} m")
+    yield TimelineLine("gap", _bars(scale.of(measures.gap_m, np.min), most), f"least {_least(measures.gap_m):.2f} m")
     if was[2] is not None and np.isfinite(was[2]).any():
-        yield Line(_WAS, _bars(scale.of(was[2], np.min), most), f"least {_least(was[2]):.2f} m", "dim")
+        yield TimelineLine(_WAS, _bars(scale.of(was[2], np.min), most), f"least {_least(was[2]):.2f} m", "dim")
     if np.isfinite(measures.ttc_s).any():
         worst = scale.of(measures.ttc_s, np.min)
         signs = "".join("·" if not math.isfinite(value) else str(min(int(value), 9)) for value in worst)
-        yield Line("time to collision", signs, f"least {_least(measures.ttc_s):.2f} s")
+        yield TimelineLine("time to collision", signs, f"least {_least(measures.ttc_s):.2f} s")
     yield from _sight("ego sees", measures.ego_sees, measures, scale, _EGO)
     if not stands:
         yield from _sight("seen by", measures.other_sees, measures, scale, _OTHER)
@@ -170,36 +170,36 @@ def _lines(measures: Measures, opponent: str, scale: _Scale, parent: Measures | 
 
 def _motion(
     name: str, mps: FloatArray, mps2: FloatArray, scale: _Scale, style: str, was: FloatArray | None
-) -> Iterator[Line]:
+) -> Iterator[TimelineLine]:
     """Yield the lines of an actor's speed, of its speed in the parent's run, of its braking and its acceleration."""
     present = mps[~np.isnan(mps)]
     if not present.size:
         return
     most_kmh = _most(mps if was is None else np.concatenate([mps, was])) * 3.6
     title = f"{shortened(name, _LABEL - 6)} speed"
-    yield Line(title, _bars(scale.of(mps * 3.6, np.mean), most_kmh), _kmh(present), style)
+    yield TimelineLine(title, _bars(scale.of(mps * 3.6, np.mean), most_kmh), _kmh(present), style)
     if was is not None and (before := was[~np.isnan(was)]).size:
-        yield Line(_WAS, _bars(scale.of(was * 3.6, np.mean), most_kmh), _kmh(before), "dim")
+        yield TimelineLine(_WAS, _bars(scale.of(was * 3.6, np.mean), most_kmh), _kmh(before), "dim")
     for word, signed in (("brakes", -mps2), ("speeds up", mps2)):
         most = _most(signed)
         if most > LEAST_MPS2:
             bars = _bars([max(value, 0.0) for value in scale.of(signed, np.max)], most, least=LEAST_MPS2)
-            yield Line(f"  {word}", bars, f"most {most:.1f} m/s^2", style)
+            yield TimelineLine(f"  {word}", bars, f"most {most:.1f} m/s^2", style)
 
 
 def _kmh(mps: FloatArray) -> str:
     return f"{mps[0] * 3.6:.0f} to {mps[-1] * 3.6:.0f} km/h"
 
 
-def _sight(words: str, holds: BoolArray, measures: Measures, scale: _Scale, style: str) -> Iterator[Line]:
+def _sight(words: str, holds: BoolArray, measures: Measures, scale: _Scale, style: str) -> Iterator[TimelineLine]:
     share = float(holds.mean()) if len(holds) else 0.0
     signs = "".join("━" if held else "·" for held in scale.any(holds))
     if share in (0.0, 1.0):
-        yield Line(words, signs, "all the time" if share else "never", style)
+        yield TimelineLine(words, signs, "all the time" if share else "never", style)
         return
     # the time since when the last value holds
     since = float(measures.time_s[np.flatnonzero(holds != holds[-1])[-1] + 1])
-    yield Line(words, signs, f"{'since' if holds[-1] else 'not since'} {since:.2f} s", style)
+    yield TimelineLine(words, signs, f"{'since' if holds[-1] else 'not since'} {since:.2f} s", style)
 
 
 def _bars(values: Sequence[float], most: float, *, least: float = 0.0) -> str:

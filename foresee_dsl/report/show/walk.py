@@ -17,7 +17,7 @@ from foresee_dsl.report.show.measures import Measures, measure
 from foresee_dsl.report.show.moments import Snapshot
 from foresee_dsl.report.show.page import Page
 from foresee_dsl.report.show.panels import Panel, strip_panels, windows_around
-from foresee_dsl.report.show.steps import Step, step_lines
+from foresee_dsl.report.show.steps import ShownStep, step_lines
 from foresee_dsl.simulate.trace import STEP_S
 
 HELP = "→ space: on   ←: back   ↓ ↑: a second   home end   q: leave"
@@ -36,10 +36,10 @@ MOVES = {
 LEAVES = (b"q", b"\x1b", b"\x03", b"\x04", b"")
 
 
-class Walk:
+class RunWalk:
     """The screens of a walk, one for each step."""
 
-    def __init__(self, page: Page, steps: Sequence[Step]) -> None:
+    def __init__(self, page: Page, steps: Sequence[ShownStep]) -> None:
         self._page, self._steps = page, tuple(steps)
 
     def __len__(self) -> int:
@@ -72,7 +72,7 @@ class Walk:
             Text(shortened(f"{index + 1}/{len(self._steps)}   {HELP}", width), style="dim"),
         ]
 
-    def _panel(self, step: Step) -> Panel:
+    def _panel(self, step: ShownStep) -> Panel:
         run, strip = self._page.run, self._page.strips[-1]
         frame = run.trace.frame_at(step.time_s)
         near = [moment.text for moment in strip.moments if moment.frame == frame]
@@ -87,7 +87,7 @@ class Walk:
         return measure(run.trace, run.bundle, self._page.strips[-1].opponent)
 
 
-def walk(console: Console, tour: Walk) -> None:
+def walk(console: Console, tour: RunWalk) -> None:
     """Show the steps one at a time, controlled by keys, until the user ends the walk."""
     index: int | None = 0
     with console.screen(), _keys() as pressed:

@@ -72,7 +72,7 @@ class BendSpeeds:
         self.slowest_mps = min(self.speeds)
 
 
-class Stretch(NamedTuple):
+class BendStretch(NamedTuple):
     """The part of `LaneBends.points` that holds the bends of one lane and of the lanes that follow it.
 
     Attributes:
@@ -84,7 +84,7 @@ class Stretch(NamedTuple):
     slowest_mps: float
 
 
-NO_BENDS = Stretch(0, 0, math.inf)
+NO_BENDS = BendStretch(0, 0, math.inf)
 """The stretch of a vehicle that is not on a lane."""
 
 
@@ -96,13 +96,13 @@ class _StretchCache:
     """
 
     def __init__(self) -> None:
-        self.stretches: dict[tuple[str, ModelSpec, tuple[str, ...], float], Stretch] = {}
+        self.stretches: dict[tuple[str, ModelSpec, tuple[str, ...], float], BendStretch] = {}
         self.points = speed_points((), ())
 
-    def add(self, bends: BendSpeeds) -> Stretch:
+    def add(self, bends: BendSpeeds) -> BendStretch:
         begin = len(self.points)
         self.points = np.concatenate([self.points, speed_points(bends.marks, bends.speeds)])
-        return Stretch(begin, len(self.points), bends.slowest_mps)
+        return BendStretch(begin, len(self.points), bends.slowest_mps)
 
 
 _CACHES: WeakKeyDictionary[RoadNetwork, _StretchCache] = WeakKeyDictionary()
@@ -131,13 +131,13 @@ class LaneBends:
         """[P] `SpeedPoint`s: the length along the lane of the point's stretch, and the speed that is possible there."""
         return self._cache.points
 
-    def ahead(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> Stretch:
+    def ahead(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> BendStretch:
         """Return the bends of a vehicle's lane and of the lanes that follow on its route."""
         if lane not in self._network.lanes:
             return NO_BENDS
         return self._of(vehicle, model, lane, route)
 
-    def _of(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> Stretch:
+    def _of(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> BendStretch:
         movement = next(reversed(self._network.movements_through(lane)), None)
         edge = movement.to_edge if movement is not None else self._network.lanes[lane].edge
         edges = self._left(vehicle, route, edge)

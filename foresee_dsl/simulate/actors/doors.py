@@ -9,7 +9,7 @@ from foresee_dsl.compile.bundle import DoorOf, PlacedActor
 from foresee_dsl.compile.placement.doors import DOOR_OPEN_DEG, hinge_m
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.simulate.actors.moved_actors import StaticActor
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.world import World
 
 
@@ -22,12 +22,12 @@ class OpenDoor(StaticActor):
         """Start absent; `belongs_to` and `follow` put the door at its owner's side."""
         super().__init__(actor, world, network, edge)
         self._network, self._of = network, of
-        self.owner: Actor = self
+        self.owner: SimulatedActor = self
         self.is_open = of.is_open
         self.present = False
         self.positions = ()
 
-    def belongs_to(self, actors: Mapping[str, Actor]) -> None:
+    def belongs_to(self, actors: Mapping[str, SimulatedActor]) -> None:
         """Set `owner` to the actor whose door it is."""
         self.owner = actors[self._of.actor]
 

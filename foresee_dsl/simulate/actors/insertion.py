@@ -8,7 +8,7 @@ from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.actors.moved_actors import with_timing
 from foresee_dsl.simulate.actors.shown_actors import ShownActors
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
 from foresee_dsl.simulate.results.metrics import since_entry_s
 from foresee_dsl.simulate.trace import STEP_S
@@ -62,7 +62,7 @@ class Insertion:
         for vehicle in self._vehicles.values():
             vehicle.speed = with_timing(vehicle.placed).speed_mps
         before = {vehicle.id: with_timing(vehicle.in_sumo()) for vehicle in self._vehicles.values()}
-        here: list[Actor] = []
+        here: list[SimulatedActor] = []
         for count, wave in enumerate(waves):
             self._hold(here, before)
             for actor in wave:
@@ -84,13 +84,13 @@ class Insertion:
         for vehicle in rolling:
             world.let_go(vehicle.id)
 
-    def _insertion_order(self) -> tuple[list[list[Actor]], int]:
+    def _insertion_order(self) -> tuple[list[list[SimulatedActor]], int]:
         """Return which actors are inserted in which step, and from which step on stand-ins are shown.
 
         A vehicle inside a junction that stands or drives slower than it may is treated as yielding to a vehicle that
         entered earlier. For the others the time since they entered is the distance inside divided by their speed.
         """
-        vehicles: list[Actor] = [self._shown_actors.ego, *self._vehicles.values()]
+        vehicles: list[SimulatedActor] = [self._shown_actors.ego, *self._vehicles.values()]
         bends = self._traffic.may_drive_mps()
         at_speed = {
             vehicle.id: vehicle.speed >= min(self._cruise_mps[vehicle.id], bends[vehicle.id]) - MAY_DRIVE_MPS
@@ -101,11 +101,11 @@ class Insertion:
         going = [a for a in inside if a is self._shown_actors.ego or _drives_freely(a, at_speed[a.id])]
         yielding = [a for a in inside if a not in going]
         rest = [a for a in vehicles if a not in inside]
-        none: list[Actor] = []
+        none: list[SimulatedActor] = []
         waves = [*([a] for a in going), none, *([a] for a in yielding), rest, *([none] * REGISTRATION_STEPS)]
         return waves, len(going)
 
-    def _since_entry(self, actor: Actor, at_speed: bool) -> float:
+    def _since_entry(self, actor: SimulatedActor, at_speed: bool) -> float:
         """Return the estimated time since a vehicle's front entered the junction that it is on, s; 0 outside junctions.
 
         `at_speed`: whether it drives as fast as it may.
@@ -117,7 +117,7 @@ class Insertion:
         waited = actor is not self._shown_actors.ego and _accelerates_freely(actor) and not at_speed
         return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
 
-    def _add(self, actor: Actor, before: Mapping[str, PlacedActor]) -> None:
+    def _add(self, actor: SimulatedActor, before: Mapping[str, PlacedActor]) -> None:
         if actor is self._shown_actors.ego:
             self._world.bodies.add(
                 self._shown_actors.ego.id, self._shown_actors.ego.placed.model.name, self._shown_actors.ego.placed.route
@@ -129,7 +129,7 @@ class Insertion:
         if placed.timing < 1.0:
             self._world.set_acceleration(actor.id, placed.model.acceleration_mps2 * placed.timing**2)
 
-    def _hold(self, actors: Iterable[Actor], before: Mapping[str, PlacedActor]) -> None:
+    def _hold(self, actors: Iterable[SimulatedActor], before: Mapping[str, PlacedActor]) -> None:
         for actor in actors:
             if actor is self._shown_actors.ego:
                 self._shown_actors.show_ego(0, -STEP_S)
@@ -147,11 +147,11 @@ class Insertion:
             self._world.settle(vehicle.id, speed, vehicle.acceleration)
 
 
-def _accelerates_freely(actor: Actor) -> bool:
+def _accelerates_freely(actor: SimulatedActor) -> bool:
     """Return whether a vehicle accelerates as if nothing were in its way."""
     return actor.acceleration >= GAINS_SHARE * actor.placed.model.acceleration_mps2 * min(actor.placed.timing, 1.0) ** 2
 
 
-def _drives_freely(actor: Actor, at_speed: bool) -> bool:
+def _drives_freely(actor: SimulatedActor, at_speed: bool) -> bool:
     """Return whether a vehicle inside a junction seems to have nothing to wait for."""
     return actor.speed >= STANDS_MPS and (_accelerates_freely(actor) or at_speed)

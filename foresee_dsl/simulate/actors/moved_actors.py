@@ -22,7 +22,7 @@ from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, lateral_limit_mps2, limits_of
 from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
 from foresee_dsl.simulate.actors.path_followers import PathFollower
-from foresee_dsl.simulate.actors.states import Actor, StateTable
+from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import ROUNDING_M, SumoVehicle
 from foresee_dsl.simulate.moved_bodies import GHOST_TYPE
 from foresee_dsl.simulate.trace import STEP_S
@@ -37,7 +37,7 @@ PASSES_M = 1.1
 m."""
 
 
-class Ego(Actor):
+class EgoVehicle(SimulatedActor):
     """The vehicle of the driver under test."""
 
     __slots__ = ("_recorded", "_state", "motion")
@@ -55,7 +55,7 @@ class Ego(Actor):
         return self.motion.limits
 
     def join(self, state_table: StateTable, number: int, row: FloatArray) -> None:
-        """See `Actor.join`."""
+        """See `SimulatedActor.join`."""
         super().join(state_table, number, row)
         self._state = row.view(dtype_of(VehicleState))
 
@@ -202,7 +202,7 @@ class StandIn:
             del self._in[name]
 
 
-class StaticActor(Actor):
+class StaticActor(SimulatedActor):
     """An obstacle that does not move."""
 
     __slots__ = ("positions", "stand_in")
@@ -218,7 +218,7 @@ class StaticActor(Actor):
         self.positions = _blocked_by(self, network)
 
 
-class PathActor(Actor):
+class PathActor(SimulatedActor):
     """A pedestrian, cyclist or vehicle that follows a path; a `PathGroup` moves it and lets SUMO's vehicles see it.
 
     Attributes:
@@ -337,7 +337,7 @@ _BLOCKED: WeakKeyDictionary[RoadNetwork, dict[Box, tuple[LanePosition, ...]]] = 
 """Cache of the stretches that bodies block: the obstacles of a clip's children stand at the same places."""
 
 
-def _blocked_by(block: Actor, network: RoadNetwork) -> tuple[LanePosition, ...]:
+def _blocked_by(block: SimulatedActor, network: RoadNetwork) -> tuple[LanePosition, ...]:
     """Return the stretches of lanes that a body blocks, from the cache if it is there."""
     cache, box = _BLOCKED.setdefault(network, {}), block.box
     if box not in cache:

@@ -19,7 +19,7 @@ from foresee_dsl.kernels.path_following import (
     UNKNOWN,
     Follower,
     PathCell,
-    Sight,
+    SightRecord,
     advance,
     find_seen,
 )
@@ -106,7 +106,7 @@ class PathGroup:
         self._with_stops = [actor for actor in actors if actor.stops]
         self._seen: list[StandIn] = []
         self._sight_count: int | None = None  # result of `find_seen` for the next step, if `move` has computed it
-        self._sights = np.zeros(len(actors), dtype_of(Sight))
+        self._sights = np.zeros(len(actors), dtype_of(SightRecord))
         self._records = np.zeros(len(actors), dtype_of(Follower))
         self._seen_on = self._records["seen_on"]  # a view, kept because looking up a record's field is slow
         self._seen_on[:], self._records["row"] = OFF_ROAD, rows
@@ -174,7 +174,7 @@ class PathGroup:
         self._seen = [stand_in for stand_in in self._seen if stand_in is not actor.stand_in]
 
     def _find(self) -> list[tuple[int, int, int, float, float, float, float, float]]:
-        """Return the `Sight`s of the next step; except before the first frame, `move` has computed them already."""
+        """Return the records of the next step; except before the first frame, `move` has computed them already."""
         count, self._sight_count = self._sight_count, None
         if count is None:
             count = find_seen(self._records, self._states, self._lines, self._cells, self._sights)

@@ -11,8 +11,8 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
-from foresee_dsl.simulate.actors.moved_actors import Ego, PathActor, SteeredVehicle
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, PathActor, SteeredVehicle
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.world import World
 
@@ -46,7 +46,7 @@ class SlipperyGround:
         frictions = [min(self.friction_at(float(x), float(y)), self._road) for x, y in points]
         return sum(frictions) / len(frictions)
 
-    def take_effect(self, actors: Iterable[Actor], vehicles: Mapping[str, SumoVehicle], world: World) -> None:
+    def take_effect(self, actors: Iterable[SimulatedActor], vehicles: Mapping[str, SumoVehicle], world: World) -> None:
         """Set the grip of all actors for the next step; `vehicles`: the vehicles that SUMO drives, by id."""
         if not self._patches:
             return
@@ -54,7 +54,7 @@ class SlipperyGround:
             if not actor.present:
                 continue
             match actor:
-                case Ego():
+                case EgoVehicle():
                     self.hold(actor.motion, actor.bicycle())
                 case SteeredVehicle() if actor.recovery is not None:
                     self.hold(actor.recovery.bicycle, actor.bicycle())
@@ -88,7 +88,7 @@ class SlipperyGround:
                 (self._slowed.add if slips else self._slowed.discard)(name)
 
 
-class Limits:
+class RoadLimits:
     """The lanes whose speed limit was changed, and the speeds of vehicles on them.
 
     A vehicle's speed on such a lane depends only on its cruising speed and on both limits, so that a clip needs nothing
@@ -113,13 +113,13 @@ class Limits:
                 self._now[lane_info.id] = speed_mps
                 self._world.set_limit(lane_info.id, speed_mps)
 
-    def capped(self, actor: Actor, speed_mps: float) -> float:
+    def capped(self, actor: SimulatedActor, speed_mps: float) -> float:
         """Return an ordered speed (m/s), reduced to the limit where the limit was lowered."""
         self._driven.pop(actor.id, None)
         now = self._now.get(actor.lane)
         return speed_mps if now is None or now >= self._network.lanes[actor.lane].speed_mps else min(speed_mps, now)
 
-    def driven(self, actor: Actor, cruise_mps: float) -> float | None:
+    def driven(self, actor: SimulatedActor, cruise_mps: float) -> float | None:
         """Return the speed (m/s) on its lane of an actor without a speed order; None if SUMO already has this speed."""
         if actor.lane.startswith(":"):
             return None

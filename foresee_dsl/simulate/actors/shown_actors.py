@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
-from foresee_dsl.simulate.actors.moved_actors import Ego, StaticActor, SteeredVehicle
+from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, StaticActor, SteeredVehicle
 from foresee_dsl.simulate.actors.path_groups import PathGroup
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World
@@ -25,7 +25,9 @@ class ShownActors:
         joined: vehicles that SUMO drives from this step on, at the end of their path.
     """
 
-    def __init__(self, ego: Ego, actors: Iterable[Actor], paths: PathGroup, progress: Progress, world: World) -> None:
+    def __init__(
+        self, ego: EgoVehicle, actors: Iterable[SimulatedActor], paths: PathGroup, progress: Progress, world: World
+    ) -> None:
         """Select them from all actors; `paths`: the group of the actors on paths."""
         self.ego, self.paths, self._progress, self._world = ego, paths, progress, world
         actors = list(actors)

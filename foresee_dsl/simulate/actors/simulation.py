@@ -15,11 +15,11 @@ from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.insertion import Insertion
-from foresee_dsl.simulate.actors.moved_actors import Ego, PathActor, StaticActor, SteeredVehicle, with_timing
+from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, PathActor, StaticActor, SteeredVehicle, with_timing
 from foresee_dsl.simulate.actors.path_groups import PathGroup
-from foresee_dsl.simulate.actors.roads import Limits, SlipperyGround
+from foresee_dsl.simulate.actors.roads import RoadLimits, SlipperyGround
 from foresee_dsl.simulate.actors.shown_actors import ShownActors
-from foresee_dsl.simulate.actors.states import Actor, StateTable
+from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.progress import Progress
@@ -41,8 +41,8 @@ class Simulation:
         self.world, self.network, self.scene = world, bundle.network, bundle.scene
         scene = bundle.scene
         edge = scene.ego.route[0]
-        self.ego = Ego(scene.ego, scene.friction)
-        self.actors: list[Actor] = [self.ego, *(self._make(actor, edge) for actor in scene.actors[1:])]
+        self.ego = EgoVehicle(scene.ego, scene.friction)
+        self.actors: list[SimulatedActor] = [self.ego, *(self._make(actor, edge) for actor in scene.actors[1:])]
         vehicles = tuple(actor for actor in self.actors if isinstance(actor, SumoVehicle))
         on_paths = {a.id for a in vehicles if isinstance(a, GuidedVehicle) and a.guide is not None}
         self.sumo_vehicles = {actor.id: actor for actor in vehicles if actor.id not in on_paths}
@@ -70,7 +70,7 @@ class Simulation:
         )
         for name in on_paths:
             self._traffic.drop(name)
-        self.limits = Limits(self.network, world)
+        self.limits = RoadLimits(self.network, world)
         self.ground = SlipperyGround(scene)
         self.frame = 0
         self.time_s = 0.0
@@ -114,7 +114,7 @@ class Simulation:
             door.follow()
         return left
 
-    def order_speed(self, actor: Actor, speed_mps: float) -> None:
+    def order_speed(self, actor: SimulatedActor, speed_mps: float) -> None:
         """Limit an actor's speed to this value and to its model's maximum from the next step on; 0 halts it."""
         speed_mps = min(speed_mps, actor.placed.model.max_speed_mps)
         if isinstance(actor, PathActor):
@@ -137,7 +137,7 @@ class Simulation:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)
 
-    def brake(self, actor: Actor, speed_mps: float | None) -> None:
+    def brake(self, actor: SimulatedActor, speed_mps: float | None) -> None:
         """Limit an actor's speed in the next step without a limit on its braking; None: it drives on as before."""
         if actor.id in self.world:
             self.world.brake(actor.id, speed_mps)
@@ -147,7 +147,7 @@ class Simulation:
         if speed_mps is None or actor.id not in self.world:
             self.order_speed(actor, self.cruise_mps[actor.id] if speed_mps is None else speed_mps)
 
-    def brake_harder(self, actor: Actor, most_mps2: float) -> None:
+    def brake_harder(self, actor: SimulatedActor, most_mps2: float) -> None:
         """Let an actor on a path brake with at least this (m/s^2) instead of its comfortable braking; 0: as before."""
         follower = actor.follower if isinstance(actor, PathActor) else None
         if isinstance(actor, GuidedVehicle) and actor.guide is not None:
@@ -155,14 +155,14 @@ class Simulation:
         if follower is not None:
             follower.brake_harder(most_mps2)
 
-    def path_done(self, actor: Actor) -> bool:
+    def path_done(self, actor: SimulatedActor) -> bool:
         """Return whether an actor has reached the end of the path that it was ordered to follow."""
         if isinstance(actor, PathActor):
             return actor.follower.arrived
         return isinstance(actor, GuidedVehicle) and (actor.guide is None or actor.arrived)
 
     def follow_path(
-        self, actor: Actor, points: Iterable[XY], way: tuple[tuple[str, ...], RouteLine] | None
+        self, actor: SimulatedActor, points: Iterable[XY], way: tuple[tuple[str, ...], RouteLine] | None
     ) -> tuple[XY, ...]:
         """Let an actor leave its lane or path and follow another path from its current position; return that path.
 
@@ -212,7 +212,7 @@ class Simulation:
         vehicle.speed = placed.speed_mps
         self._shown_actors.joined.append(vehicle)
 
-    def leave(self, actor: Actor) -> None:
+    def leave(self, actor: SimulatedActor) -> None:
         """Remove an actor from the world for the rest of the run."""
         actor.present = False
         if isinstance(actor, SumoVehicle):
@@ -225,18 +225,18 @@ class Simulation:
         elif isinstance(actor, StaticActor):
             self._shown_actors.hide(actor)
 
-    def close_up(self, actor: Actor, *, on: bool) -> None:
+    def close_up(self, actor: SimulatedActor, *, on: bool) -> None:
         """Let a vehicle that SUMO drives come as near to others as its orders require, or restore its usual gap."""
         if actor.id in self.world:
             self.world.close_up(actor.id, on=on)
 
-    def keep_to_lane(self, actor: Actor, lane: str) -> None:
+    def keep_to_lane(self, actor: SimulatedActor, lane: str) -> None:
         """Let a vehicle that SUMO drives change to a lane of its current edge, or stay on it."""
         edge, _, index = lane.rpartition("_")
         if actor.lane.rpartition("_")[0] == edge and actor.id in self.world:
             self.world.keep_to_lane(actor.id, int(index))
 
-    def _keep_in_bay(self, actor: Actor) -> None:
+    def _keep_in_bay(self, actor: SimulatedActor) -> None:
         """Let a vehicle that is told to stand in a bay stay there.
 
         Its route goes on beside the bay, and SUMO 1.28 changes the lane of a vehicle that stands, too.
@@ -253,7 +253,7 @@ class Simulation:
                     self.world.set_cruise(vehicle.id, speed_mps)
                     self._traffic.set_cruise(vehicle.id, speed_mps)
 
-    def ignore(self, actor: Actor, what: str, *, on: bool = True) -> None:
+    def ignore(self, actor: SimulatedActor, what: str, *, on: bool = True) -> None:
         """Let an actor ignore `signals` or `priority`, or obey them again."""
         (self.ignored_rules[actor.id].add if on else self.ignored_rules[actor.id].discard)(what)
         if what == "signals" and isinstance(actor, PathActor):
@@ -261,13 +261,13 @@ class Simulation:
         if actor.id in self.world:
             self.world.ignore(actor.id, what, on=on)
 
-    def others(self, actor: Actor) -> Iterable[Actor]:
+    def others(self, actor: SimulatedActor) -> Iterable[SimulatedActor]:
         """Return all present actors except this one."""
         return (other for other in self.actors if other is not actor and other.present)
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    def _make(self, actor: PlacedActor, edge: str) -> Actor:
+    def _make(self, actor: PlacedActor, edge: str) -> SimulatedActor:
         wheels = actor.model.kind in WHEELS and actor.steering is None
         if actor.joins or (actor.guided and wheels and actor.control in ("sumo", "path")):
             return GuidedVehicle(actor, self.world, self.network, edge, self.scene.friction)
@@ -293,7 +293,7 @@ class Simulation:
             if not actor.present:
                 self.world.remove(actor.id)
 
-    def _red_ahead(self, actor: Actor) -> float | None:
+    def _red_ahead(self, actor: SimulatedActor) -> float | None:
         if "signals" in self.ignored_rules[actor.id]:
             return None
         for passage, room in self.progress.ahead(actor, self.frame, LOOKS_AHEAD_M):

@@ -19,7 +19,7 @@ IntArray = NDArray[np.int32]
 _ON_NONE = -1
 
 
-class Actor:
+class SimulatedActor:
     """An actor's current footprint and motion; the runner's other modules change it in place.
 
     The values lie in an array of their own or, once the actor has joined a `StateTable`, in a row of that table.
@@ -175,7 +175,7 @@ class StateTable:
         along: [A] length along the actor's path, m; NaN without a path.
     """
 
-    def __init__(self, actors: Sequence[Actor]) -> None:
+    def __init__(self, actors: Sequence[SimulatedActor]) -> None:
         """Gather these actors; their rows become the tables' rows, in this order."""
         self.states = np.array([actor._row for actor in actors]).reshape(-1, len(FIELDS))
         self.lanes: IntArray = np.full(len(actors), _ON_NONE, dtype=np.int32)

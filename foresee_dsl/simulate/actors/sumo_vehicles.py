@@ -28,7 +28,7 @@ from foresee_dsl.kernels.lines import vertices
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.bend_speeds import LaneBends
-from foresee_dsl.simulate.actors.states import Actor, StateTable
+from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
@@ -65,7 +65,7 @@ _ON_LANES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceOnLane]] =
 """Caches by network: most vehicles of a clip's children begin at the same places."""
 
 
-class SumoVehicle(Actor):
+class SumoVehicle(SimulatedActor):
     """A vehicle that SUMO drives.
 
     Attributes:
@@ -80,7 +80,7 @@ class SumoVehicle(Actor):
         """Start where the actor is placed."""
         super().__init__(actor)
         self._network = network
-        self.record: Any = np.array([self._first_record()], dtype_of(sumo_traffic.SumoVehicle))[0]
+        self.record: Any = np.array([self._first_record()], dtype_of(sumo_traffic.SumoVehicleRecord))[0]
         self.rolls = False
         self._beside = "", 0.0  # the lane on which its position was looked up, and the length along it, m
         if actor.lane:
@@ -100,9 +100,9 @@ class SumoVehicle(Actor):
         """Its current offset to the left of its position in SUMO, m."""
         return float(self.record["offset"])
 
-    def _first_record(self) -> sumo_traffic.SumoVehicle:
+    def _first_record(self) -> sumo_traffic.SumoVehicleRecord:
         model, x, y = self.placed.model, self.placed.x, self.placed.y
-        return sumo_traffic.SumoVehicle(
+        return sumo_traffic.SumoVehicleRecord(
             row=0,
             half_length=model.length_m / 2,
             rear_axle=model.front_overhang_m + model.wheelbase_m,
@@ -303,7 +303,7 @@ class SumoTraffic:
     ) -> None:
         self._vehicles, self._world = tuple(vehicles), world
         self._numbers = {vehicle.id: number for number, vehicle in enumerate(vehicles)}
-        self._records = np.array([vehicle.record for vehicle in vehicles], dtype_of(sumo_traffic.SumoVehicle))
+        self._records = np.array([vehicle.record for vehicle in vehicles], dtype_of(sumo_traffic.SumoVehicleRecord))
         self._ordered = self._records["ordered"]  # a view: reading a record's field takes ten times as long
         self._states = states.states.reshape(-1).view(dtype_of(VehicleState))
         self._table = lane_table(network)

@@ -31,7 +31,7 @@ class SidewaysOrder(Protocol):
         ...
 
 
-class Shift:
+class LateralShift:
     """Moves a vehicle to another `line`, linearly over a time, or without one at the usual lateral speed."""
 
     def __init__(self, simulation: Simulation, actor: SumoVehicle, action: ChangesLine) -> None:

@@ -11,7 +11,7 @@ from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import KeepsGap, MatchesSpeed
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.orders.speed import WAITS_MPS
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -28,7 +28,7 @@ short to compute a speed from."""
 class Gap:
     """Keeps a gap behind or ahead of another actor: a distance, or a time at the speed of the rear actor."""
 
-    def __init__(self, simulation: Simulation, actor: Actor, action: KeepsGap) -> None:
+    def __init__(self, simulation: Simulation, actor: SimulatedActor, action: KeepsGap) -> None:
         self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
         self._gap, self._timed = si_of(action.gap), action.gap_is_time
         self._leads = action.way == "leads"
@@ -71,7 +71,7 @@ class Gap:
 class Match:
     """Drives at another actor's current speed, times a factor, plus a difference."""
 
-    def __init__(self, simulation: Simulation, actor: Actor, action: MatchesSpeed) -> None:
+    def __init__(self, simulation: Simulation, actor: SimulatedActor, action: MatchesSpeed) -> None:
         self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
         self._factor = 1.0 if action.factor is None else si_of(action.factor)
         self._more = 0.0 if action.more is None else si_of(action.more)
@@ -105,7 +105,12 @@ class Synchrony:
     """
 
     def __init__(
-        self, simulation: Simulation, actor: Actor, other: Actor, places: tuple[float, float], final_mps: float | None
+        self,
+        simulation: Simulation,
+        actor: SimulatedActor,
+        other: SimulatedActor,
+        places: tuple[float, float],
+        final_mps: float | None,
     ) -> None:
         self._simulation, self._actor, self._other = simulation, actor, other
         self._own_s, self._their_s = places
@@ -152,5 +157,5 @@ class Synchrony:
         halfway = max((4 * own / time_s - now - self._final) / 2, 0.0)
         return max(now + (halfway - now) / (time_s / 2) * STEP_S, 0.0) if time_s > 2 * STEP_S else self._final
 
-    def _room(self, actor: Actor, s: float) -> float:
+    def _room(self, actor: SimulatedActor, s: float) -> float:
         return s - self._simulation.progress.front(actor, self._simulation.frame)

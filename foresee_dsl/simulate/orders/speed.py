@@ -16,7 +16,7 @@ from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -63,7 +63,7 @@ class Command(Protocol):
 class Ramp:
     """Changes an actor's speed linearly; the final speed becomes its cruising speed."""
 
-    def __init__(self, simulation: Simulation, actor: Actor, to_mps: float, over_s: float) -> None:
+    def __init__(self, simulation: Simulation, actor: SimulatedActor, to_mps: float, over_s: float) -> None:
         self._simulation, self._actor, self._to, self._over = simulation, actor, to_mps, over_s
         self._since, self._from = simulation.time_s, actor.speed
 
@@ -86,7 +86,7 @@ class Ramp:
 class Stop:
     """Brakes comfortably to a stop, stands for a duration or to the end, then drives as before."""
 
-    def __init__(self, simulation: Simulation, actor: Actor, duration_s: float | None) -> None:
+    def __init__(self, simulation: Simulation, actor: SimulatedActor, duration_s: float | None) -> None:
         self._simulation, self._actor, self._duration = simulation, actor, duration_s
         self._pace = actor.speed
         self._stands_since: float | None = None
@@ -120,7 +120,9 @@ class Halt:
     The speed depends only on the distance to the place: a clip that begins in between continues in the same way.
     """
 
-    def __init__(self, simulation: Simulation, actor: Actor, place: StopSpot, duration_s: float | None) -> None:
+    def __init__(
+        self, simulation: Simulation, actor: SimulatedActor, place: StopSpot, duration_s: float | None
+    ) -> None:
         self._simulation, self._actor, self._place, self._duration = simulation, actor, place, duration_s
         self._resumed = False
         self.stands_s: float | None = None
@@ -211,7 +213,7 @@ class StopSpot(NamedTuple):
 class Braking:
     """Brakes an actor at a fixed rate for a time, once it moves (`acts`: in any case); then it drives on as before."""
 
-    def __init__(self, simulation: Simulation, actor: Actor, brakes: Timed, *, acts: bool = False) -> None:
+    def __init__(self, simulation: Simulation, actor: SimulatedActor, brakes: Timed, *, acts: bool = False) -> None:
         self._simulation, self._actor, self._brakes = simulation, actor, brakes
         self.acts = acts
         """Whether it brakes the actor now."""
@@ -250,7 +252,7 @@ class Meeting:
     the state of both actors, and the kept speed is recorded: a clip that begins in between continues in the same way.
     """
 
-    def __init__(self, simulation: Simulation, recorder: Recorder, actor: Actor, meets: Meets) -> None:
+    def __init__(self, simulation: Simulation, recorder: Recorder, actor: SimulatedActor, meets: Meets) -> None:
         self._simulation, self._recorder, self._actor = simulation, recorder, actor
         self._other, self._junction = simulation.by_id[meets.other], word_of(meets.junction)
         self._points = simulation.progress.meeting(actor, self._other, self._junction)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.language import model as m
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.orders.lateral import SidewaysOrder
 from foresee_dsl.simulate.orders.pair import Gap
 from foresee_dsl.simulate.orders.speed import BOUND_FROM_M, Braking, Command, Halt, Meeting
@@ -36,7 +36,7 @@ class StandingOrders:
         self._starts: dict[str, float] = {}
         self._sideways: dict[str, SidewaysOrder] = {}
         self._latest_sideways: dict[str, SidewaysOrder] = {}
-        self._bound: list[tuple[Actor, str, str]] = []
+        self._bound: list[tuple[SimulatedActor, str, str]] = []
         self._bound_on: set[tuple[str, str, str]] = set()
         self._braking: dict[str, Braking] = {}
 
@@ -46,7 +46,7 @@ class StandingOrders:
 
     # --- giving orders ---------------------------------------------------------------------------------------------
 
-    def give(self, actor: Actor, command: Command) -> IsComplete:
+    def give(self, actor: SimulatedActor, command: Command) -> IsComplete:
         """Give a speed order; it is complete when it is done, or when another order replaces it."""
         before = self._commands.get(actor.id)
         if isinstance(before, Gap | Braking):
@@ -55,30 +55,30 @@ class StandingOrders:
         self.new.append(actor.id)
         return lambda: self._latest[actor.id] is not command or command.complete()
 
-    def note(self, actor: Actor, command: Command) -> IsComplete:
+    def note(self, actor: SimulatedActor, command: Command) -> IsComplete:
         """Make a speed order the actor's latest, although it does nothing in the single steps."""
         self._latest[actor.id] = command
         return lambda: self._latest[actor.id] is not command or command.complete()
 
-    def end(self, actor: Actor) -> None:
+    def end(self, actor: SimulatedActor) -> None:
         """End an actor's speed order, if it has one."""
         self._commands.pop(actor.id, None)
 
-    def give_sideways(self, actor: Actor, order: SidewaysOrder) -> IsComplete:
+    def give_sideways(self, actor: SimulatedActor, order: SidewaysOrder) -> IsComplete:
         """Give an order about an actor's lateral position in its lane."""
         self._sideways[actor.id] = self._latest_sideways[actor.id] = order
         return lambda: self._latest_sideways[actor.id] is not order or order.complete()
 
-    def start(self, actor: Actor, at_s: float) -> IsComplete:
+    def start(self, actor: SimulatedActor, at_s: float) -> IsComplete:
         """Let an actor start at a time."""
         self._starts[actor.id] = at_s
         return lambda: self._simulation.time_s >= at_s - STEP_S / 100
 
-    def brake(self, actor: Actor, braking: Braking) -> None:
+    def brake(self, actor: SimulatedActor, braking: Braking) -> None:
         """Let an actor brake at a time, regardless of its other orders."""
         self._braking[actor.id] = braking
 
-    def ignore_near(self, actor: Actor, what: str, junction: str) -> None:
+    def ignore_near(self, actor: SimulatedActor, what: str, junction: str) -> None:
         """Let an actor ignore a rule near a junction."""
         self._bound.append((actor, what, junction))
 
@@ -133,7 +133,7 @@ class StandingOrders:
                 (self._bound_on.add if near else self._bound_on.discard)(key)
                 self._simulation.ignore(actor, what, on=near)
 
-    def _near(self, actor: Actor, junction: str) -> bool:
+    def _near(self, actor: SimulatedActor, junction: str) -> bool:
         progress = self._simulation.progress
         span = progress.span(actor, junction)
         if span is None:
@@ -151,7 +151,7 @@ class StandingOrders:
 
     # --- what is recorded ------------------------------------------------------------------------------------------
 
-    def record_path(self, actor: Actor, path: tuple[XY, ...], joins: tuple[str, ...]) -> None:
+    def record_path(self, actor: SimulatedActor, path: tuple[XY, ...], joins: tuple[str, ...]) -> None:
         """Record the path that an actor was ordered to follow, and the edges that it joins at the path's end."""
         states = self.recorded[actor.id]
         add(states, replace(states[-1], time_s=self.now_s, path=path, joins=joins))

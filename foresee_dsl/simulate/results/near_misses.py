@@ -87,7 +87,7 @@ class NearMisses:
 @Part.JUDGING.measured
 def near_misses(trace: Trace) -> NearMisses:
     """Return how near the ego came to a failure in a run, obstacles and parked cars included."""
-    run = _Run(trace)
+    run = _Footprints(trace)
     ttc, drac = _conflicts(run)
     return NearMisses(_closest(run), ttc, _encroachment(run), drac)
 
@@ -98,7 +98,7 @@ def times_to_collision(trace: Trace, actor: int) -> FloatArray:
     Args:
         trace: a run. actor: column of the other actor.
     """
-    run, frames = _Run(trace), np.arange(trace.frames)
+    run, frames = _Footprints(trace), np.arange(trace.frames)
     times_s = np.full(trace.frames, np.inf)
     if trace.frames:
         ego = run.path(0)
@@ -113,7 +113,7 @@ def braking_needed(trace: Trace, actor: int) -> FloatArray:
     Args:
         trace: a run. actor: column of the other actor.
     """
-    run, frames = _Run(trace), np.arange(trace.frames)
+    run, frames = _Footprints(trace), np.arange(trace.frames)
     braking = np.zeros(trace.frames)
     if trace.frames:
         ego = run.path(0)
@@ -122,7 +122,7 @@ def braking_needed(trace: Trace, actor: int) -> FloatArray:
     return braking
 
 
-class _Run:
+class _Footprints:
     """A run as footprints."""
 
     def __init__(self, trace: Trace) -> None:
@@ -161,7 +161,7 @@ class _Run:
 class _Path:
     """An actor's path, as a function of the length along it, m."""
 
-    def __init__(self, run: _Run, actor: int) -> None:
+    def __init__(self, run: _Footprints, actor: int) -> None:
         self.present: IntArray = np.flatnonzero(~np.isnan(run.xy[:, actor, 0]))
         self._xy, self._heading = run.xy[self.present, actor], np.unwrap(run.heading[self.present, actor])
         steps = self._xy[1:] - self._xy[:-1]
@@ -187,7 +187,7 @@ class _Path:
 # --- smallest distance -----------------------------------------------------------------------------------------------
 
 
-def _closest(run: _Run) -> NearMiss | None:
+def _closest(run: _Footprints) -> NearMiss | None:
     if not np.isfinite(run.apart).any():
         return None
     # The distance of two footprints is at least that of the circles around them and at most that of circles inside.
@@ -202,7 +202,7 @@ def _closest(run: _Run) -> NearMiss | None:
 # --- time to collision, and the braking it takes ---------------------------------------------------------------------
 
 
-def _conflicts(run: _Run) -> tuple[NearMiss | None, NearMiss | None]:
+def _conflicts(run: _Footprints) -> tuple[NearMiss | None, NearMiss | None]:
     """Return the smallest TTC and the largest DRAC."""
     ego, frames = run.path(0), len(run.xy)
     # The last frame is always evaluated: a failure happens there.
@@ -227,13 +227,13 @@ def _conflicts(run: _Run) -> tuple[NearMiss | None, NearMiss | None]:
     return soonest, hardest
 
 
-def _ahead(run: _Run, ego: _Path, frames: IntArray) -> tuple[FloatArray, FloatArray]:
+def _ahead(run: _Footprints, ego: _Path, frames: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return the ego's predicted positions after each frame, [N, steps ahead] x and y, m."""
     return ego.places(ego.along[frames, None] + run.speed[frames, 0, None] * _STEPS_AHEAD_S)
 
 
 def _with(
-    run: _Run,
+    run: _Footprints,
     ego: _Path,
     actor: int,
     looked_at: IntArray,
@@ -300,7 +300,7 @@ class _Pieces:
     middle: IntArray
 
 
-def _encroachment(run: _Run) -> NearMiss | None:
+def _encroachment(run: _Footprints) -> NearMiss | None:
     if run.xy.shape[1] < 2 or not len(run.xy):
         return None
     mine, theirs = _pieces(run, [0]), _pieces(run, list(range(1, run.xy.shape[1])))
@@ -318,7 +318,7 @@ def _encroachment(run: _Run) -> NearMiss | None:
     return None if best is None else run.miss(best[0] * STEP_S, best[1], best[2])
 
 
-def _pieces(run: _Run, actors: list[int]) -> _Pieces:
+def _pieces(run: _Footprints, actors: list[int]) -> _Pieces:
     first, last, of = [], [], []
     for actor in actors:
         path = run.path(actor)
@@ -334,7 +334,7 @@ def _pieces(run: _Run, actors: list[int]) -> _Pieces:
     return _Pieces(np.concatenate(of or empty), a, b, (a + b) // 2)
 
 
-def _candidates(run: _Run, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
+def _candidates(run: _Footprints, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
     """Return the indices of pairs of pieces (of the ego, of another actor) that may have a spot in common."""
     if not theirs.actor.size:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
@@ -352,7 +352,7 @@ def _candidates(run: _Run, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, In
     return i[meet], j[meet]
 
 
-def _between(run: _Run, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
+def _between(run: _Footprints, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
     """Return the least number of steps between both actors at one spot of two pieces, and the later frame."""
     actor = int(theirs.actor[j])
     e = _moving(run, int(mine.first[i]), int(mine.last[i]), 0)
@@ -369,7 +369,7 @@ def _between(run: _Run, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple
     return int(steps[k]), int(max(ego[k], other[k]))
 
 
-def _moving(run: _Run, first: int, last: int, actor: int) -> IntArray:
+def _moving(run: _Footprints, first: int, last: int, actor: int) -> IntArray:
     """Return the frames of a piece without the inner frames of a stand: only arriving and leaving count."""
     frames = np.arange(first, last + 1)
     stands = run.speed[frames, actor] == 0.0

@@ -226,7 +226,7 @@ class Decision:
     impact: Impact | None = None
 
 
-class Judge:
+class OutcomeJudge:
     """Watches a run and decides when and how it ends.
 
     Args:

@@ -48,7 +48,7 @@ def _order(seed: int) -> tuple[int, ...]:
     return tuple(np.argsort(keys_of(seed, ("tracks",), _AT_ONCE)[0], kind="stable").tolist())
 
 
-class Tracks:
+class SensedTracks:
     """Assigns track numbers; each number is used once in a run."""
 
     def __init__(self, seed: int, forgets_frames: int) -> None:
@@ -101,7 +101,7 @@ class ObjectList:
         self._settings = np.array([_scan_settings(limits, settings)], dtype_of(ScanSettings))
         self._poses = np.empty((2, 3))
         self._noise = Streams(seed, names, (slow, slow, slow, slow, 1.0, 1.0), max(frames_of(noise.slow_s), 1))
-        self._tracks = Tracks(seed, frames_of(settings.forgets_s))
+        self._tracks = SensedTracks(seed, frames_of(settings.forgets_s))
 
     def measure(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
         """Return the measured objects, the nearest first; arguments as for `table`."""

@@ -13,7 +13,7 @@ from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.records import dtype_of
-from foresee_dsl.kernels.sight import MARKS, Body, SightLimits, Wall, clear_points, in_sight, walls_near
+from foresee_dsl.kernels.sight import MARKS, BodyRecord, SightLimits, Wall, clear_points, in_sight, walls_near
 from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges, SensorSettings
 from foresee_dsl.simulate.sensing.weather import CLEAR, Air
 
@@ -97,7 +97,7 @@ class Sight:
         shares = np.array((1.0, settings.high_share, settings.low_share))
         rises = bodies.heights_m[:, None] * shares - settings.eye_m
         rows = np.column_stack([bodies.sizes_m, rises, self.range_m, np.zeros(len(bodies.kinds))])
-        self.bodies: Records = rows.view(dtype_of(Body))[:, 0]
+        self.bodies: Records = rows.view(dtype_of(BodyRecord))[:, 0]
         # A body beyond the longest range cannot hide a visible object.
         reach_m = max(float(self.range_m.max(initial=0.0)), self.signal_range_m)
         all_around = settings.field_of_view_rad >= math.tau

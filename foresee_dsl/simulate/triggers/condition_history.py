@@ -24,11 +24,11 @@ from foresee_dsl.language.traversal import si_of
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome, every, some
-from foresee_dsl.simulate.triggers.kinds import Kind, Truth, kind_of, truth_of
-from foresee_dsl.simulate.triggers.record import Run, Runs
+from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions, every, some
+from foresee_dsl.simulate.triggers.kinds import ConditionKind, Truth, kind_of, truth_of
+from foresee_dsl.simulate.triggers.record import HoldingTime, Runs
 
-Note = Callable[[int, Run | None], None]
+Note = Callable[[int, HoldingTime | None], None]
 """Called when the condition of a `for` begins or ceases (None) to hold, with its place in the condition's `parts`."""
 
 
@@ -43,13 +43,13 @@ class Watch:
         """Begin with the frame of the first `look`."""
         self._condition, self._conditions, self._note = condition, conditions, note
         self._windows: dict[int, _Window] = {}
-        self._kinds: dict[int, Kind] = {}
-        self._last: tuple[int, Outcome | None] | None = None
+        self._kinds: dict[int, ConditionKind] = {}
+        self._last: tuple[int, ConditionOutcome | None] | None = None
         self.truth: Truth = truth_of(condition, conditions) or self._followed
         """Returns whether the condition holds at this frame, without its margin; None if it cannot be evaluated."""
         self._held: tuple[int, bool | None] = (-1, None)
 
-    def look(self) -> Outcome | None:
+    def look(self) -> ConditionOutcome | None:
         """Return whether the condition holds at this frame, and its margin; None if it cannot be evaluated."""
         frame = self._conditions.frame
         if self._last is None or self._last[0] != frame:
@@ -78,7 +78,7 @@ class Watch:
         """The runs of those `for`s whose condition holds now, by their place."""
         return {number: window.run for number, window in self._windows.items() if window.run is not None}
 
-    def _look(self, condition: Condition, number: int, *, positive: bool) -> tuple[Outcome | None, int]:
+    def _look(self, condition: Condition, number: int, *, positive: bool) -> tuple[ConditionOutcome | None, int]:
         """Return the outcome of a part and the number of the next part (`parts` counts outer parts first).
 
         `positive`: whether the part stands under an even number of `not`.
@@ -116,15 +116,15 @@ class _Window:
     def __init__(self, condition: Sustained, now_s: float, *, unsaid: bool) -> None:
         self._frames = max(0, math.ceil(si_of(condition.duration) / STEP_S - 1e-6))
         self._unsaid = unsaid
-        self._seen: deque[Outcome | None] = deque(maxlen=self._frames + 1)
+        self._seen: deque[ConditionOutcome | None] = deque(maxlen=self._frames + 1)
         self._since_s: float | None = None if condition.since is None else si_of(condition.since)
         if self._since_s is not None:
-            self._seen.append(Outcome(False, decides=condition))
+            self._seen.append(ConditionOutcome(False, decides=condition))
             held = math.floor((now_s - self._since_s) / STEP_S + 1e-6)
-            self._seen.extend([Outcome(True, decides=condition)] * min(held, self._frames + 1))
-        self.run: Run | None = None
+            self._seen.extend([ConditionOutcome(True, decides=condition)] * min(held, self._frames + 1))
+        self.run: HoldingTime | None = None
 
-    def add(self, outcome: Outcome | None, now_s: float) -> bool:
+    def add(self, outcome: ConditionOutcome | None, now_s: float) -> bool:
         """Add the outcome of the next frame; return whether the condition began or ceased to hold."""
         before_s, self._since_s = self._since_s, None
         evaluated = before_s is not None or (bool(self._seen) and self._seen[-1] is not None)
@@ -133,10 +133,10 @@ class _Window:
         if not (self._unsaid if outcome is None else outcome.held):
             self.run = None
         elif before is None:
-            self.run = Run(now_s if before_s is None else before_s, evaluated)
+            self.run = HoldingTime(now_s if before_s is None else before_s, evaluated)
         return (before is None) != (self.run is None)
 
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> ConditionOutcome | None:
         """Return whether the condition has held for the duration; None while the run (or step) is younger than that,
         unless the condition failed once."""
         missing = len(self._seen) <= self._frames
@@ -177,7 +177,7 @@ class _Watched:
     def __init__(self, expect: Expect, conditions: Conditions) -> None:
         self._expect = expect
         self._watch = Watch(expect.condition, conditions)
-        self._so_far: Outcome | None = None
+        self._so_far: ConditionOutcome | None = None
         self._until = math.inf if expect.within is None else si_of(expect.within) + 1e-9
         self.settled = False
         is_fact = isinstance(expect.condition, Predicate | Sees | InSight | Shows)

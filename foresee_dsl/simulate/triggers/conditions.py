@@ -26,7 +26,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import outlines_of
 from foresee_dsl.simulate.triggers.ways import Ways
 
@@ -50,7 +50,7 @@ class Sightlines(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ConditionOutcome:
     """Whether a condition holds at a frame, and its margin.
 
     Attributes:
@@ -69,7 +69,7 @@ class Outcome:
     dimension: str = ""
     value: float = math.nan
 
-    def negated(self) -> Outcome:
+    def negated(self) -> ConditionOutcome:
         """Return the outcome of the negated condition."""
         return replace(self, held=not self.held, margin=-self.margin)
 
@@ -131,11 +131,11 @@ class Conditions:
         actor = self.actor(name)
         return actor is not None and any(overlaps(actor.box, other.box) for other in self.simulation.others(actor))
 
-    def gap(self, actor: Actor, other: Actor) -> float:
+    def gap(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the distance between two footprints, m."""
         return float(gap(self.states, self.sizes, self.rows[actor.id], self.rows[other.id]))
 
-    def actor(self, name: str | None) -> Actor | None:
+    def actor(self, name: str | None) -> SimulatedActor | None:
         """Return the present actor with this name; None without one."""
         actor = self.simulation.by_id.get(name or "")
         return actor if actor is not None and actor.present else None
@@ -145,18 +145,18 @@ class Conditions:
         return name not in self.simulation.by_id and self.simulation.network.is_junction(name)
 
 
-def every(outcomes: Iterable[Outcome | None], *, unknown: bool = False) -> Outcome | None:
+def every(outcomes: Iterable[ConditionOutcome | None], *, unknown: bool = False) -> ConditionOutcome | None:
     """Return the outcome of `and`: a part that does not hold decides; otherwise None if a part has no outcome, or with
     `unknown`."""
     return _joined(tuple(outcomes), enough=False, unknown=unknown)
 
 
-def some(outcomes: Iterable[Outcome | None]) -> Outcome | None:
+def some(outcomes: Iterable[ConditionOutcome | None]) -> ConditionOutcome | None:
     """Return the outcome of `or`: a part that holds decides; otherwise None if a part has no outcome."""
     return _joined(tuple(outcomes), enough=True, unknown=False)
 
 
-def _joined(outcomes: tuple[Outcome | None, ...], *, enough: bool, unknown: bool) -> Outcome | None:
+def _joined(outcomes: tuple[ConditionOutcome | None, ...], *, enough: bool, unknown: bool) -> ConditionOutcome | None:
     """Join outcomes of which one with `held == enough` decides.
 
     The margin is that of a deciding part: of those with the dimension of the first, the smallest for `and`, the largest

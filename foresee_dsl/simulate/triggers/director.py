@@ -23,8 +23,8 @@ from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor
-from foresee_dsl.simulate.orders.lateral import Beside, Shift, SidewaysOrder
+from foresee_dsl.simulate.actors.states import SimulatedActor
+from foresee_dsl.simulate.orders.lateral import Beside, LateralShift, SidewaysOrder
 from foresee_dsl.simulate.orders.pair import Gap, Match, Synchrony
 from foresee_dsl.simulate.orders.speed import Braking, Command, Halt, Meeting, Ramp, Reverse, Stop, StopSpot
 from foresee_dsl.simulate.orders.standing import StandingOrders
@@ -109,7 +109,7 @@ class Director:
         complete = self._begin_action(actor, action)
         return lambda: not actor.present or complete()
 
-    def _begin_action(self, actor: Actor, action: m.Moves) -> IsComplete:
+    def _begin_action(self, actor: SimulatedActor, action: m.Moves) -> IsComplete:
         match action:
             case m.Meets():
                 complete = self._meet(actor, action)
@@ -171,7 +171,7 @@ class Director:
 
     # --- actions ---------------------------------------------------------------------------------------------------
 
-    def _meet(self, actor: Actor, meets: m.Meets) -> IsComplete:
+    def _meet(self, actor: SimulatedActor, meets: m.Meets) -> IsComplete:
         junction, gap_s = word_of(meets.junction), si_of(meets.gap)
         detail = {"other": meets.other, "junction": junction, "gap_s": gap_s, "order": meets.order}
         self.event("meets", detail, actor.id)
@@ -185,23 +185,23 @@ class Director:
             self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
         return self._orders.note(actor, meeting)
 
-    def _ignore(self, actor: Actor, what: str, junction: str | None) -> None:
+    def _ignore(self, actor: SimulatedActor, what: str, junction: str | None) -> None:
         self.event("ignores", {"what": what, "junction": junction}, actor.id)
         if junction is None:
             self._simulation.ignore(actor, what)
         else:
             self._orders.ignore_near(actor, what, junction)
 
-    def _start(self, actor: Actor) -> IsComplete:
+    def _start(self, actor: SimulatedActor) -> IsComplete:
         self.event("starts", {"delay_s": actor.placed.delay_s}, actor.id)
         return self._orders.start(actor, self._simulation.time_s + actor.placed.delay_s)
 
-    def _change_speed(self, actor: Actor, action: m.ChangesSpeed) -> IsComplete:
+    def _change_speed(self, actor: SimulatedActor, action: m.ChangesSpeed) -> IsComplete:
         to, over = si_of(action.to), None if action.over is None else si_of(action.over)
         self.event("changes_speed", {"to_mps": to, "over_s": over, "from_mps": actor.speed}, actor.id)
         return self._orders.give(actor, Ramp(self._simulation, actor, to * actor.placed.timing, over or 0.0))
 
-    def _change_lane(self, actor: Actor, action: m.ChangesLane) -> IsComplete:
+    def _change_lane(self, actor: SimulatedActor, action: m.ChangesLane) -> IsComplete:
         side = word_of(action.side)
         self.event("changes_lane", {"side": side}, actor.id)
         if actor.id not in self._simulation.world:
@@ -212,7 +212,7 @@ class Director:
         target = f"{edge}_{int(index or -1) + step}"
         return lambda: self._in_lane(actor, target)
 
-    def _in_lane(self, actor: Actor, target: str) -> bool:
+    def _in_lane(self, actor: SimulatedActor, target: str) -> bool:
         """Return whether an actor has reached a lane, or cannot: there is none, or it is on another road by now."""
         lane = self._simulation.network.lanes.get(target)
         if (
@@ -223,14 +223,14 @@ class Director:
             return True
         return actor.lane == target and abs(lane.line.project(*actor.front)[1]) <= IN_LANE_M
 
-    def _stop(self, actor: Actor, action: m.Stops | m.BrakesFor) -> IsComplete:
+    def _stop(self, actor: SimulatedActor, action: m.Stops | m.BrakesFor) -> IsComplete:
         if isinstance(action, m.BrakesFor):
             return self._brake_for(actor, action)
         duration = None if action.duration is None else si_of(action.duration)
         self.event("stops", {"duration_s": duration}, actor.id)
         return self._orders.give(actor, Stop(self._simulation, actor, duration))
 
-    def _brake_for(self, actor: Actor, action: m.BrakesFor) -> IsComplete:
+    def _brake_for(self, actor: SimulatedActor, action: m.BrakesFor) -> IsComplete:
         duration_s = math.inf if action.duration is None else si_of(action.duration)
         braking_mps2 = min(si_of(action.braking), actor.placed.model.emergency_braking_mps2 or math.inf)
         detail = {"braking_mps2": braking_mps2, "duration_s": None if action.duration is None else duration_s}
@@ -240,7 +240,7 @@ class Director:
             actor, Braking(self._simulation, actor, Timed(braking_mps2, now_s, now_s + duration_s), acts=True)
         )
 
-    def _halt(self, actor: Actor, action: m.StopsAt) -> IsComplete:
+    def _halt(self, actor: SimulatedActor, action: m.StopsAt) -> IsComplete:
         duration = None if action.duration is None else si_of(action.duration)
         spot = self._spot_on(actor, action.where)
         halt = Halt(self._simulation, actor, spot, duration)
@@ -271,7 +271,7 @@ class Director:
             return None if pose is None or math.isnan(pose[0]) else (pose[0], pose[1])
         return self._simulation.scene.places[where]
 
-    def _spot_on(self, actor: Actor, where: m.AtStop | m.Place) -> StopSpot:
+    def _spot_on(self, actor: SimulatedActor, where: m.AtStop | m.Place) -> StopSpot:
         """Return the position of a place along an actor's route."""
         progress = self._simulation.progress
         at = self._at(where)
@@ -283,7 +283,7 @@ class Director:
             s = progress.along(actor, *stop.lane.line.at(stop.pos_m)[:2])
         return StopSpot(s, stop, stop.length_m - actor.length)
 
-    def _by_another(self, actor: Actor, action: m.KeepsGap | m.MatchesSpeed | m.Synchronises) -> IsComplete:
+    def _by_another(self, actor: SimulatedActor, action: m.KeepsGap | m.MatchesSpeed | m.Synchronises) -> IsComplete:
         detail: dict[str, Any] = {"other": action.other}
         if isinstance(action, m.KeepsGap):
             detail |= {"way": action.way, "gap": si_of(action.gap), "timed": action.gap_is_time}
@@ -303,16 +303,16 @@ class Director:
                 command = Synchrony(self._simulation, actor, other, places, final)
         return self._orders.give(actor, command)
 
-    def _off_the_lanes(self, actor: Actor, action: m.Reverses | m.FollowsPath) -> IsComplete:
+    def _off_the_lanes(self, actor: SimulatedActor, action: m.Reverses | m.FollowsPath) -> IsComplete:
         return self._reverse(actor, action) if isinstance(action, m.Reverses) else self._follow_path(actor, action)
 
-    def _reverse(self, actor: Actor, action: m.Reverses) -> IsComplete:
+    def _reverse(self, actor: SimulatedActor, action: m.Reverses) -> IsComplete:
         self.event("reverses", {"length_m": si_of(action.length), "speed_mps": si_of(action.speed)}, actor.id)
         if not isinstance(actor, GuidedVehicle) or actor.guide is not None:
             return _at_once  # it does not follow a lane
         return self._orders.give(actor, Reverse(self._simulation, actor, si_of(action.length), si_of(action.speed)))
 
-    def _follow_path(self, actor: Actor, action: m.FollowsPath) -> IsComplete:
+    def _follow_path(self, actor: SimulatedActor, action: m.FollowsPath) -> IsComplete:
         points = [at for place in action.points if (at := self._at(place)) is not None]
         self.event("follows_path", {"points": points, "joins": bool(action.edges)}, actor.id)
         if len(points) < len(action.points) or not isinstance(actor, PathActor | GuidedVehicle):
@@ -328,13 +328,13 @@ class Director:
         order = self._latest_path[actor.id] = object()
         return lambda: self._latest_path[actor.id] is not order or self._simulation.path_done(actor)
 
-    def _leave(self, actor: Actor) -> IsComplete:
+    def _leave(self, actor: SimulatedActor) -> IsComplete:
         self.event("leaves", {}, actor.id)
         self._simulation.leave(actor)
         self._orders.end(actor)
         return _at_once
 
-    def _keep_sideways(self, actor: Actor, action: m.ChangesLine | m.KeepsBeside) -> IsComplete:
+    def _keep_sideways(self, actor: SimulatedActor, action: m.ChangesLine | m.KeepsBeside) -> IsComplete:
         order: SidewaysOrder
         vehicle = self._simulation.sumo_vehicles.get(actor.id)
         if isinstance(action, m.ChangesLine):
@@ -345,7 +345,7 @@ class Director:
         if vehicle is None or vehicle.id not in self._simulation.world:
             return _at_once  # it does not follow a lane
         if isinstance(action, m.ChangesLine):
-            order = Shift(self._simulation, vehicle, action)
+            order = LateralShift(self._simulation, vehicle, action)
         elif action.other in self._simulation.by_id:
             order = Beside(self._simulation, vehicle, action)
         else:

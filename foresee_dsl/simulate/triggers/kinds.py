@@ -16,16 +16,16 @@ from foresee_dsl.kernels.conditions import UNSURE, beside_area, box_distance
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import point_distance
-from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
+from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
 from foresee_dsl.simulate.triggers.measures import Cost, cost_of, measured
 
 Truth = Callable[[], bool | None]
 """Returns whether a condition holds now; None if it cannot be evaluated."""
 
 
-class Kind:
+class ConditionKind:
     """A condition without parts, in one run.
 
     Attributes:
@@ -36,7 +36,7 @@ class Kind:
         self.condition, self.run = condition, run
         self.cost = cost_of(condition, run)
 
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> ConditionOutcome | None:
         """Return whether it holds now, and its margin; None if it cannot be evaluated."""
         raise NotImplementedError
 
@@ -49,17 +49,17 @@ class Kind:
         """Return the distance of a fact from holding, m, and the reason; None if it has no distance."""
         return None
 
-    def fact(self, held: bool) -> Outcome:
+    def fact(self, held: bool) -> ConditionOutcome:
         """Return the outcome of a condition that is not a comparison."""
-        return Outcome(held, decides=self.condition)
+        return ConditionOutcome(held, decides=self.condition)
 
-    def judged(self, held: bool, slack: float, bound: m.AnyValue, value: float) -> Outcome:
+    def judged(self, held: bool, slack: float, bound: m.AnyValue, value: float) -> ConditionOutcome:
         """Return the outcome of a comparison with a bound; the margin has the bound's unit."""
         quantity = quantity_of(bound)
-        return Outcome(held, slack, quantity.unit, self.condition, quantity.dimension, value)
+        return ConditionOutcome(held, slack, quantity.unit, self.condition, quantity.dimension, value)
 
 
-class _Compared(Kind):
+class _Compared(ConditionKind):
     """`ego.speed < 3 m/s`: a comparison of a measure with a bound."""
 
     def __init__(self, condition: m.Comparison, run: Conditions) -> None:
@@ -75,7 +75,7 @@ class _Compared(Kind):
         slack = value - self._bound if self._above else self._bound - value
         return slack >= 0 if self._equal else slack > 0, slack
 
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> ConditionOutcome | None:
         value = self._measured.value()
         return None if math.isnan(value) else self.judged(*self._held(value), self._right, value)
 
@@ -84,14 +84,14 @@ class _Compared(Kind):
         return None if math.isnan(value) else bool(self._held(value)[0])
 
 
-class _Arrives(Kind):
+class _Arrives(ConditionKind):
     """`arrived(ego)`."""
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
         self._name = condition.actor
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> ConditionOutcome:
         return self.fact(self.run.arrived(self._name))
 
     def truth(self) -> bool:
@@ -111,14 +111,14 @@ class _Arrives(Kind):
         return None if math.isnan(left_m) else (left_m, "to go")
 
 
-class _Collides(Kind):
+class _Collides(ConditionKind):
     """`collision(ego)`."""
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
         self._name = condition.actor
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> ConditionOutcome:
         return self.fact(self.run.collides(self._name))
 
     def truth(self) -> bool:
@@ -132,22 +132,22 @@ class _Collides(Kind):
         return min(((box_distance(actor.box, other.box), other.id) for other in others), default=None)
 
 
-class _InAnyJunction(Kind):
+class _InAnyJunction(ConditionKind):
     """`ego in junction`."""
 
     def __init__(self, condition: m.InJunction, run: Conditions) -> None:
         super().__init__(condition, run)
         self._name = condition.actor
 
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> ConditionOutcome | None:
         actor = self.run.actor(self._name)
         away = math.nan if actor is None else self._away(actor)
         if math.isnan(away):
             return None
         # There is no margin inside: the depth inside a junction is meaningless.
-        return Outcome(False, -away, "m", self.condition, "length") if away > 0 else self.fact(True)
+        return ConditionOutcome(False, -away, "m", self.condition, "length") if away > 0 else self.fact(True)
 
-    def _away(self, actor: Actor) -> float:
+    def _away(self, actor: SimulatedActor) -> float:
         return self.run.outlines.nearest(actor.box)
 
 
@@ -165,7 +165,7 @@ class _InJunction(_InAnyJunction):
         if row is not None:
             self.cost = Cost.AREA
 
-    def _away(self, actor: Actor) -> float:
+    def _away(self, actor: SimulatedActor) -> float:
         return self.run.outlines.distance(actor.box, self._junction)
 
     def truth(self) -> bool | None:
@@ -176,20 +176,20 @@ class _InJunction(_InAnyJunction):
         return not self._away(actor) > 0 if side == UNSURE else side < 0
 
 
-class _Beside(Kind):
+class _Beside(ConditionKind):
     """`a ahead of b`, `a behind b`, `a in lane of b`, `a in lane 1`: an actor's position along and across a way."""
 
     def __init__(self, condition: m.Ahead | m.Behind | m.SameLane | m.InLane, run: Conditions) -> None:
         super().__init__(condition, run)
         self._of = condition
 
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> ConditionOutcome | None:
         actor = self.run.actor(self._of.actor)
         other = actor if isinstance(self._of, m.InLane) else self.run.actor(self._of.other)
         inside = math.nan if actor is None or other is None else self._inside(actor, other)
-        return None if math.isnan(inside) else Outcome(inside >= 0, inside, "m", self.condition, "length")
+        return None if math.isnan(inside) else ConditionOutcome(inside >= 0, inside, "m", self.condition, "length")
 
-    def _inside(self, actor: Actor, other: Actor) -> float:
+    def _inside(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         ways = self.run.ways
         match self._of:
             case m.Ahead():
@@ -204,7 +204,7 @@ class _Beside(Kind):
                 assert_never(self._of)
 
 
-class _Seen(Kind):
+class _Seen(ConditionKind):
     """`ego sees walker`, by its sensors; `walker in sight of bus`, by a line of sight."""
 
     def __init__(self, condition: m.Sees | m.InSight, run: Conditions) -> None:
@@ -213,7 +213,7 @@ class _Seen(Kind):
         names = condition.actor, condition.other
         self._eye, self._seen = names if self._sensed else names[::-1]
 
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> ConditionOutcome | None:
         eye, seen, run = self.run.actor(self._eye), self.run.actor(self._seen), self.run
         if eye is None or seen is None:
             return None
@@ -230,7 +230,7 @@ class _Seen(Kind):
         return box_distance(first.box, second.box), why
 
 
-class _Near(Kind):
+class _Near(ConditionKind):
     """`walker within 10 m of ego`."""
 
     def __init__(self, condition: m.Within, run: Conditions) -> None:
@@ -239,7 +239,7 @@ class _Near(Kind):
         if isinstance(condition.of, m.OfActor):
             self.cost = Cost.EVERY_STEP
 
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> ConditionOutcome | None:
         actor = self.run.actor(self._within.actor)
         away = math.nan if actor is None else self._away(actor)
         if math.isnan(away):
@@ -247,7 +247,7 @@ class _Near(Kind):
         slack = si_of(self._within.distance) - away
         return self.judged(slack >= 0, slack, self._within.distance, away)
 
-    def _away(self, actor: Actor) -> float:
+    def _away(self, actor: SimulatedActor) -> float:
         of, run = self._within.of, self.run
         if isinstance(of, m.Named):
             name = word_of(of.name)
@@ -262,7 +262,7 @@ class _Near(Kind):
         return point_distance(actor.box, x, y)
 
 
-class _Signalled(Kind):
+class _Signalled(ConditionKind):
     """`ego.signal(j4) is red`, `signal(j4) is ns_go`."""
 
     def __init__(self, condition: m.Shows, run: Conditions) -> None:
@@ -270,7 +270,7 @@ class _Signalled(Kind):
         self._actor, self._junction = condition.actor, word_of(condition.junction)
         self._state = word_of(condition.state)
 
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> ConditionOutcome | None:
         signal, lights = self.run.signals.get(self._junction), self.run.simulation.world.signals
         if signal is None:
             return None
@@ -281,7 +281,7 @@ class _Signalled(Kind):
         link = None if actor is None else self._link(actor, signal.tls)
         return None if link is None else self.fact(lights.colour(*link) == self._state)
 
-    def _link(self, actor: Actor, tls: str) -> tuple[str, int] | None:
+    def _link(self, actor: SimulatedActor, tls: str) -> tuple[str, int] | None:
         """Return the signal and the link that apply to an actor until it has left the junction."""
         if isinstance(actor, PathActor):
             stops = actor.placed.walk_stops
@@ -293,9 +293,9 @@ class _Signalled(Kind):
         return None
 
 
-def kind_of(condition: m.Condition, run: Conditions) -> Kind:
+def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
     """Bind a condition without parts to a run."""
-    kind: Kind
+    kind: ConditionKind
     match condition:
         case m.Comparison():
             kind = _Compared(condition, run)

@@ -10,7 +10,7 @@ from foresee_dsl.kernels.conditions import gap_within, time_to_touch
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, eta
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED
 from foresee_dsl.simulate.triggers.conditions import Conditions
@@ -171,7 +171,7 @@ def measured(measure: m.Measure, run: Conditions) -> Measured:
     return kind(measure, run)
 
 
-def _looks_anywhere(actor: Actor, run: Conditions) -> bool:
+def _looks_anywhere(actor: SimulatedActor, run: Conditions) -> bool:
     """Return whether an actor's position on its line does not depend on earlier projections: the ego is projected in
     every frame, and an actor on a path has its length along it."""
     return actor is run.simulation.ego or isinstance(actor, PathActor)

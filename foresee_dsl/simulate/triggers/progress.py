@@ -15,7 +15,7 @@ from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.lines import project, vertices
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 
 AROUND_M = 2.0
 """Margin around a junction within which two routes count as meeting in it, m. Ours: crossings lie at its edge."""
@@ -27,7 +27,7 @@ BESIDE_M = 8.0
 class Progress:
     """Lengths along routes and paths; each actor is projected at most once per frame."""
 
-    def __init__(self, network: RoadNetwork, actors: Sequence[Actor]) -> None:
+    def __init__(self, network: RoadNetwork, actors: Sequence[SimulatedActor]) -> None:
         self._network = network
         self._lines: dict[str, Polyline] = {}
         for actor in actors:
@@ -40,7 +40,7 @@ class Progress:
         self._last: dict[str, tuple[int, float, float]] = {}
         self._spans: dict[tuple[str, str], tuple[float, float] | None] = {}
 
-    def of(self, actor: Actor, frame: int) -> tuple[float, float]:
+    def of(self, actor: SimulatedActor, frame: int) -> tuple[float, float]:
         """Return the length of an actor's centre along its line, and its distance to the left of it, m; NaN without a
         line."""
         last = self._last.get(actor.id)
@@ -59,24 +59,24 @@ class Progress:
         self._last[actor.id] = (frame, s, lateral)
         return s, lateral
 
-    def front(self, actor: Actor, frame: int) -> float:
+    def front(self, actor: SimulatedActor, frame: int) -> float:
         """Return the length of an actor's front (of a pedestrian: centre) along its line, m."""
         s, _ = self.of(actor, frame)
         return s if actor.placed.model.kind == "pedestrian" else s + actor.length / 2
 
-    def span(self, actor: Actor, junction: str) -> tuple[float, float] | None:
+    def span(self, actor: SimulatedActor, junction: str) -> tuple[float, float] | None:
         """Return the lengths at which an actor's line enters and leaves a junction, m; None if it does not pass it."""
         key = (actor.id, junction)
         if key not in self._spans:
             self._spans[key] = self._find_span(actor, junction)
         return self._spans[key]
 
-    def to_junction(self, actor: Actor, junction: str, frame: int) -> float:
+    def to_junction(self, actor: SimulatedActor, junction: str, frame: int) -> float:
         """Return the distance from an actor's front to a junction, m, negative inside; NaN if it does not pass it."""
         span = self.span(actor, junction)
         return math.nan if span is None else span[0] - self.front(actor, frame)
 
-    def ahead(self, actor: Actor, frame: int, within_m: float) -> Iterable[tuple[Passage, float]]:
+    def ahead(self, actor: SimulatedActor, frame: int, within_m: float) -> Iterable[tuple[Passage, float]]:
         """Return the junctions that an actor has not left, each with the distance to it (m, negative inside)."""
         line = actor.placed.line
         if line is None:
@@ -87,14 +87,14 @@ class Progress:
             if passage.exit_s > s and passage.entry_s - front <= within_m:
                 yield passage, passage.entry_s - front
 
-    def set_line(self, actor: Actor, line: Polyline) -> None:
+    def set_line(self, actor: SimulatedActor, line: Polyline) -> None:
         """Measure along another line from now on."""
         self._lines[actor.id] = line
         self._vertices.pop(actor.id, None)
         self._last.pop(actor.id, None)
         self._spans = {key: span for key, span in self._spans.items() if key[0] != actor.id}
 
-    def along(self, actor: Actor, x: float, y: float) -> float:
+    def along(self, actor: SimulatedActor, x: float, y: float) -> float:
         """Return the length of a place along an actor's line, m; NaN without a line, or if it does not pass there."""
         line = self._lines.get(actor.id)
         if line is None:
@@ -102,7 +102,7 @@ class Progress:
         s, beside = line.project(x, y)
         return s if abs(beside) <= BESIDE_M and 0.0 <= s <= line.length_m else math.nan
 
-    def ahead_of(self, actor: Actor, other: Actor) -> float:
+    def ahead_of(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the distance of another actor's centre ahead of an actor's centre, along the line of the latter, m;
         NaN without a line."""
         line = self._lines.get(actor.id)
@@ -110,18 +110,18 @@ class Progress:
             return math.nan
         return line.project(other.x, other.y)[0] - line.project(actor.x, actor.y)[0]
 
-    def beside(self, actor: Actor, other: Actor) -> float:
+    def beside(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the distance of another actor's centre to the left of an actor's line, m; NaN without a line."""
         line = self._lines.get(actor.id)
         return math.nan if line is None else line.project(other.x, other.y)[1]
 
-    def inside(self, actor: Actor, frame: int) -> float:
+    def inside(self, actor: SimulatedActor, frame: int) -> float:
         """Return the distance of an actor's front inside its current junction, m; 0 outside junctions."""
         if not actor.lane.startswith(":"):
             return 0.0
         return max(0.0, next((-room for _, room in self.ahead(actor, frame, 0.0)), 0.0))
 
-    def meeting(self, actor: Actor, other: Actor, junction: str) -> tuple[float, float] | None:
+    def meeting(self, actor: SimulatedActor, other: SimulatedActor, junction: str) -> tuple[float, float] | None:
         """Return the lengths along both lines of the first point where they meet in a junction, m; None if an actor has
         no line or a line does not pass the junction."""
         a, b = self._lines.get(actor.id), self._lines.get(other.id)
@@ -139,7 +139,7 @@ class Progress:
         points = shapely.get_coordinates(shared)
         return min((a.project(x, y)[0], b.project(x, y)[0]) for x, y in points.tolist())
 
-    def _find_span(self, actor: Actor, junction: str) -> tuple[float, float] | None:
+    def _find_span(self, actor: SimulatedActor, junction: str) -> tuple[float, float] | None:
         route = actor.placed.line
         if route is not None and not isinstance(actor, PathActor):
             s, _ = self.of(actor, -1)

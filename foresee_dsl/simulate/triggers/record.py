@@ -22,7 +22,7 @@ _ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class HoldingTime:
     """The time for which the condition of a `for` has held without interruption.
 
     Under an odd number of `not`, a frame without an outcome counts as holding: only a false `for` matters there.
@@ -36,7 +36,7 @@ class Run:
     known: bool
 
 
-Runs = dict[int, Run]
+Runs = dict[int, HoldingTime]
 """The runs of a condition's `for`s that hold, by their place among the condition's `parts`."""
 
 

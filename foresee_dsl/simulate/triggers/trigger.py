@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from foresee_dsl.language.model import Action, Condition, Then, When
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.triggers.record import BlockState, Place, Run, TriggerState, add
+from foresee_dsl.simulate.triggers.record import BlockState, HoldingTime, Place, TriggerState, add
 
 IsComplete = Callable[[], bool]
 """Returns whether an action is complete."""
@@ -100,7 +100,7 @@ class Trigger:
     def watch(self, condition: Condition, place: Place) -> Watch:
         """Begin to watch a condition of the trigger (or of the step at `place`)."""
 
-        def note(part: int, run: Run | None) -> None:
+        def note(part: int, run: HoldingTime | None) -> None:
             detail = {} if run is None else asdict(run)
             self._event("lapses" if run is None else "holds", where=list(place), part=part, **detail)
 

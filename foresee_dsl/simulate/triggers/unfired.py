@@ -22,9 +22,9 @@ from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.measuring import Part
-from foresee_dsl.simulate.actors.moved_actors import Ego, PathActor
+from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor, StateTable
+from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.unfired import Nearest, Unfired
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
@@ -32,8 +32,8 @@ from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import STEP_S, Trace, X
 from foresee_dsl.simulate.triggers.condition_history import Watch
-from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
-from foresee_dsl.simulate.triggers.kinds import Kind, kind_of
+from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
+from foresee_dsl.simulate.triggers.kinds import ConditionKind, kind_of
 from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.triggers.record import Place
 from foresee_dsl.simulate.world import World
@@ -56,7 +56,7 @@ def unfired(
     if not waiting:
         return ()
     bundle = compiled()
-    replay = Replay(bundle, trace)
+    replay = ConditionReplay(bundle, trace)
     sees = any(isinstance(part, m.Sees) for step in waiting for part in parts(step.condition))
     eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors) if sees else None
     lines = LinesOfSight(replay)
@@ -144,9 +144,9 @@ class _Part:
     conditions: Conditions
     ever: bool = False
     watch: Watch = field(init=False)
-    kind: Kind | None = None
+    kind: ConditionKind | None = None
     inner: Watch | None = None
-    best: Outcome | None = None
+    best: ConditionOutcome | None = None
     nearest: Nearest = field(init=False)
     began_s: float | None = None
 
@@ -198,12 +198,12 @@ class _Part:
         away_m, text = round(away_m, 6), written(self.condition)
         return Nearest(text, round(self.conditions.time_s, 2), away_m, away_m, "m", note=why)
 
-    def _nearer(self, outcome: Outcome) -> bool:
+    def _nearer(self, outcome: ConditionOutcome) -> bool:
         if self.best is None or math.isnan(self.best.margin):
             return self.best is None or not math.isnan(outcome.margin)
         return outcome.dimension == self.best.dimension and outcome.margin > self.best.margin
 
-    def _value(self, outcome: Outcome) -> float | None:
+    def _value(self, outcome: ConditionOutcome) -> float | None:
         """Return the measured value of the deciding comparison at this frame, in SI units; None for a fact."""
         decides = outcome.decides
         if isinstance(self.condition, m.Sustained) or not isinstance(decides, m.Comparison | m.Within):
@@ -254,7 +254,7 @@ class _NoWorld:
         self.signals = signals
 
 
-class Replay(Simulation):
+class ConditionReplay(Simulation):
     """The actors of a trace at the frame of the last `go_to`; it cannot be stepped."""
 
     def __init__(self, bundle: SumoBundle, trace: Trace) -> None:
@@ -263,7 +263,7 @@ class Replay(Simulation):
         self.world = cast(World, _NoWorld(self._signals))
         self.network, self.scene = bundle.network, bundle.scene
         edge = bundle.scene.ego.route[0]
-        self.ego = Ego(bundle.scene.ego, bundle.scene.friction)
+        self.ego = EgoVehicle(bundle.scene.ego, bundle.scene.friction)
         self.actors = [self.ego, *(self._recorded(actor, edge) for actor in bundle.scene.actors[1:])]
         self.by_id = {actor.id: actor for actor in self.actors}
         self.progress = Progress(self.network, self.actors)
@@ -287,7 +287,7 @@ class Replay(Simulation):
             if isinstance(actor, PathActor):
                 actor.along = actor.follower.along_m = float(trace.along[frame, k])
 
-    def _recorded(self, actor: PlacedActor, edge: str) -> Actor:
+    def _recorded(self, actor: PlacedActor, edge: str) -> SimulatedActor:
         if actor.control == "path":
             return PathActor(actor, self.world, edge, self.scene.friction)
-        return Actor(actor)
+        return SimulatedActor(actor)

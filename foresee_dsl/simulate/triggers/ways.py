@@ -21,7 +21,7 @@ from foresee_dsl.kernels.conditions import STILL_MPS
 from foresee_dsl.language import model as m
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import SimulatedActor
 
 BEHIND_M, BEYOND_M = 100.0, 200.0
 """Length by which a way extends behind its actor's edge, and beyond its route, m. Ours: a place or an actor farther
@@ -42,7 +42,7 @@ class Ways:
         self._frame = -1
         self._standing: dict[str, Standing] = {}
 
-    def of(self, actor: Actor) -> Standing:
+    def of(self, actor: SimulatedActor) -> Standing:
         """Return the current position of an actor on its way."""
         if self._frame != self._simulation.frame:
             self._frame = self._simulation.frame
@@ -59,12 +59,12 @@ class Ways:
             return None
         return self.of(actor).place(place, wheels=actor.placed.model.kind in WHEELS)
 
-    def overlap_m(self, actor: Actor, other: Actor) -> float:
+    def overlap_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the length of an actor's way along which both footprints are side by side, m; negative: the gap."""
         (rear, front), (other_rear, other_front) = self._span(actor, actor), self._span(actor, other)
         return min(front, other_front) - max(rear, other_rear)
 
-    def side_by_side_s(self, actor: Actor, other: Actor) -> float:
+    def side_by_side_s(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the time (s) until both footprints are side by side along an actor's way if both keep their speeds
         along it: 0 if they are now, infinite if the gap does not close."""
         (rear, front), (other_rear, other_front) = self._span(actor, actor), self._span(actor, other)
@@ -76,22 +76,22 @@ class Ways:
             closing_mps = -closing_mps
         return gap_m / closing_mps if closing_mps > STILL_MPS else math.inf
 
-    def ahead_m(self, actor: Actor, other: Actor) -> float:
+    def ahead_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the distance from the front of the other to the rear of the actor along the other's way, m; negative
         if that rear is not beyond the front."""
         return self._span(other, actor)[0] - self._span(other, other)[1]
 
-    def behind_m(self, actor: Actor, other: Actor) -> float:
+    def behind_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the distance from the front of the actor to the rear of the other along the other's way, m."""
         return self._span(other, other)[0] - self._span(other, actor)[1]
 
-    def lateral_m(self, actor: Actor, other: Actor) -> float:
+    def lateral_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the lateral gap between two footprints, across the way of the first, m; 0 if they overlap."""
         _, left, _, half = self._beside(actor, actor)
         _, other_left, _, other_half = self._beside(actor, other)
         return max(abs(other_left - left) - half - other_half, 0.0)
 
-    def lane(self, actor: Actor) -> tuple[Lane, float] | None:
+    def lane(self, actor: SimulatedActor) -> tuple[Lane, float] | None:
         """Return the lane that an actor's centre is in, and its distance to the left of the lane's centreline, m; None
         off the lanes.
 
@@ -106,7 +106,7 @@ class Ways:
                 return near.lane, near.lateral_m
         return None
 
-    def in_lane_m(self, actor: Actor, number: int, road: str | None) -> float:
+    def in_lane_m(self, actor: SimulatedActor, number: int, road: str | None) -> float:
         """Return the distance of an actor's centre inside a lane's borders, m (negative: outside); NaN if it is off the
         lanes, or if its edge (or `road`) has no lane with this number."""
         if road is None:
@@ -123,7 +123,7 @@ class Ways:
         ]
         return max(inside_m, default=math.nan)
 
-    def same_lane_m(self, actor: Actor, other: Actor) -> float:
+    def same_lane_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the distance of an actor's centre inside the lane of the other, or inside a lane that continues it, m
         (negative: outside), or of the other inside the actor's lane; NaN if the other is off the lanes."""
         theirs, mine = self.lane(other), self.lane(actor)
@@ -137,7 +137,7 @@ class Ways:
 
     # --- inside --------------------------------------------------------------------------------------------------
 
-    def _find(self, actor: Actor) -> Standing:
+    def _find(self, actor: SimulatedActor) -> Standing:
         body = actor.x, actor.y, actor.heading, actor.length, actor.width
         if isinstance(actor, PathActor):
             line: Polyline = actor.follower.line
@@ -148,7 +148,7 @@ class Ways:
         line = self._line(route, lane_kind(actor.placed.model))
         return Standing(*body, line, *line.project(actor.x, actor.y))
 
-    def _route_left(self, actor: Actor) -> tuple[str, ...]:
+    def _route_left(self, actor: SimulatedActor) -> tuple[str, ...]:
         """Return the rest of an actor's route, from its current edge (inside a junction: the edge before it) on."""
         line, route = actor.placed.line, actor.placed.route
         if line is None or not route:
@@ -165,7 +165,7 @@ class Ways:
         except RouteError:  # no lane of the first edge leads on for this kind: a cyclist
             return self._network.line(route[:1], behind_m=BEHIND_M, beyond_m=BEYOND_M, kind=kind)
 
-    def _beside(self, whose: Actor, other: Actor) -> tuple[float, float, float, float]:
+    def _beside(self, whose: SimulatedActor, other: SimulatedActor) -> tuple[float, float, float, float]:
         """Return the position of another actor on an actor's way: the length along it, the distance to its left, and
         half the extent of its footprint along and across the way, m."""
         way = self.of(whose)
@@ -182,17 +182,17 @@ class Ways:
         half, across = other.length / 2, other.width / 2
         return s, left, half * cos + across * sin, half * sin + across * cos
 
-    def _speed_along(self, whose: Actor, other: Actor) -> float:
+    def _speed_along(self, whose: SimulatedActor, other: SimulatedActor) -> float:
         """Return the speed of another actor along an actor's way, m/s; negative against it."""
         way = self.of(whose)
         heading = way.heading_rad if way.line is None else way.line.at(self._beside(whose, other)[0])[2]
         return other.speed * math.cos(other.heading - heading)
 
-    def _span(self, whose: Actor, other: Actor) -> tuple[float, float]:
+    def _span(self, whose: SimulatedActor, other: SimulatedActor) -> tuple[float, float]:
         s, _, half, _ = self._beside(whose, other)
         return s - half, s + half
 
-    def _ahead(self, actor: Actor, lane: Lane) -> Points:
+    def _ahead(self, actor: SimulatedActor, lane: Lane) -> Points:
         return self._strip(lane.id, self._route_left(actor), lane_kind(actor.placed.model))
 
     def _make_strip(self, lane: str, route: tuple[str, ...], kind: LaneKind) -> Points:
@@ -227,6 +227,6 @@ def _edges_along(line: RouteLine) -> tuple[tuple[float, int], ...]:
     return tuple(edges)
 
 
-def _off(lane: Lane, actor: Actor) -> float:
+def _off(lane: Lane, actor: SimulatedActor) -> float:
     """Return the distance of an actor's centre from a lane's centreline, m."""
     return distance_to(actor.x, actor.y, lane.shape)

@@ -11,7 +11,7 @@ from enum import StrEnum
 import numpy as np
 
 from foresee_dsl.drivers.idm.traffic import read_others, walkers
-from foresee_dsl.drivers.pdm.situation import Situation, signal_brakings
+from foresee_dsl.drivers.pdm.situation import RoadSituation, signal_brakings
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.arrays import BoolArray, Records
 from foresee_dsl.kernels.pdm import settings as pdm_settings
@@ -72,7 +72,7 @@ class Patience:
     def __init__(self, times: int = 0) -> None:
         self.times = times
 
-    def walker(self, situation: Situation) -> float | None:
+    def walker(self, situation: RoadSituation) -> float | None:
         """Return where to stop for a pedestrian, m along the route; None: no stop. Call it once per plan."""
         gap = walkers(situation, read_others(situation))
         if gap is None:
@@ -87,7 +87,9 @@ class Patience:
         return situation.ego.front_s + room
 
 
-def decide(situation: Situation, foes: Records, matches: Records, prediction: Records, patience: Patience) -> Behaviour:
+def decide(
+    situation: RoadSituation, foes: Records, matches: Records, prediction: Records, patience: Patience
+) -> Behaviour:
     """Return the task of the planner for this situation.
 
     `matches`: [A, F] with the crossing streams of near junctions. `prediction`: [A, T] of the others, at `pdm`'s
@@ -111,7 +113,7 @@ def decide(situation: Situation, foes: Records, matches: Records, prediction: Re
     return Behaviour(state, stop_s, offsets, leaders)
 
 
-def _is_ahead(situation: Situation) -> BoolArray:
+def _is_ahead(situation: RoadSituation) -> BoolArray:
     """Return which actors may be leaders, [A]: vehicles that drive along the route, or are already in the corridor.
 
     Crossing actors are not leaders: each candidate is checked against their predictions.

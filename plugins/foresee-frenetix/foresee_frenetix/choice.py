@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm.situation import Situation
+from foresee_dsl.drivers.pdm.situation import RoadSituation
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.arrays import BoolArray, Records
 from foresee_dsl.kernels.pdm.records import ROLLED
@@ -23,7 +23,7 @@ PASSES_M = 0.3
 """Distance by which a sample may pass its stop, m. Ours: stops are half a metre before the line."""
 
 
-def at_frames(situation: Situation, prediction: Records) -> Records:
+def at_frames(situation: RoadSituation, prediction: Records) -> Records:
     """Return a prediction at the frames of a plan; moving actors grow longer with time, as their speed may change.
 
     Otherwise the cheapest plan would pass just behind (or in front of) a crossing actor, and collide in the next step.
@@ -35,7 +35,7 @@ def at_frames(situation: Situation, prediction: Records) -> Records:
 
 
 def choose(
-    situation: Situation, behaviour: Behaviour, prediction: Records, candidates: Candidates, last: Plan | None
+    situation: RoadSituation, behaviour: Behaviour, prediction: Records, candidates: Candidates, last: Plan | None
 ) -> int | None:
     """Return the index of the cheapest candidate that keeps to the lanes, the stop place and its distance to all
     others.
@@ -71,7 +71,7 @@ def joined(candidates: Candidates, plans: Sequence[Plan]) -> Candidates:
     return Candidates(**rows, offset=offset, cost=cost, samples=(*candidates.samples, *(None for _ in plans)))
 
 
-def is_free(situation: Situation, behaviour: Behaviour, prediction: Records, plan: Plan) -> bool:
+def is_free(situation: RoadSituation, behaviour: Behaviour, prediction: Records, plan: Plan) -> bool:
     """Return whether a plan that begins now is free of collisions and does not pass the stop; arguments as `choose`."""
     front_s = float(plan.s[-1]) + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     if behaviour.stop_s is not None and front_s > behaviour.stop_s + PASSES_M:
@@ -79,7 +79,7 @@ def is_free(situation: Situation, behaviour: Behaviour, prediction: Records, pla
     return not bool(_conflicts(situation, plan, np.array([plan.offset]), prediction)["hit"].any())
 
 
-def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, last: Plan | None) -> FloatArray:
+def _cost(situation: RoadSituation, behaviour: Behaviour, candidates: Candidates, last: Plan | None) -> FloatArray:
     """Return the cost of each candidate without nearness to others, infinite if it is not allowed, [P]."""
     vehicle, route = situation.vehicle, situation.route
     front = candidates.s + vehicle.wheelbase_m + vehicle.front_overhang_m
@@ -108,7 +108,7 @@ def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, la
     return np.where(allowed, cost, np.inf)
 
 
-def _leaves_lanes(situation: Situation, candidates: Candidates) -> BoolArray:
+def _leaves_lanes(situation: RoadSituation, candidates: Candidates) -> BoolArray:
     """Return which candidates leave the lanes farther than the car does now, [P]."""
     route, half = situation.route, situation.vehicle.width_m / 2
     k = route.indices(candidates.s)
@@ -116,7 +116,7 @@ def _leaves_lanes(situation: Situation, candidates: Candidates) -> BoolArray:
     return np.asarray(out.max(axis=1) > np.maximum(out[:, 0], 0.0) + LEAVES_M)
 
 
-def _conflicts(situation: Situation, motion: Motion, offset: FloatArray, prediction: Records) -> Records:
+def _conflicts(situation: RoadSituation, motion: Motion, offset: FloatArray, prediction: Records) -> Records:
     """Return the conflicts of motions, [P, T] (or [T] of one), that head for offsets, [P], by `pdm`'s rules: [P, T]."""
     back, cos, sin = situation.ego.centre, np.cos(motion.heading), np.sin(motion.heading)
     rolled = np.zeros((len(offset), len(TIMES_S)), ROLLED)

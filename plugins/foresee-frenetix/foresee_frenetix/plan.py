@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm.route import Route
+from foresee_dsl.drivers.pdm.route import DriverRoute
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_frenetix import settings as cfg
 
@@ -101,7 +101,7 @@ class Plan(Motion):
 
 
 def braking_plan(
-    route: Route, begins_s: float, start: Frenet, braking_mps2: float, last: Plan | None, *, emergency: bool
+    route: DriverRoute, begins_s: float, start: Frenet, braking_mps2: float, last: Plan | None, *, emergency: bool
 ) -> Plan:
     """Return a plan that stops with constant braking, along the last plan's path or, without one, turning parallel to
     the lane."""
@@ -143,7 +143,7 @@ def braking_plan(
     )
 
 
-def place(route: Route, s: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+def place(route: DriverRoute, s: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return x and y (m) of points in the route's coordinates (any shape)."""
     k = route.indices(s)
     s0, x, y, cos, sin = (route.columns[name][k] for name in ("s", "x", "y", "cos", "sin"))

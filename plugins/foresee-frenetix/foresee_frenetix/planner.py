@@ -14,8 +14,8 @@ from frenetix.trajectory_functions import cost_functions as costs
 from frenetix.trajectory_functions import feasability_functions as feasibility
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.pdm.route import Route
-from foresee_dsl.drivers.pdm.situation import Situation, to_centre
+from foresee_dsl.drivers.pdm.route import DriverRoute
+from foresee_dsl.drivers.pdm.situation import RoadSituation, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
 from foresee_dsl.kernels.arrays import BoolArray
 from foresee_dsl.kernels.constants import GRAVITY_MPS2
@@ -54,12 +54,12 @@ class Window:
         return np.asarray(np.interp(own_s, self.own_s, self.route_s))
 
 
-def window_number(route: Route, s: float) -> int:
+def window_number(route: DriverRoute, s: float) -> int:
     """Return the number of the stretch that contains the rear axle."""
     return max(math.floor((s - route.origin_s) / cfg.WINDOW_M), 0)
 
 
-def make_window(route: Route, number: int) -> Window:
+def make_window(route: DriverRoute, number: int) -> Window:
     """Create the coordinates from `BEHIND_M` behind a stretch to beyond the reach of a plan from it."""
     stride = round(cfg.REFERENCE_STEP_M / GRID_M)
     reach = cfg.WINDOW_M + float(route.columns["profile"].max()) * cfg.HORIZON_S + 20.0
@@ -119,7 +119,7 @@ class Planner:
     curvature changes faster.)
     """
 
-    def __init__(self, route: Route, vehicle: VehicleLimits) -> None:
+    def __init__(self, route: DriverRoute, vehicle: VehicleLimits) -> None:
         self._route, self._vehicle = route, vehicle
         self._handler = frenetix.TrajectoryHandler(dt=cfg.PLAN_STEP_S)
         self._window: Window | None = None
@@ -138,7 +138,7 @@ class Planner:
         self._grip_mps2 = grip * cfg.LATERAL_SHARE
         self._braking_mps2 = min(vehicle.emergency_braking_mps2, grip)
 
-    def begin(self, situation: Situation) -> Frenet:
+    def begin(self, situation: RoadSituation) -> Frenet:
         """Return the car's state in the route's coordinates; the curvature is that of its wheels.
 
         Raises `ValueError` if the car is too far off the route for the library's coordinates, `RuntimeError` if it
@@ -245,7 +245,7 @@ def _matrix(start: Frenet, ends: Ends, own_s: float, slope: float | None) -> Flo
     return matrix
 
 
-def _read_out(samples: tuple[Any, ...], window: Window, route: Route) -> Candidates:
+def _read_out(samples: tuple[Any, ...], window: Window, route: DriverRoute) -> Candidates:
     """Return the samples as candidates, cut at the horizon.
 
     Reading an array takes 2 us, more than computing it, so arrays that follow from others are not read.
@@ -283,7 +283,7 @@ def _derivatives(sample: Any) -> tuple[FloatArray, FloatArray, FloatArray, Float
     return (first * v, second * v * v + first * a, v, a) if slow else (first, second, v, a)
 
 
-def ends(situation: Situation, behaviour: Behaviour, start: Frenet, last: Plan | None) -> Ends:
+def ends(situation: RoadSituation, behaviour: Behaviour, start: Frenet, last: Plan | None) -> Ends:
     """Return each offset with each speed and each duration, the stops, and the end of the last plan.
 
     Without the latter a manoeuvre would never end, as all other samples end at least `END_TIMES_S` from now.
@@ -309,7 +309,7 @@ def ends(situation: Situation, behaviour: Behaviour, start: Frenet, last: Plan |
     return Ends(np.repeat(time, count), np.repeat(speed, count), np.tile(offsets, len(pairs)))
 
 
-def _speeds(situation: Situation, start: Frenet, most: float) -> list[float]:
+def _speeds(situation: RoadSituation, start: Frenet, most: float) -> list[float]:
     """Return the end speeds: shares of the highest, the current speed, the route's speed here, and a stop."""
     here = float(situation.route.between("profile", start.s))
     speeds = [most * share for share in cfg.SPEED_SHARES]
@@ -317,7 +317,7 @@ def _speeds(situation: Situation, start: Frenet, most: float) -> list[float]:
     return list(dict.fromkeys(round(max(speed, cfg.STOP_SPEED_MPS), 2) for speed in speeds))
 
 
-def _stops(situation: Situation, behaviour: Behaviour, start: Frenet) -> list[float]:
+def _stops(situation: RoadSituation, behaviour: Behaviour, start: Frenet) -> list[float]:
     """Return the durations of the stops exactly at the stop, and directly behind standing actors ahead."""
     front_s = start.s + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     places = [] if behaviour.stop_s is None else [behaviour.stop_s]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from foresee_dsl.drivers.pdm.route import build_route
-from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situation, to_centre, write_state
+from foresee_dsl.drivers.pdm.situation import RoadSituation, ego_record, read_situation, to_centre, write_state
 from foresee_dsl.drivers.protocol import (
     Control,
     EgoState,
@@ -65,7 +65,7 @@ class Stack:
         self._patience, self._steps = Patience(), 0
         self.state, self.count = State.CRUISE, Count()
         self.plan: Plan | None = None
-        self._last: tuple[Situation, Tracks] | None = None
+        self._last: tuple[RoadSituation, Tracks] | None = None
         self._waited = 0
 
     def step(self, observation: Observation) -> Control:
@@ -106,7 +106,7 @@ class Stack:
         others = (r for r in reasons_alone(now, tracks, decided) if r.rule != FREE_ROAD)
         return Reason("behaviour", doing, acceleration_mps2=planned), *others
 
-    def _replan(self, situation: Situation) -> Plan:
+    def _replan(self, situation: RoadSituation) -> Plan:
         behaviour, prediction = self._behaviour(situation, self._patience)
         self.state = behaviour.state
         self.count.plans += 1
@@ -115,7 +115,7 @@ class Stack:
         return self._without(situation, behaviour, frames) if plan is None else plan
 
     @staticmethod
-    def _behaviour(situation: Situation, patience: Patience) -> tuple[Behaviour, Records]:
+    def _behaviour(situation: RoadSituation, patience: Patience) -> tuple[Behaviour, Records]:
         """Return the task from the behaviour layer, and the prediction on which it is based."""
         route = situation.route
         foes = near_foes(situation.egos, route.foes, route.junctions)
@@ -123,7 +123,7 @@ class Stack:
         prediction = predict(situation.egos, situation.actors, foes, route.paths, matches, route.points)
         return decide(situation, foes, matches, prediction, patience), prediction
 
-    def _sampled(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan | None:
+    def _sampled(self, situation: RoadSituation, behaviour: Behaviour, prediction: Records) -> Plan | None:
         """Return the best of the library's candidates (and, when slow, of plans to a stop); None if none is free."""
         now = situation.observation.time_s
         start, heading = self._start(situation)
@@ -138,7 +138,7 @@ class Stack:
         count = len(candidates.samples)
         return self._planner.plan(candidates, best, now) if best < count else rests[best - count]
 
-    def _start(self, situation: Situation) -> tuple[Frenet | None, float]:
+    def _start(self, situation: RoadSituation) -> tuple[Frenet | None, float]:
         """Return the initial state and heading of the next plan: those of the last plan, or of the car."""
         state, now = situation.observation.ego, situation.observation.time_s
         if self.plan is not None and not self.plan.emergency:
@@ -152,7 +152,7 @@ class Stack:
         except (ValueError, RuntimeError):  # off the library's coordinates, or against the route
             return None, state.heading_rad
 
-    def _without(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan:
+    def _without(self, situation: RoadSituation, behaviour: Behaviour, prediction: Records) -> Plan:
         """Return a plan if no trajectory is feasible: the last plan while it is free, else an emergency stop."""
         now = situation.observation.time_s
         last = self.plan
@@ -171,7 +171,7 @@ class Stack:
         return braking_plan(self._route, now, start, strongest, last, emergency=True)
 
 
-def _required_acceleration(behaviour: Behaviour, now: Situation) -> float:
+def _required_acceleration(behaviour: Behaviour, now: RoadSituation) -> float:
     """Return the acceleration that a behaviour requires: to its stop, or to the speed of its leader, m/s^2."""
     ego = now.ego
     acceleration = 0.0

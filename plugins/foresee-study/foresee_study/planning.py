@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee_dsl.campaign.node import Node
+from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.documents import rounded
@@ -76,7 +76,7 @@ def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, stor
     return tuple(plans)
 
 
-def _following(node: Node, wanted: Wanted) -> tuple[int, int]:
+def _following(node: StepNode, wanted: Wanted) -> tuple[int, int]:
     """Return the maximum number of clips and of mutants that follow from a step without a result."""
     points = min(wanted.risky_points, _USUAL_POINTS)
     match node.step.kind:

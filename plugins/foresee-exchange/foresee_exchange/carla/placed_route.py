@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.compile.placement.starts import Starts
+from foresee_dsl.compile.placement.starts import StartSearch
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.route_line import Passage, RouteLine
@@ -136,7 +136,7 @@ def _placed(
     offset = m.Quantity.of(beside, "length", 2) if beside else None
     at = m.AlongRoute(actor="ego", at=m.Quantity.of(begin, "length", 2), offset=offset)
     ego = m.Ego(model=spec.name, body=(m.EdgeRoute(edges=edges), m.StartAt(place=at)))
-    start = Starts(network, {"ego": ego}, {"ego": spec}).on_route("ego")
+    start = StartSearch(network, {"ego": ego}, {"ego": spec}).on_route("ego")
     goal_s = min(length_to(start.line, route.end, start.s), start.line.end_s)
     x, y = start.x - half_m * math.cos(start.heading_rad), start.y - half_m * math.sin(start.heading_rad)
     goal_x, goal_y, _ = start.line.at(goal_s)

@@ -65,7 +65,7 @@ def fuzz(
     from contextlib import ExitStack
 
     from foresee_dsl.campaign.execution.pool import RunOptions
-    from foresee_dsl.campaign.settings import Limits
+    from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.compile import placement_mistakes
@@ -82,7 +82,7 @@ def fuzz(
     stop = StopSignal()
     options = RunOptions(
         jobs=jobs,
-        limits=Limits(deadline, memory, None if budget is None else budget * 60, step_deadline),
+        limits=CampaignLimits(deadline, memory, None if budget is None else budget * 60, step_deadline),
         shard=shard_of(shard),
         retry=retry,
         stop=stop,

@@ -168,12 +168,12 @@ def study(
         _plan(names, settings, groups, store or folder.store, json=json, jobs=jobs)
         return
     from foresee_dsl.campaign.execution.pool import RunOptions
-    from foresee_dsl.campaign.settings import Limits
+    from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_study.statistics.effects import lacks_statsmodels
 
     options = RunOptions(
         jobs=jobs,
-        limits=Limits(deadline, memory, None if budget is None else budget * 60, step_deadline),
+        limits=CampaignLimits(deadline, memory, None if budget is None else budget * 60, step_deadline),
         shard=shard_of(shard),
         retry=retry,
         executor=executor_of(executor, scheduler),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, Update
+from foresee_dsl.campaign.execution.pool import Broken, Executor, TaskPart, Update
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.steps.step import StepResult, Work, run_steps
 
@@ -43,7 +43,7 @@ class InOrder(Executor):
             try:
                 for step in run_steps(work):
                     self._count(step, task.name)
-                    yield Update(task, Part(step))
+                    yield Update(task, TaskPart(step))
             except Exception as err:  # a broken step is an outcome of its own
                 yield Update(task, Broken(task, f"{type(err).__name__}: {err}", "raised"))
             else:
