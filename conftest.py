@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 
 from foresee_dsl.drivers.consent import allowing
 from tests.support.goldens import Golden
+
+if TYPE_CHECKING:
+    from tests.support.scenes import Town
 
 ROOT = Path(__file__).resolve().parent
 SCENARIOS = ROOT / "scenarios"
@@ -66,6 +70,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def golden(request: pytest.FixtureRequest) -> Golden:
     """Compare text with a golden file: `golden(text, file)`; see `tests.support.goldens`."""
     return Golden(rewrite=bool(request.config.getoption("--rewrite-goldens")))
+
+
+@pytest.fixture(scope="session")
+def town() -> Town:
+    """The grid of 4 x 4 junctions that simulations share, with signals at n11 and n22."""
+    from tests.support.scenes import Town
+    from tests.support.worlds import grid_net
+
+    return Town(grid_net())
 
 
 @pytest.fixture(scope="session")

@@ -25,6 +25,7 @@ from foresee_dsl.compile.nets.safe_xml import LONGEST_BYTES, parse_net
 from foresee_dsl.errors import CompileError, InputError
 from foresee_dsl.files import NotOrdinaryError, open_outside, read_outside, unpacked_within
 from foresee_dsl.language.parser import load
+from tests.support.foreign_maps import HILL_ROAD
 
 ROOT = Path(__file__).parent.parent
 FORESEE = Path(sys.executable).parent / "foresee"
@@ -173,7 +174,7 @@ def test_a_file_larger_than_the_limit_is_refused_by_its_name(tmp_path: Path, mon
 
 # ---- files that open others ------------------------------------------------------------------------------------------
 
-HILL = (ROOT / "tests" / "support" / "hill_road.xodr").read_text(encoding="utf-8")
+HILL = HILL_ROAD.read_text(encoding="utf-8")
 NET = """<net version="1.20">
   <location netOffset="0.00,0.00" convBoundary="0,0,100,0" origBoundary="0,0,100,0" projParameter="!"/>
   <edge id="a" from="w" to="e"><lane id="a_0" index="0" speed="13.9" length="100" shape="0,0 100,0"/></edge>

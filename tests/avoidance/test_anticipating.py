@@ -26,18 +26,13 @@ from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
 from foresee_dsl.simulate.trace import ACCELERATION
 from tests.support.handmade_traces import make_trace, straight
-from tests.support.nets import COMPACT, VAN, build_grid
 from tests.support.scenes import Cruise, LaneKeeper, Town
+from tests.support.worlds import COMPACT, VAN
 
 JUDGE = AnticipatingDriver()
 
 LINE: FloatArray = np.linspace(0.0, 1.0, 2001)
 EAST = ("n01_n11", "n11_n21", "n21_n31")
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
-    return Town(*build_grid(tmp_path_factory.mktemp("town")))
 
 
 def spot(town: Town, at_m: float) -> tuple[float, float]:

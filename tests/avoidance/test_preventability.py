@@ -22,18 +22,13 @@ from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
 from foresee_dsl.simulate.trace import Y
-from tests.support.nets import COMPACT, build_grid
 from tests.support.scenes import Cruise, LaneKeeper, Town
+from tests.support.worlds import COMPACT
 
 JUDGE = R157Driver()
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
 DELAY_S = 0.4 + 0.75
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
-    return Town(*build_grid(tmp_path_factory.mktemp("town")))
 
 
 def braking_way_m(shed_mps: float, hardest_mps2: float = 0.774 * 9.81) -> float:

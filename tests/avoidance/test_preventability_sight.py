@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
-from tests.support.nets import VAN, build_grid
 from tests.support.scenes import Cruise, Town
+from tests.support.worlds import VAN
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
-
-
-@pytest.fixture(scope="module")
-def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
-    return Town(*build_grid(tmp_path_factory.mktemp("sight")))
 
 
 def test_heights_buildings_and_weather_count(town: Town) -> None:

@@ -8,7 +8,7 @@ from foresee_dsl.compile.nets import cache
 from foresee_dsl.compile.nets.cache import cached_net, content_key
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.errors import CompileError
-from tests.support.built_networks import four_arms
+from tests.support.worlds import four_arms
 
 
 @pytest.fixture(autouse=True)

@@ -7,14 +7,14 @@ from xml.etree import ElementTree
 import pytest
 
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, cruise_speed, spec_of
-from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.sumo_files import types_of
 from foresee_dsl.errors import CompileError
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model import Quantity, Ref, VehicleModel
 from foresee_dsl.language.parser import parse
-from tests.support.built_networks import four_arms, q, run_sumo
+from tests.support.sumo_run import run_sumo
+from tests.support.worlds import four_arms, net_of, q
 
 NEEDED = {
     "car": {"micro", "compact", "hatchback", "sedan", "wagon", "limousine", "suv", "sports", "electric", "pickup"},
@@ -221,8 +221,7 @@ def test_types_do_not_depend_on_the_order_of_the_models(tmp_path, specs):
 
 
 def test_sumo_drives_every_type_over_the_junction(tmp_path, specs):
-    net, types, routes = (tmp_path / name for name in ("n.net.xml", "types.add.xml", "r.rou.xml"))
-    build_network(four_arms(), net)
+    net, types, routes = net_of(four_arms()), tmp_path / "types.add.xml", tmp_path / "r.rou.xml"
     types.write_text(types_of(specs.values()))
     names = [e.get("id") for e in ElementTree.parse(types).getroot()]
     rows = [

@@ -10,12 +10,11 @@ import pytest
 
 from foresee_dsl.compile.bundle import PlacedActor, Scene, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.sumo_files import types_of, write_sumo_folder
 from foresee_dsl.language.model import VehicleModel
-from tests.support.built_networks import four_arms, q
+from tests.support.worlds import four_arms, net_of, q
 
 FIRST_STEP = """
 import json, sys, libsumo
@@ -35,8 +34,7 @@ def spec(name, length, width):
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bundle")
-    net, types = folder / "net.net.xml", folder / "types.add.xml"
-    build_network(four_arms(), net)
+    net, types = net_of(four_arms()), folder / "types.add.xml"
     car, walker, crate = spec("car.plain", 4.5, 1.8), spec("pedestrian.adult", 0.4, 0.5), spec("obstacle.crate", 1, 1)
     bicycle = spec("bicycle.city", 1.8, 0.6)
     types.write_text(types_of([car, walker, bicycle]))

@@ -7,7 +7,7 @@ import pytest
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.errors import CompileError
-from tests.support.built_networks import four_arms, net_root
+from tests.support.worlds import four_arms, net_root
 
 MAPS = Path(__file__).parents[3] / "shared" / "data" / "carla" / "maps"
 NET = "<net><location netOffset='0,0'/><edge id='a'/></net>"

@@ -12,11 +12,10 @@ from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.netconvert import run_netconvert
-from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import CompileError
-from tests.support.built_networks import four_arms
+from tests.support.worlds import four_arms, net_of
 
 LANES = """<net>
   <edge id=":j_0" function="internal">
@@ -62,10 +61,8 @@ def test_lanes_that_follow_each_other_stay() -> None:
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("net") / "four.net.xml"
-    build_network(four_arms(), file)
-    return file
+def built() -> Path:
+    return net_of(four_arms())
 
 
 @pytest.mark.parametrize("kind", ["actuated", "delay_based", "NEMA"])

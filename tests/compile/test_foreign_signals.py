@@ -11,10 +11,10 @@ import pytest
 from foresee_dsl.compile.foreign.networks import close_parking, write_net
 from foresee_dsl.compile.foreign.signal_programs import give_programs, stages_of
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
-from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.nets.signals import links_of, read_signals
-from tests.support.built_networks import four_arms, t_junction
+from foresee_dsl.language.model import Network
+from tests.support.worlds import four_arms, net_of, t_junction
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
@@ -36,11 +36,10 @@ def test_two_stages_of_one_name_are_told_apart() -> None:
 
 
 @pytest.mark.parametrize("network", [four_arms(), t_junction("signals")], ids=["crossroads", "t"])
-def test_no_two_greens_meet_unless_one_yields(network: object, tmp_path: Path) -> None:
-    file = tmp_path / "built.net.xml"
-    build_network(network, file)  # type: ignore[arg-type]  # both are networks
+def test_no_two_greens_meet_unless_one_yields(network: Network, tmp_path: Path) -> None:
+    file = tmp_path / "nameless.net.xml"
     # as netconvert would leave it: nameless phases that mean nothing
-    file.write_text(re.sub(r' name="\w+_go"', "", file.read_text()))
+    file.write_text(re.sub(r' name="\w+_go"', "", net_of(network).read_text()))
     root = parse_net(file)
     assert give_programs(root) == 1
     write_net(root, tmp_path / "new.net.xml")
@@ -55,16 +54,12 @@ def test_no_two_greens_meet_unless_one_yields(network: object, tmp_path: Path) -
     assert all(any(phase.state[link.index] in "Gg" for phase in signal.phases) for link in links)
 
 
-def test_a_net_with_programs_of_its_own_has_a_stage_for_each_phase(tmp_path: Path) -> None:
-    file = tmp_path / "built.net.xml"
-    build_network(four_arms(), file)
-    assert next(iter(read_signals(file, None).values())).stages[:2] == ("phase_0", "phase_1")
+def test_a_net_with_programs_of_its_own_has_a_stage_for_each_phase() -> None:
+    assert next(iter(read_signals(net_of(four_arms()), None).values())).stages[:2] == ("phase_0", "phase_1")
 
 
 def test_parking_lanes_of_a_map_are_closed(tmp_path: Path) -> None:
-    file = tmp_path / "built.net.xml"
-    build_network(four_arms(), file)
-    root = parse_net(file)
+    root = parse_net(net_of(four_arms()))
     west = next(edge for edge in root.iterfind("edge") if edge.get("id") == "west")
     west.set("type", "parking|driving")  # behind the sidewalk, which was added later
     assert close_parking(root) == 1

@@ -16,8 +16,7 @@ from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.errors import CompileError
 from foresee_dsl.helps import Help
 from foresee_dsl.language.model import EdgeRoute, Leg, Route
-from tests.support.built_networks import four_arms
-from tests.support.small_worlds import PLAIN, net_of
+from tests.support.worlds import PLAIN, four_arms, net_of
 
 HALF_LANE = 1.65
 

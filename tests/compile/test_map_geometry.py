@@ -20,7 +20,7 @@ from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleL
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
-from tests.support.crooked_nets import net
+from tests.support.foreign_maps import net
 
 BROKEN = {
     "kink": net("100,0 103,0 103,3 106,0"),

@@ -12,39 +12,21 @@ from foresee_dsl.files import data_folder
 from foresee_dsl.language.model import Doc, Network, Ref
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.streets.lines import shift_right
-from tests.support.built_networks import (
-    dead_ends,
-    drive_everywhere,
-    four_arms,
-    junction,
-    lanes_of,
-    net_root,
-    road,
-    shape,
-    stage,
-    t_junction,
-)
+from tests.support.sumo_run import dead_ends, drive_everywhere
+from tests.support.worlds import four_arms, junction, lanes_of, net_of, net_root, road, shape, stage, t_junction
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    net = tmp_path_factory.mktemp("four_arms") / "net.net.xml"
-    build_network(four_arms(), net)
-    return net
-
-
-@pytest.fixture(scope="module")
-def root(built):
-    return net_root(built)
+def root():
+    return net_root(net_of(four_arms()))
 
 
 def two_ends(*roads):
     return Network(name="n", body=(junction("a", 0, 0), junction("b", 200, 0), *roads))
 
 
-def build(network, folder):
-    build_network(network, folder / "n.net.xml")
-    return net_root(folder / "n.net.xml")
+def build(network):
+    return net_root(net_of(network))
 
 
 def turns(root, edge):
@@ -89,11 +71,11 @@ def test_a_median_keeps_the_directions_apart(root):
     assert 2 - eastbound[1] == pytest.approx(0.5 + 1.65, abs=0.01)
 
 
-def test_lanes_turn_where_their_side_lets_them(tmp_path, root):
+def test_lanes_turn_where_their_side_lets_them(root):
     assert turns(root, "north") == {(1, "r"), (1, "s"), (1, "l")}
-    wide = build(four_arms(back=2), tmp_path)  # two lanes into the junction, one lane straight on, two back
+    wide = build(four_arms(back=2))  # two lanes into the junction, one lane straight on, two back
     assert turns(wide, "west") == {(1, "r"), (1, "s"), (2, "l")}
-    t = build(t_junction(), tmp_path)
+    t = build(t_junction())
     assert turns(t, "west") == {(1, "r"), (1, "s"), (2, "s")}
     assert turns(t, "east") == {(1, "s"), (2, "s"), (2, "l")}
 
@@ -103,10 +85,10 @@ def test_traffic_turns_round_at_dead_ends_only(root):
     assert around == {"north_back", "east_back", "south_back", "west_back"}
 
 
-def test_crossings_lie_over_every_road_with_a_sidewalk(tmp_path, root):
+def test_crossings_lie_over_every_road_with_a_sidewalk(root):
     over = {frozenset(e.get("crossingEdges").split()) for e in root.iterfind("edge[@function='crossing']")}
     assert over == {frozenset({name, f"{name}_back"}) for name in ("north", "east", "south", "west")}
-    bare = build(four_arms(sidewalk=0), tmp_path)
+    bare = build(four_arms(sidewalk=0))
     crossed = {
         e.get("crossingEdges").split()[0].removesuffix("_back") for e in bare.iterfind("edge[@function='crossing']")
     }
@@ -114,15 +96,15 @@ def test_crossings_lie_over_every_road_with_a_sidewalk(tmp_path, root):
     assert len(lanes_of(bare, "west")) == 2
 
 
-def test_a_one_way_road_lies_on_its_line_and_has_no_way_back(tmp_path):
-    root = build(two_ends(road("main", "a", "b", lanes=2, back=0)), tmp_path)
+def test_a_one_way_road_lies_on_its_line_and_has_no_way_back():
+    root = build(two_ends(road("main", "a", "b", lanes=2, back=0)))
     lanes = [shape(lane) for lane in lanes_of(root, "main")]
     assert [line[0][1] for line in lanes] == pytest.approx([-1.65, 1.65])
     assert not lanes_of(root, "main_back")
 
 
-def test_defaults(tmp_path):
-    root = build(two_ends(road("main", "a", "b")), tmp_path)
+def test_defaults():
+    root = build(two_ends(road("main", "a", "b")))
     (lane,) = lanes_of(root, "main")
     assert (lane.get("width"), lane.get("speed")) == ("3.300", "13.889")
     assert len(lanes_of(root, "main_back")) == 1
@@ -132,15 +114,15 @@ def test_defaults(tmp_path):
     ("control", "kind"),
     [("priority", "priority"), ("right_before_left", "right_before_left"), ("stop", "allway_stop")],
 )
-def test_control_without_signals(tmp_path, control, kind):
-    root = build(t_junction(control), tmp_path)
+def test_control_without_signals(control, kind):
+    root = build(t_junction(control))
     assert root.find("junction[@id='j4']").get("type") == kind
     assert root.find("tlLogic") is None
 
 
-def test_the_wider_or_faster_road_goes_first(tmp_path):
+def test_the_wider_or_faster_road_goes_first():
     def state(network, edge):
-        root = build(network, tmp_path)
+        root = build(network)
         return {c.get("state") for c in root.iterfind(f"connection[@from='{edge}'][@dir='s']") if c.get("to")[0] != ":"}
 
     def crossroads(north_south, east_west):
@@ -173,8 +155,7 @@ def test_the_crossroads_of_the_language_s_cases_is_the_one_that_these_tests_buil
     ids=["signals", "priority", "stop", "right_before_left"],
 )
 def test_cars_and_people_get_from_everywhere_to_everywhere_without_touching(tmp_path, network):
-    net = tmp_path / "n.net.xml"
-    build_network(network, net)
+    net = net_of(network)
     seen = drive_everywhere(network, net, tmp_path, seconds=300, period=50, walkers=True)
     arms = dead_ends(network)
     ways = {f"{a}-{b}" for a in arms for b in arms if a != b}
@@ -186,8 +167,7 @@ def test_cars_and_people_get_from_everywhere_to_everywhere_without_touching(tmp_
 
 def test_no_car_gets_stuck_in_the_bundled_town(tmp_path):
     network = read(data_folder("scenarios") / "networks" / "town.foresee")
-    build_network(network, tmp_path / "n.net.xml")
-    seen = drive_everywhere(network, tmp_path / "n.net.xml", tmp_path, seconds=400, period=90, walkers=True)
+    seen = drive_everywhere(network, net_of(network), tmp_path, seconds=400, period=90, walkers=True)
     arms = dead_ends(network)
     ways = {f"{a}-{b}" for a in arms for b in arms if a != b}
     assert {v.partition(".")[0] for v in seen["arrived"]} == ways
@@ -228,8 +208,7 @@ def test_netconvert_speaks_for_itself(tmp_path):
 
 
 def test_the_version_is_that_of_the_program(tmp_path):
-    build_network(two_ends(road("main", "a", "b")), tmp_path / "n.net.xml")
-    run_netconvert(["-s", "n.net.xml", "-o", "again.net.xml"], tmp_path)
+    run_netconvert(["-s", str(net_of(two_ends(road("main", "a", "b")))), "-o", "again.net.xml"], tmp_path)
     assert f"netconvert {tool_version()}".encode() in (tmp_path / "again.net.xml").read_bytes()
 
 

@@ -10,8 +10,7 @@ from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building
-from tests.support.built_networks import four_arms, point
-from tests.support.small_worlds import EGO, net_of, problems_of, scene_of
+from tests.support.worlds import EGO, four_arms, net_of, point, problems_of, scene_of
 
 WALKER = "pedestrian walker: pedestrian.adult {{ path [{}] }}\n"
 STREET = four_arms(median=0, via=(), parking=2.2)

@@ -12,7 +12,7 @@ from foresee_dsl.compile.nets.cache import read_net_once
 from foresee_dsl.compile.placement.checks import common_area
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
-from tests.support.small_worlds import PLAIN, net_of
+from tests.support.worlds import PLAIN, net_of
 
 near = st.floats(-6, 6)
 

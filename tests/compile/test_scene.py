@@ -9,8 +9,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.scene import friction_of
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import InputError
-from tests.support.built_networks import four_arms
-from tests.support.small_worlds import EGO, PLAIN, case_of, net_of, problems_of, scene_of
+from tests.support.worlds import EGO, PLAIN, case_of, four_arms, net_of, problems_of, scene_of
 
 LANE = 1.65
 

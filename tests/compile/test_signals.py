@@ -5,29 +5,18 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
-from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import ALL_RED_S, AMBER_S, PEDESTRIAN_CLEARANCE_S, links_of, read_signals
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Network
-from tests.support.built_networks import (
-    drive_everywhere,
-    ends_of,
-    four_arms,
-    junction,
-    net_root,
-    road,
-    stage,
-    t_junction,
-)
+from tests.support.sumo_run import drive_everywhere
+from tests.support.worlds import ends_of, four_arms, junction, net_of, net_root, road, stage, t_junction
 
 TOWN03 = Path(__file__).parents[3] / "shared" / "data" / "carla" / "maps" / "net" / "Town03.net.xml"
 
 
 @pytest.fixture(scope="module")
-def net(tmp_path_factory):
-    path = tmp_path_factory.mktemp("signals") / "net.net.xml"
-    build_network(four_arms(), path)
-    return path
+def net():
+    return net_of(four_arms())
 
 
 @pytest.fixture(scope="module")
@@ -74,23 +63,23 @@ def test_people_stop_before_the_cars_do(signal, links):
     }
 
 
-def test_a_turn_with_nobody_against_it_need_not_yield(tmp_path):
+def test_a_turn_with_nobody_against_it_need_not_yield():
     ends = ends_of("north", "east", "south", "west")
     stages = [stage(name, 12, name) for name in ("north", "east", "south", "west")]
     roads = [road(name, f"{name}_end", "j4") for name in ("north", "east", "south", "west")]
     network = Network(name="n", body=(junction("j4", 0, 0, *stages), *ends, *roads))
-    build_network(network, tmp_path / "n.net.xml")
-    phases = read_signals(tmp_path / "n.net.xml", network)["j4"].phases
+    net = net_of(network)
+    phases = read_signals(net, network)["j4"].phases
     assert len(phases) == 12  # no people: each stage is green, amber, all red
     for phase in phases[::3]:
         assert sorted(phase.state) == ["G"] * 3 + ["r"] * 9
 
 
-def test_the_stem_of_a_t_junction_yields_to_people_and_has_its_own_crossing_red(tmp_path):
+def test_the_stem_of_a_t_junction_yields_to_people_and_has_its_own_crossing_red():
     network = t_junction()
-    build_network(network, tmp_path / "n.net.xml")
-    signal = read_signals(tmp_path / "n.net.xml", network)["j4"]
-    links = {(k.edge or k.crosses[0], k.direction): k for k in links_of(read_net(tmp_path / "n.net.xml"), "j4")}
+    net = net_of(network)
+    signal = read_signals(net, network)["j4"]
+    links = {(k.edge or k.crosses[0], k.direction): k for k in links_of(read_net(net), "j4")}
     stem = letters(signal, links, 4)
     assert {key: c for key, c in stem.items() if c != "r"} == {
         ("south", "l"): "g",
@@ -100,23 +89,23 @@ def test_the_stem_of_a_t_junction_yields_to_people_and_has_its_own_crossing_red(
     }
 
 
-def test_two_roads_that_cross_may_be_green_together_and_one_yields(tmp_path):
+def test_two_roads_that_cross_may_be_green_together_and_one_yields():
     network = four_arms()
     middle = network.body[0].model_copy(update={"stages": (stage("all", 30, "north", "east", "south", "west"),)})
     network = network.model_copy(update={"body": (middle, *network.body[1:])})
-    build_network(network, tmp_path / "n.net.xml")
-    green, *_ = read_signals(tmp_path / "n.net.xml", network)["j4"].phases
+    net = net_of(network)
+    green, *_ = read_signals(net, network)["j4"].phases
     assert green.state.count("r") == 4  # the crossings
     assert 0 < green.state.count("g") < 12
 
 
-def test_a_short_stage_gives_people_half_of_it(tmp_path):
+def test_a_short_stage_gives_people_half_of_it():
     network = t_junction()
     stages = (stage("main", 6, "west", "east"), stage("stem", 15, "south"))
     middle = network.body[0].model_copy(update={"stages": stages})
     network = network.model_copy(update={"body": (middle, *network.body[1:])})
-    build_network(network, tmp_path / "n.net.xml")
-    phases = read_signals(tmp_path / "n.net.xml", network)["j4"].phases
+    net = net_of(network)
+    phases = read_signals(net, network)["j4"].phases
     assert [p.duration_s for p in phases[:4]] == [3, 3, 3, 2]
 
 
@@ -138,10 +127,10 @@ def test_such_a_run_would_notice_cars_that_do_not_yield(tmp_path, net, signal):
 
 
 @pytest.mark.parametrize("network", [four_arms(), four_arms(back=2), t_junction()], ids=["four", "wide", "t"])
-def test_no_two_movements_that_conflict_both_have_the_right_of_way(tmp_path, network):
-    build_network(network, tmp_path / "n.net.xml")
-    links = links_of(read_net(tmp_path / "n.net.xml"), "j4")
-    for phase in read_signals(tmp_path / "n.net.xml", network)["j4"].phases:
+def test_no_two_movements_that_conflict_both_have_the_right_of_way(network):
+    net = net_of(network)
+    links = links_of(read_net(net), "j4")
+    for phase in read_signals(net, network)["j4"].phases:
         first = {link.index for link in links if phase.state[link.index] == "G"}
         assert not [(link.index, link.foes & first) for link in links if link.index in first and link.foes & first]
 

@@ -11,7 +11,7 @@ from foresee_dsl.compile.roads.polyline import Polyline, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
-from tests.support.small_worlds import EGO, problems_of, scene_of
+from tests.support.worlds import EGO, problems_of, scene_of
 
 RING = Polyline.of([(20.0 * math.cos(k * math.pi / 8), 20.0 * math.sin(k * math.pi / 8)) for k in range(13)])
 """Three quarters of a circle of 20 m, with corners of 22.5 deg."""

@@ -8,8 +8,7 @@ from shapely import Polygon
 
 from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.roads.network import RoadNetwork
-from tests.support.built_networks import four_arms
-from tests.support.small_worlds import EGO, PLAIN, net_of, scene_of
+from tests.support.worlds import EGO, PLAIN, four_arms, net_of, scene_of
 
 NETWORK = four_arms(median=0, via=())
 

@@ -30,7 +30,7 @@ from foresee_dsl.simulate.actors.moved_actors import recorded_states
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
-from tests.support.nets import COMPACT
+from tests.support.worlds import COMPACT
 
 MOTION = Bicycle(limits_of(COMPACT))
 

@@ -16,9 +16,9 @@ from foresee_dsl.simulate.actors.bend_speeds import TURNS_WITH, BendSpeeds, appr
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import SPEED, YAW_RATE
-from tests.support.nets import COMPACT, VAN
 from tests.support.paths import Walk
 from tests.support.scenes import Cruise, Town
+from tests.support.worlds import COMPACT, VAN
 
 _ANGLES = np.linspace(-math.pi / 2, 0, 30)
 # 60 m east, a left turn of radius 20 m, 100 m north.

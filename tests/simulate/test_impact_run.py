@@ -10,8 +10,8 @@ from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.drivers.protocol import Control, Observation
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
-from tests.support.nets import COMPACT
 from tests.support.scenes import Cruise, LaneKeeper, Town
+from tests.support.worlds import COMPACT
 
 EDGES = ("n01_n11", "n11_n21", "n21_n31")
 

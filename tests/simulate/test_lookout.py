@@ -16,8 +16,8 @@ from foresee_dsl.simulate.actors.dynamics import BicycleState
 from foresee_dsl.simulate.actors.target_selection import Target, TargetSelection
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
-from tests.support.nets import ADULT
 from tests.support.scenes import Cruise, Town
+from tests.support.worlds import ADULT
 
 CAR = VehicleLimits("car.compact", 4.0, 1.8, 2.6, 0.85, 45.0, 2.6, 4.5, 8.0, math.radians(35), math.radians(400), 0.9)
 STRAIGHT = Polyline.of([(0.0, 0.0), (600.0, 0.0)])

@@ -5,8 +5,7 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.simulate.mission import limits_of, mission_of
-from tests.support.built_networks import four_arms, t_junction
-from tests.support.small_worlds import EGO, PLAIN, case_of
+from tests.support.worlds import EGO, PLAIN, case_of, four_arms, t_junction
 
 
 def mission(turn, start="south", network=PLAIN, more=""):

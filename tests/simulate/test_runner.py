@@ -165,7 +165,7 @@ import sys
 from pathlib import Path
 from foresee_dsl.simulate.runner import run
 from tests.support.scenes import LaneKeeper, Town
-town = Town(Path(sys.argv[1]), Path(sys.argv[2]))
+town = Town(Path(sys.argv[1]))
 bundle = town.bundle([town.ego(("n01_n11", "n11_n21", "n21_n31"), 30.0), *town.traffic(11, 12)])
 print(run(bundle, LaneKeeper(5.0), seed=3).trace.digest)
 """
@@ -174,7 +174,7 @@ print(run(bundle, LaneKeeper(5.0), seed=3).trace.digest)
 def test_the_same_in_another_process(town: Town, tmp_path: Path) -> None:
     bundle = town.bundle([town.ego(EAST, 30.0), *town.traffic(11, 12)])
     here = {run(bundle, LaneKeeper(5.0), seed=3).trace.digest for _ in range(2)}
-    command = [sys.executable, "-c", _AGAIN, str(town.net), str(town.types)]
+    command = [sys.executable, "-c", _AGAIN, str(town.net)]
     checkout = Path(__file__).parents[2]  # `tests` is imported from there
     there = subprocess.run(command, check=True, capture_output=True, text=True, cwd=checkout).stdout
     assert here == {there.strip()}  # and nothing but the digest was printed

@@ -19,7 +19,7 @@ from foresee_dsl.simulate.sensing.objects import ObjectList
 from foresee_dsl.simulate.sensing.settings import NO_DROPOUTS, NO_NOISE
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.weather import CLEAR, Air
-from tests.support.nets import ADULT, COMPACT, CRATE, VAN
+from tests.support.worlds import ADULT, COMPACT, CRATE, VAN
 
 CAR = replace(COMPACT, length_m=4.4, width_m=1.8, height_m=1.5)
 DELIVERY = replace(VAN, length_m=5.9, width_m=2.0, height_m=2.4)

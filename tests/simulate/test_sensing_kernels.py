@@ -14,7 +14,7 @@ import pytest
 from foresee_dsl.simulate.sensing import STANDARD
 from foresee_dsl.simulate.sensing.objects import ObjectList
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
-from tests.support.nets import ADULT, COMPACT, CRATE, VAN
+from tests.support.worlds import ADULT, COMPACT, CRATE, VAN
 
 HOUSES = (((10.0, 8.0), (30.0, 8.0), (30.0, 30.0), (10.0, 30.0)), ((-40.0, -30.0), (-15.0, -30.0), (-15.0, -9.0)))
 PLAIN = """

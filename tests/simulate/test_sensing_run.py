@@ -18,9 +18,8 @@ from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL, STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.settings import EXACT, NO_DROPOUTS, NO_NOISE
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
-from tests.support.nets import COMPACT, VAN
 from tests.support.scenes import Cruise, LaneKeeper, Town, snapshot
-from tests.support.small_worlds import EGO, case_of, scene_of
+from tests.support.worlds import COMPACT, EGO, VAN, case_of, scene_of
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
 LATE = replace(STANDARD, noise=NO_NOISE, dropouts=NO_DROPOUTS, localisation=EXACT)

@@ -16,7 +16,7 @@ from foresee_dsl.compile.bundle import ModelSpec, Phase, PlacedActor, Scene, Sig
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.simulate.trace import Trace
-from tests.support.nets import ADULT, COMPACT, CRATE, VAN
+from tests.support.worlds import ADULT, COMPACT, CRATE, VAN
 
 
 class Cruise:
@@ -61,8 +61,8 @@ class LaneKeeper(Cruise):
 class Town:
     """A network with its signals, on which scenes are placed."""
 
-    def __init__(self, net: Path, types: Path) -> None:
-        self.net, self.types = net, types
+    def __init__(self, net: Path) -> None:
+        self.net, self.types = net, net.with_name("types.add.xml")
         self.network = RoadNetwork.from_net(net)
         self.signals = {tls.attrib["id"]: _signal(tls) for tls in ElementTree.parse(net).getroot().iterfind("tlLogic")}
 

@@ -22,33 +22,32 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from foresee_dsl.errors import ForeseeError
-from tests.support import crooked_nets as crooked
+from tests.support import foreign_maps as maps
 
 LIMIT_S = 60
 _MEMORY_BYTES = 2_000_000_000
 _TESTS = Path(__file__).parents[1] / "tests"
-_HILL_ROAD = Path(__file__).parents[3] / "tests" / "support" / "hill_road.xodr"
 _VALUES = (
     *("", "0", "-1", "1", "nan", "inf", "-inf", "1e9", "1e300", "1e-300", "x", "-0", "65536", "0.5", " ", "none"),
     *("all", "true", "é", "\\", '"', "a" * 300, "1,2", "1,2 3", "1,2 3,4", "left", "no", "LHT", "clover", "2 lanes"),
 )
 SEEDS: dict[str, tuple[str, Callable[[], list[str]]]] = {
-    "opendrive": ("map.xodr", lambda: [_HILL_ROAD.read_text(), _two_roads(), _bent()]),
+    "opendrive": ("map.xodr", lambda: [maps.HILL_ROAD.read_text(), _two_roads(), _bent()]),
     "osm": ("map.osm", lambda: [(_TESTS / "small_town.osm").read_text()]),
-    "sumo": ("map.net.xml", lambda: [crooked.net(), crooked.net("100,0 103,0 103,3 106,0")]),
+    "sumo": ("map.net.xml", lambda: [maps.net(), maps.net("100,0 103,0 103,3 106,0")]),
 }
 """By kind of map: the file name, and the valid maps that are changed."""
 
 
 def _two_roads() -> str:
     link = '<successor elementType="road" elementId="2" contactPoint="start"/>'
-    return crooked.opendrive(crooked.road(links=link), crooked.road(id="2", x=60, attributes='rule="RHT"'))
+    return maps.opendrive(maps.road(links=link), maps.road(id="2", x=60, attributes='rule="RHT"'))
 
 
 def _bent() -> str:
     pieces = ('<spiral curvStart="0" curvEnd="0.02"/>', '<poly3 a="0" b="0" c="0.01" d="0"/>',
               '<paramPoly3 aU="0" bU="1" cU="0" dU="0" aV="0" bV="0" cV="0.01" dV="0"/>')  # fmt: skip
-    return crooked.opendrive(*(crooked.road(id=str(k), x=100 * k, piece=piece) for k, piece in enumerate(pieces)))
+    return maps.opendrive(*(maps.road(id=str(k), x=100 * k, piece=piece) for k, piece in enumerate(pieces)))
 
 
 def changed(text: str, rng: random.Random) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from pathlib import Path
 
 import pytest
@@ -21,8 +22,9 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.runner import run
+from tests.support.carla_files import carla_place, write_routes, write_triggers
 from tests.support.command import foresee
-from tests.support.small_town import carla_place, small_town, write_routes, write_triggers
+from tests.support.worlds import four_arms, net_of, shifted_net
 
 WAYS = {"3": ("south", "north_back"), "4": ("south", "east_back"), "7": ("south", "north_back")}
 WAYS |= {"8": ("south", "west_back"), "9": ("south", "east_back")}
@@ -30,7 +32,10 @@ WAYS |= {"8": ("south", "west_back"), "9": ("south", "east_back")}
 
 @pytest.fixture(scope="module")
 def town(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RoadNetwork]:
-    return small_town(tmp_path_factory.mktemp("town"))
+    """A net whose coordinates were normalised, and the network where CARLA's coordinates have it."""
+    file = tmp_path_factory.mktemp("town") / "Town77.net.xml"
+    shutil.copy(shifted_net(four_arms(), 150.0, 70.0), file)
+    return file, RoadNetwork.from_net(net_of(four_arms()))
 
 
 def sources(folder: Path, network: RoadNetwork, families: str = "34789") -> tuple[list[Path], list[Path]]:

@@ -19,8 +19,8 @@ from foresee_dsl.compile.nets import safe_xml
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.report.terminal import steps
-from tests.support.crooked_nets import net, road
-from tests.support.crooked_nets import opendrive as xodr
+from tests.support.foreign_maps import net, road
+from tests.support.foreign_maps import opendrive as xodr
 
 TOWN = Path(__file__).parent / "small_town.osm"
 

@@ -17,8 +17,8 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.loading import load_test_cases
-from tests.support.crooked_nets import net, road
-from tests.support.crooked_nets import opendrive as xodr
+from tests.support.foreign_maps import net, road
+from tests.support.foreign_maps import opendrive as xodr
 
 TOWN = Path(__file__).parent / "small_town.osm"
 SIGNAL = '<signals><signal s="5" t="-4" id="9" name="" dynamic="no" orientation="+" type="" subtype=""/></signals>'

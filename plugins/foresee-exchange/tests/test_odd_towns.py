@@ -23,8 +23,8 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.bridges import Heights, bridge_notes, bridges
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.project.loading import bundled_models, load_test_cases
-from tests.support.odd_maps import Road, write_map
-from tests.support.small_town import write_routes, write_triggers
+from tests.support.carla_files import write_routes, write_triggers
+from tests.support.foreign_maps import Road, write_map
 
 LOW = Road("7", -150, 0, 0, 300)
 OVER = ((0, 0, 0), (50, 0, 0.08), (125, 6, 0), (175, 6, -0.08), (250, 0, 0))

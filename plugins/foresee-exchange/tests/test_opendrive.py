@@ -15,12 +15,11 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.runner import run
 from tests.support.command import foresee
-
-MAP = Path(__file__).parents[3] / "tests" / "support" / "hill_road.xodr"
+from tests.support.foreign_maps import HILL_ROAD
 
 
 def test_a_map_becomes_a_network_and_a_scenario_that_runs(tmp_path: Path) -> None:
-    done = opendrive.run(MAP, out=tmp_path / "out")
+    done = opendrive.run(HILL_ROAD, out=tmp_path / "out")
     assert [file.name for file in done.files] == ["hill_road.foresee", "hill_road.xodr"]
     assert (done.taken["edges"], done.taken["lanes for cars"], done.taken["sidewalks"]) == (2, 2, 2)
     assert done.left_out == {
@@ -62,7 +61,7 @@ def test_a_map_becomes_a_network_and_a_scenario_that_runs(tmp_path: Path) -> Non
 def test_bad_maps_are_refused_and_nothing_written(tmp_path: Path, name: str, change: object, words: str) -> None:
     assert callable(change)
     file = tmp_path / name
-    file.write_text(change(MAP.read_text()))
+    file.write_text(change(HILL_ROAD.read_text()))
     with pytest.raises(ForeseeError, match=words):
         opendrive.run(file, out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -76,7 +75,7 @@ def test_a_real_town(carla: Path, tmp_path: Path) -> None:
 
 
 def test_the_command_writes_over_an_older_import(tmp_path: Path) -> None:
-    shutil.copy(MAP, tmp_path / "my map.xodr")
+    shutil.copy(HILL_ROAD, tmp_path / "my map.xodr")
     for _ in range(2):
         done = foresee("import", "opendrive", tmp_path / "my map.xodr", "--out", tmp_path / "out")
         assert "not expressed:" in done.stdout

@@ -14,6 +14,7 @@ import pytest
 
 from foresee_dsl.plugins import BESIDE, package_of
 from tests.support.command import foresee
+from tests.support.foreign_maps import HILL_ROAD
 from tests.support.without_plug_ins import foresee_of, installed_without
 
 MISSING = "comes with the plug-in foresee-exchange, which is not installed: pip install 'foresee-dsl[exchange]'"
@@ -67,10 +68,9 @@ def test_without_it_a_command_with_its_options_says_what_installs_it(without: Pa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_it_a_scenario_on_a_map_of_another_tool_compiles(without: Path, tmp_path: Path, root: Path) -> None:
+def test_without_it_a_scenario_on_a_map_of_another_tool_compiles(without: Path, tmp_path: Path) -> None:
     """foresee-dsl itself compiles a net or a map that a scenario names, and makes networks of sketches."""
-    hill = root / "tests" / "support" / "hill_road.xodr"
-    foresee("import", "opendrive", str(hill), "--out", str(tmp_path))
+    foresee("import", "opendrive", str(HILL_ROAD), "--out", str(tmp_path))
     checked = json.loads(foresee_of(without, "check", tmp_path / "hill_road.foresee", "--json", code=0).stdout)
     assert checked["diagnostics"] == []
     (tmp_path / "streets.txt").write_text("a 0 0\nb 300 0\na-b lanes 1\n")

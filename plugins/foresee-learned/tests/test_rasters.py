@@ -49,8 +49,8 @@ from foresee_dsl.simulate.actors.dynamics import limits_of
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.views import RunViews, StepViews
-from tests.support.nets import ADULT, COMPACT, build_grid
 from tests.support.scenes import Cruise, Town
+from tests.support.worlds import ADULT, COMPACT
 
 LOOKING = """
 class Looking:
@@ -434,12 +434,6 @@ def test_every_class_has_its_place() -> None:
     assert set(GROUP_OF) == set(HEIGHTS_M) == kinds
     assert {GROUPS[k] for k in GROUP_OF.values()} == set(GROUPS)
     assert BIRDS_EYE_CHANNELS[:8] == MAP_BITS
-
-
-@pytest.fixture(scope="session")
-def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
-    """A grid of 4 x 4 junctions with signals at n11 and n22."""
-    return Town(*build_grid(tmp_path_factory.mktemp("town")))
 
 
 # ---- a real town ----------------------------------------------------------------------------------------------------

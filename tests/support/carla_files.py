@@ -1,4 +1,4 @@
-"""A small town for the importers: the crossroads of the compiler's tests, with routes and triggers of CARLA's kind."""
+"""Routes and triggers of CARLA's kind."""
 
 from __future__ import annotations
 
@@ -6,23 +6,7 @@ import json
 import math
 from pathlib import Path
 
-from foresee_dsl.compile.nets.netconvert import run_netconvert
-from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.roads.network import RoadNetwork
-from tests.support.built_networks import four_arms
-
-OFFSET = (150.0, 70.0)
-"""Where the net's origin lies, as in nets whose coordinates were normalised."""
-
-
-def small_town(folder: Path) -> tuple[Path, RoadNetwork]:
-    """Write `Town77.net.xml`, moved by `OFFSET`; return it, and the network where CARLA's coordinates have it."""
-    built = folder / "built.net.xml"
-    build_network(four_arms(), built)
-    file = folder / "Town77.net.xml"
-    shift = ["--offset.disable-normalization", "--offset.x", f"{OFFSET[0]}", "--offset.y", f"{OFFSET[1]}"]
-    run_netconvert(["-s", str(built), *shift, "-o", str(file)], folder)
-    return file, RoadNetwork.from_net(built)
 
 
 def carla_place(network: RoadNetwork, edge: str, at_m: float, lane: int = 0) -> dict[str, float]:
