@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.panels import Strip
-    from foresee_dsl.report.show.sources import ShownRun, ShowWish
+    from foresee_dsl.report.show.sources import ShownRun, Wish
 
 _BOTH_WIDE = 110
 """Terminal width in columns from which two moments each of a mutant and its parent fit side by side."""
@@ -115,10 +115,10 @@ def show(
     foresee show red_light_runner_r02_p1_m3 --campaign out --svg strip.svg
     foresee show red_light_runner_r02_p1_m3 --step --from 2 --to 3[/dim]
     """
-    from foresee_dsl.report.show.sources import ShowWish, find
+    from foresee_dsl.report.show.sources import Wish, find
 
     _one_file(targets, png, svg)
-    wish = ShowWish(driver, seed, campaign, allow_outside, fresh, full)
+    wish = Wish(driver, seed, campaign, allow_outside, fresh, full)
     console = _console()
     for number, target in enumerate(targets):
         if number:
@@ -147,7 +147,7 @@ def _console() -> Console:
     return harmless_console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
 
 
-def _page(run: ShownRun, wish: ShowWish, up: UpSide, moments: int | None, width: int) -> Page:
+def _page(run: ShownRun, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
     from foresee_dsl.report.show.moments import LEAST, MOST
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.sources import parent_of

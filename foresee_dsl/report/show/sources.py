@@ -62,7 +62,7 @@ class ShownRun:
 
 
 @dataclass(frozen=True)
-class ShowWish:
+class Wish:
     """The options of `foresee show`.
 
     Attributes:
@@ -79,7 +79,7 @@ class ShowWish:
     full: bool = False
 
 
-def find(target: str, wish: ShowWish) -> ShownRun:
+def find(target: str, wish: Wish) -> ShownRun:
     """Return the run of an address, a trace, a mutant's file or a finding's name.
 
     Raises:
@@ -94,7 +94,7 @@ def find(target: str, wish: ShowWish) -> ShownRun:
     return of_address(target, wish)
 
 
-def of_address(address: str, wish: ShowWish) -> ShownRun:
+def of_address(address: str, wish: Wish) -> ShownRun:
     """Return the run of a test case, a clip or a mutant: the stored run if it is up to date, else a new one."""
     case = load_test_case(address, allow_outside=wish.allow_outside)
     driver, seed = _driver_and_seed(case, wish)
@@ -106,7 +106,7 @@ def of_address(address: str, wish: ShowWish) -> ShownRun:
     return ShownRun(address, case, run_test_case(case, driver, seed).trace, driver, seed)
 
 
-def parent_of(run: ShownRun, wish: ShowWish, say: Callable[[str], None]) -> ShownRun | None:
+def parent_of(run: ShownRun, wish: Wish, say: Callable[[str], None]) -> ShownRun | None:
     """Return the run of a mutant's clip with the same driver and seed; None if the run is not a mutant's.
 
     Args:
@@ -123,7 +123,7 @@ def parent_of(run: ShownRun, wish: ShowWish, say: Callable[[str], None]) -> Show
     return of_address(_relative(address), same)
 
 
-def _of_trace(path: Path, wish: ShowWish) -> ShownRun:
+def _of_trace(path: Path, wish: Wish) -> ShownRun:
     try:
         trace = Trace.load(path)
     except ValueError as err:
@@ -155,7 +155,7 @@ def _locate(address: str, trace: Path) -> str:
     return address
 
 
-def _stored(case: TestCase, wish: ShowWish) -> Iterator[Path]:
+def _stored(case: TestCase, wish: Wish) -> Iterator[Path]:
     """Yield the files in which campaigns store the run's trace: in the campaign's folder, and in that of the file."""
     beside = case.source.with_suffix(".npz")  # the trace of a minimised finding
     if is_file(beside):
@@ -185,14 +185,14 @@ def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
     return meta.get("tool") == __version__ and meta.get("driver_version") == load_driver(driver).version
 
 
-def _driver_and_seed(case: TestCase, wish: ShowWish) -> tuple[str, int]:
+def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
     recorded, seed = recorded_run(case.mutant.origin if case.mutant is not None else None)
     if ":" in recorded and not wish.driver:
         raise DriverError(f"{case.id} was recorded with a program as its driver: {recorded}. `--driver` starts one")
     return wish.driver or recorded, seed if wish.seed is None else wish.seed
 
 
-def _file_of_finding(name: str, wish: ShowWish) -> str:
+def _file_of_finding(name: str, wish: Wish) -> str:
     """Return the address of a finding or another failure of a campaign; of the minimised mutant if there is one."""
     finding = find_failure(name, wish.campaign, tests=True)
     return ((not wish.full and finding.minimised) or finding.file).as_posix()
