@@ -70,8 +70,7 @@ class SumoVehicle(SimulatedActor):
 
     Attributes:
         rolls: whether SUMO drives it in the step before the first frame (`in_sumo`), as it did in the parent run.
-        record: its data for the kernels, a `kernels.sumo_traffic.SumoVehicleRecord`; an element of a table once it has joined
-            one.
+        record: its data for the kernels, a `SumoVehicleRecord`; an element of a table once it has joined one.
     """
 
     __slots__ = ("_beside", "_network", "record", "rolls")
