@@ -127,7 +127,7 @@ def verify(
     from foresee_dsl.campaign.regression.verify import verify_files
     from foresee_dsl.drivers.deadlines import Deadlines
     from foresee_dsl.report.builds.case_results import of_rechecks
-    from foresee_dsl.report.terminal.verification import print_verification
+    from foresee_dsl.report.terminal.comparison import print_verification
 
     deadlines = Deadlines(step_deadline, deadline)
     rechecks = verify_files(paths, driver=driver, run_programs=run_programs, jobs=jobs, deadlines=deadlines)

@@ -2,14 +2,112 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement  # no parsing: that is safe_xml's
 
-from foresee_dsl.compile.foreign.direct_junctions import join_directly
-from foresee_dsl.compile.foreign.opendrive_geometry import number
+from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap, cubic_at, number
 from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.errors import CompileError
+
+_LENGTH_M = 0.1
+"""Length of a connecting road, m (ours; the roads themselves touch, so it lies on top of the next road)."""
+
+
+def join_directly(root: Element) -> int:
+    """Give each connection of a direct junction its own road, and return the number of such junctions."""
+    roads = {road.get("id", ""): road for road in root.iterfind("road")}
+    where = RoadMap(root)
+    count = 0
+    direct = [junction for junction in root.iterfind("junction") if junction.get("type") == "direct"]
+    for junction in direct:
+        for connection in junction.findall("connection"):
+            name = f"direct_{junction.get('id')}_{count}"
+            incoming, linked = (roads.get(connection.get(key) or "") for key in ("incomingRoad", "linkedRoad"))
+            if incoming is None or linked is None:
+                junction.remove(connection)
+                continue
+            road = _connecting(where, junction, connection, incoming, linked)
+            road.set("id", name)
+            root.insert(list(root).index(junction), road)
+            connection.attrib.pop("linkedRoad")
+            _lead(junction, connection, name)
+            count += 1
+        del junction.attrib["type"]
+    return len(direct)
+
+
+def _connecting(where: RoadMap, junction: Element, connection: Element, incoming: Element, linked: Element) -> Element:
+    """Return the road from the end of one road to the other, with the lanes that the first road has at its end."""
+    at_end = _touches(incoming, "successor", junction)
+    s = number(incoming, "length") if at_end else 0.0
+    pose = where.at(incoming.get("id", ""), s, 0.0)
+    heading = pose.heading_rad if at_end else pose.heading_rad + math.pi
+    contact = connection.get("contactPoint") or "start"
+    turn = 1 if at_end else -1
+    road = Element("road", {"name": "", "length": f"{_LENGTH_M}", "junction": junction.get("id", "")})
+    if incoming.get("rule"):
+        road.set("rule", incoming.get("rule", ""))
+    link = SubElement(road, "link")
+    ends = {"predecessor": (incoming, "end" if at_end else "start"), "successor": (linked, contact)}
+    for tag, (other, point) in ends.items():
+        SubElement(link, tag, {"elementType": "road", "elementId": other.get("id", ""), "contactPoint": point})
+    line = {"s": "0", "x": f"{pose.x!r}", "y": f"{pose.y!r}", "hdg": f"{heading!r}", "length": f"{_LENGTH_M}"}
+    SubElement(SubElement(SubElement(road, "planView"), "geometry", line), "line")
+    lanes = SubElement(road, "lanes")
+    offset = turn * cubic_at(incoming.iterfind("lanes/laneOffset"), "s", s)
+    SubElement(lanes, "laneOffset", {"s": "0", "a": f"{offset!r}", "b": "0", "c": "0", "d": "0"})
+    section = SubElement(lanes, "laneSection", {"s": "0"})
+    onward = {turn * int(number(pair, "from")): pair for pair in connection.iterfind("laneLink")}
+    sides: dict[str, list[tuple[int, Element]]] = {"left": [], "center": [], "right": []}
+    for number_, lane in _lanes_at(incoming, at_end):
+        side = "center" if number_ == 0 else "left" if turn * number_ > 0 else "right"
+        sides[side].append((turn * number_, lane))
+    for side, members in sides.items():
+        group = SubElement(section, side)
+        for number_, lane in sorted(members, key=lambda item: -item[0]):
+            copy = SubElement(group, "lane", {"id": str(number_), "type": lane.get("type", "none"), "level": "false"})
+            links = SubElement(copy, "link")
+            if number_ and number_ in onward:
+                SubElement(links, "predecessor", {"id": str(turn * number_)})
+                SubElement(links, "successor", {"id": onward[number_].get("to", "")})
+            if number_:
+                width = cubic_at(lane.iterfind("width"), "sOffset", s - _section_start(incoming, at_end))
+                SubElement(copy, "width", {"sOffset": "0", "a": f"{width!r}", "b": "0", "c": "0", "d": "0"})
+    for pair in connection.findall("laneLink"):
+        pair.set("to", str(turn * int(number(pair, "from"))))
+    return road
+
+
+def _lead(junction: Element, connection: Element, road: str) -> None:
+    """Connect a connection to the begin of its road, and remove lanes that lead in the opposite direction."""
+    connection.set("connectingRoad", road)
+    connection.set("contactPoint", "start")
+    back = [pair for pair in connection.findall("laneLink") if number(pair, "to") > 0]
+    for pair in back:
+        connection.remove(pair)
+    if not connection.findall("laneLink"):
+        junction.remove(connection)
+
+
+def _touches(road: Element, tag: str, junction: Element) -> bool:
+    link = road.find(f"link/{tag}")
+    return link is not None and link.get("elementType") == "junction" and link.get("elementId") == junction.get("id")
+
+
+def _lanes_at(road: Element, at_end: bool) -> Iterator[tuple[int, Element]]:
+    sections = road.findall("lanes/laneSection")
+    if not sections:
+        raise CompileError(f"the map's road {road.get('id')} has no lanes")
+    for lane in sections[-1 if at_end else 0].iter("lane"):
+        yield int(number(lane, "id")), lane
+
+
+def _section_start(road: Element, at_end: bool) -> float:
+    return number(road.findall("lanes/laneSection")[-1 if at_end else 0], "s", 0.0)
+
 
 _STRAIGHT = 1e-12
 """A curvature below this is treated as zero, 1/m (ours), because netconvert 1.28 divides by it."""
