@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from lark import Token, Tree
-from lark.exceptions import UnexpectedInput
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import MAX_BYTES, plain
-from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.syntax.nodes import NodeMaker
+from foresee_dsl.language.syntax.reading import read
 
 _CACHED_TEXTS = 256
 """Number of texts whose syntax stays in memory. Ours: the files of a folder and some edits; about 100 kB each."""
@@ -25,12 +24,11 @@ class Syntax:
 
     Attributes:
         root: the definition with all well-formed statements, or None if its head is not well-formed.
-        whole: whether nothing was left out. comments: in order; empty if something was left out.
+        whole: whether nothing was left out.
     """
 
     root: Node | None
     whole: bool
-    comments: tuple[Token, ...] = ()
 
 
 @lru_cache(maxsize=_CACHED_TEXTS)
@@ -39,16 +37,8 @@ def read_syntax(text: str) -> Syntax:
     text = plain(text)
     if len(text) > MAX_BYTES:
         return Syntax(None, whole=False)
-    comments: list[Token] = []
-    whole = True
-    try:
-        tree, comments = parse_tree(text)
-    except UnexpectedInput:
-        from foresee_dsl.language.syntax.recover import recover
-
-        tree, errors = recover(text)
-        whole = not errors
-    return Syntax(root_of(tree), whole, tuple(comments))
+    reading = read(text)
+    return Syntax(root_of(reading.tree), not reading.errors)
 
 
 def root_of(tree: Tree[Token]) -> Node | None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import pydantic
 from lark import Token, Tree
-from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from foresee_dsl import disk_cache
 from foresee_dsl.errors import Diagnostic, InputError, Span
@@ -20,9 +19,10 @@ from foresee_dsl.language.model import Catalogue, Definition, Extension, Network
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
-from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.node import Node, TextError
 from foresee_dsl.language.syntax.nodes import NodeMaker, span_of
+from foresee_dsl.language.syntax.reading import read
+from foresee_dsl.language.syntax.scan import MOST, Lines
 from foresee_dsl.language.traversal import walk
 from foresee_dsl.limits import most, raised_by
 
@@ -35,8 +35,8 @@ VERSION = "1"
 MAX_BYTES = 2_000_000
 """The largest file that is read (ours: a hundred times the largest clip of a twenty-actor scene)."""
 
-_MAX_RECOVERED = 200_000
-"""In a longer text only the first error of the grammar is looked for (ours: recovering costs 0.1 ms a line)."""
+_MAX_EXPLAINED = 200_000
+"""In a longer text only the first error of the grammar is reported (ours: explaining one takes some ms)."""
 
 _NESTED = re.compile(r"[-(][-(\s]*")
 _MOST_NESTED = 1000
@@ -63,13 +63,11 @@ def parse(text: str, path: str) -> Document:
         help = "begin with " + write("foresee 1") + ", then a scenario, network, clip, mutant or models block"
         raise InputError((Diagnostic.of("FS002", "the file is empty", help, path),))
     _check_size(text, path)
-    errors: list[TextError] = []
-    comments: list[Token] = []
-    try:
-        tree, comments = parse_tree(text)
-    except UnexpectedInput as error:
-        tree, errors = _look_further(text, error)
+    reading = read(text, MOST if len(text) <= _MAX_EXPLAINED else 1)
+    tree, errors = reading.tree, [*reading.errors]
     partial = bool(errors)
+    if partial and len(text) > _MAX_EXPLAINED:
+        tree = Tree("file", [])
     maker, builder = NodeMaker(tree), Builder(partial=partial)
     parts = [child for child in tree.children if isinstance(child, Tree)]
     header = next((child for child in parts if child.data == "header"), None)
@@ -84,15 +82,15 @@ def parse(text: str, path: str) -> Document:
     models = [builder.build(node) for node in nodes]
     errors += [*maker.errors, *builder.errors, *_nameless(nodes, path)]
     if errors:
+        from foresee_dsl.language.checks.broken_files import with_certain
         from foresee_dsl.language.messages.own_names import with_own_names
-        from foresee_dsl.language.syntax.partial import with_certain
 
-        diagnostics = with_certain(_diagnostics(errors, text, path), nodes, text, path, load)
+        diagnostics = with_certain(_diagnostics(errors, text, path), nodes, reading, path, load)
         raise InputError(with_own_names(diagnostics, text))
     model = models[0]
     if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
-    around = attach(nodes[0], span_of(header), comments, text)
+    around = attach(nodes[0], span_of(header), reading.comments, text)
     spans, calculates = builder.spans, maker.calculates or maker.settles
     return Document(path=path, text=text, model=model, spans=spans, comments=around, calculates=calculates)
 
@@ -122,8 +120,6 @@ def _check_size(text: str, path: str) -> None:
 
 
 def _check_nesting(counted: str, text: str, path: str) -> None:
-    from foresee_dsl.language.syntax.scan import Lines
-
     for signs in _NESTED.finditer(counted):
         if signs[0].count("-") + signs[0].count("(") >= _MOST_NESTED:
             place = Lines(text).span(signs.start(), signs.end())
@@ -205,21 +201,6 @@ def format_text(text: str, path: str) -> str:
         help = "this is an error in foresee-dsl: please report it with the file"
         raise InputError((Diagnostic("FS020", message, help, path),))
     return result
-
-
-def _look_further(text: str, error: UnexpectedInput) -> tuple[Tree[Token], list[TextError]]:
-    """Find all errors of a text that the grammar refused."""
-    from foresee_dsl.language.syntax.recover import recover
-
-    if len(text) <= _MAX_RECOVERED:
-        tree, errors = recover(text)
-        if errors:
-            return tree, errors
-    line, column = max(error.line, 1), max(error.column, 1)
-    if isinstance(error, UnexpectedToken) and error.token.type == "$END":
-        line, column = text.count("\n") + 1, 1
-    place = Span(line, column, line, column + 1)
-    return Tree("file", []), [TextError("FS003", "unexpected text: a statement cannot continue like this", "", place)]
 
 
 def _wrong_version(header: Tree[Token]) -> Iterable[TextError]:

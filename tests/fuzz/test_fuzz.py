@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import pytest
+from lark import Token, Tree
+from lark.exceptions import UnexpectedInput
 
-from foresee_dsl.language.syntax.grammar import parser
+from foresee_dsl.language.syntax.grammar import parse_tree, parser
+from foresee_dsl.language.syntax.node import Node
+from foresee_dsl.language.syntax.nodes import NodeMaker
+from foresee_dsl.language.syntax.reading import read
 from tests.fuzz.derivations import derivation
 from tests.fuzz.generators import GENERATORS, make
 from tests.fuzz.minimise import minimise
@@ -31,12 +37,35 @@ def test_inputs_are_reproducible_and_differ():
 
 def test_derivations_reach_every_statement():
     """The generator follows the grammar as it is: each keyword of it turns up."""
-    import random
-
     rng = random.Random(1)
     words = set(" ".join(derivation(rng) for _ in range(20000)).split())
     missing = {t.pattern.value for t in parser().terminals if t.pattern.type == "str"} - words
     assert not missing
+
+
+def test_statements_that_are_read_one_by_one_are_what_the_grammar_says_of_the_whole():
+    """Cutting a text into statements loses nothing and adds nothing, with separators wherever they may stand."""
+    rng = random.Random(1)
+    accepted = 0
+    for _ in range(200):
+        text = derivation(rng)
+        at = rng.randrange(len(text))
+        text = text[:at] + rng.choice(("", "", ";", "\n", "# ]};\n", "{", "]")) + text[at:]
+        reading = read(text)
+        try:
+            whole = parse_tree(text, "file")
+        except UnexpectedInput:
+            assert reading.errors, text
+            continue
+        accepted += 1
+        assert not reading.errors, text
+        assert _nodes(reading.tree) == _nodes(whole), text
+    assert accepted > 50
+
+
+def _nodes(tree: Tree[Token]) -> list[Node]:
+    maker = NodeMaker(tree)
+    return [maker.make(part) for part in tree.children if isinstance(part, Tree) and part.data != "header"]
 
 
 def test_an_oracle_that_can_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

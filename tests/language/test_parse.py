@@ -17,7 +17,7 @@ from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model import TAKEN
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.syntax.grammar import statement_parser
+from foresee_dsl.language.syntax.grammar import parser
 
 ROOT = Path(__file__).parents[2]
 CASES = ROOT / "tests" / "cases" / "language"
@@ -97,7 +97,7 @@ def test_keywords_may_be_names():
 )
 def test_the_words_that_no_actor_or_label_is_called(before: str, rule: str):
     """`TAKEN` holds what the grammar takes for a keyword where an actor or a label begins, and nothing else."""
-    grammar = statement_parser()
+    grammar = parser()
     reading = grammar.parse_interactive(before, start=rule)
     list(reading.iter_parse())
     words = {t.name: t.pattern.value for t in grammar.terminals if isinstance(t.pattern, PatternStr)}
@@ -112,6 +112,22 @@ def test_separators_and_lists_over_several_lines():
     one = first("ego: car.sedan { route [a]; speed 3 m/s; }")
     several = first("ego: car.sedan {\n\n  ;route [\n a,  # why\n ]\n;;\n speed 3 m/s\n\n }")
     assert one == several
+
+
+@pytest.mark.parametrize("head", ["ego:car.sedan", "ego :car.sedan", "ego: car.sedan"])
+def test_a_block_needs_no_blank_before_it(head: str):
+    assert first(f"{head}{{route [a]; speed 3 m/s}}") == first("ego: car.sedan {\n  route [a]\n  speed 3 m/s\n}")
+
+
+def test_a_scenario_may_be_called_extends():
+    assert parse("foresee 1\nscenario extends { ego: car.sedan }", "x").model.name == "extends"
+
+
+def test_a_long_list_goes_over_many_lines_with_comments():
+    """A list ends at its bracket, however far that is and whatever signs its comments have."""
+    points = "".join(f"    ({k} m, {k} m),  # a bend ]; {{\n" for k in range(200))
+    path = first(f"pedestrian a: pedestrian.adult {{\n  path [\n{points}  ]\n}}")
+    assert len(path.body[0].points) == 200
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])

@@ -132,7 +132,7 @@ def _texts() -> tuple[str, ...]:
 def _words_of(text: str) -> set[str] | None:
     """Return the words of the names and texts in a text; None where it cannot be parsed."""
     try:
-        tree, _ = parse_tree(text)
+        tree = parse_tree(text, "file")
     except UnexpectedInput:
         return None
     return {word for token in tree.scan_values(lambda _: True) for word in re.findall(r"\w+", str(token))}

@@ -76,7 +76,7 @@ class _Place:
         self.written = self._text[self.start : self.end]
         if not self.written.strip():  # the statement stops too early
             self.end, self.written = self.start, ""
-        self._statements = scan(self._text, self._lines)[0]
+        self._statements = scan(self._text, self._lines).statements
 
     def fix(self, title: str, start: int, end: int, text: str) -> Fix:
         """Return an edit between two offsets."""

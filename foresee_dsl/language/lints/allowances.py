@@ -80,7 +80,7 @@ def _allowances(text: str) -> Iterator[_Allowance]:
     from foresee_dsl.language.syntax.scan import Lines, scan  # few files have such a comment
 
     lines = Lines(text)
-    statements = list(_statements(scan(text, lines)[0], lines))
+    statements = list(_statements(scan(text, lines).statements, lines))
     definition = max((s for s in statements if s[2]), default=(1, 1, True))
     for comment in _COMMENT.finditer(text):
         allow = _ALLOW.match(comment[0])

@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
-from lark import Token
-
 from foresee_dsl.errors import Span
 from foresee_dsl.language.project.document import Comments
 from foresee_dsl.language.syntax.node import Key, Node
+from foresee_dsl.language.syntax.scan import Comment
 
 _Place = tuple[int, int]
 _START = attrgetter("start")
@@ -39,7 +38,7 @@ class _Entry:
     after_end: str | None = None
 
 
-def attach(root: Node, header: Span, comments: Sequence[Token], text: str) -> Mapping[Key, Comments]:
+def attach(root: Node, header: Span, comments: Sequence[Comment], text: str) -> Mapping[Key, Comments]:
     """Return the comments and blank lines of each statement that has any, by its path in the model.
 
     `header`: the place of `foresee 1`. The comments are in order, and newlines in the text are `\\n`.
@@ -48,9 +47,8 @@ def attach(root: Node, header: Span, comments: Sequence[Token], text: str) -> Ma
     file = _Entry(END, (0, 0), (10**9, 0), ((0, 0), (10**9, 0)), [head, _entry((), root.span, root)])
     lines = text.split("\n")
     for comment in comments:
-        line, column = comment.line or 1, comment.column or 1
-        own_line = not lines[line - 1][: column - 1].strip()
-        _place(file, (line, column), _text(comment), own_line)
+        own_line = not lines[comment.line - 1][: comment.column - 1].strip()
+        _place(file, (comment.line, comment.column), _text(comment), own_line)
     by_key: dict[Key, Comments] = {}
     _collect(file, by_key)
     at_end = by_key.pop(END, None)
@@ -60,8 +58,8 @@ def attach(root: Node, header: Span, comments: Sequence[Token], text: str) -> Ma
     return by_key
 
 
-def _text(comment: Token) -> str:
-    text = str(comment)[1:].rstrip()
+def _text(comment: Comment) -> str:
+    text = comment.text[1:].rstrip()
     return text.removeprefix(" ") or BARE
 
 

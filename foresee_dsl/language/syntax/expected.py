@@ -14,7 +14,7 @@ from lark.lexer import PatternStr
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
-from foresee_dsl.language.syntax.grammar import PLACES, statement_parser
+from foresee_dsl.language.syntax.grammar import PLACES, parser
 from foresee_dsl.language.units import Dimension
 
 _LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
@@ -100,7 +100,7 @@ def next_terminals(state: Any) -> set[str]:  # noqa: ANN401  Lark leaves its int
 @cache
 def keywords() -> frozenset[str]:
     """Return every fixed word of the grammar."""
-    return frozenset(words_of_terminals(terminal.name for terminal in statement_parser().terminals))
+    return frozenset(words_of_terminals(terminal.name for terminal in parser().terminals))
 
 
 @cache
@@ -108,7 +108,7 @@ def homes() -> Mapping[str, tuple[str, ...]]:
     """Return the blocks in which each first word of a statement is allowed, read from the grammar."""
     blocks: dict[str, list[str]] = {}
     for rule, place in PLACES.items():
-        state: Any = statement_parser().parse_interactive("", start=rule)  # Lark leaves `accepts` without types
+        state: Any = parser().parse_interactive("", start=rule)  # Lark leaves `accepts` without types
         for word in words_of_terminals(next_terminals(state)):
             blocks.setdefault(word, []).append(place)
     return {word: tuple(places) for word, places in blocks.items()}
@@ -147,7 +147,7 @@ def text_of(name: str) -> str | None:
     """Return the text of a terminal that is a fixed word or sign; None for others."""
     if name == "$END":
         return None
-    pattern = statement_parser().get_terminal(name).pattern
+    pattern = parser().get_terminal(name).pattern
     if name == "MEASURE_TIME":
         return "time"
     return pattern.value if isinstance(pattern, PatternStr) else None

@@ -29,7 +29,7 @@ from foresee_dsl.language.syntax.expected import (
 )
 from foresee_dsl.language.syntax.foreign import foreign
 from foresee_dsl.language.syntax.foreign_words import CODE, OF_ROADS, UNSUPPORTED
-from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, statement_parser
+from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, parser
 from foresee_dsl.language.syntax.phrases import phrase
 from foresee_dsl.language.units import UNITS
 
@@ -269,7 +269,7 @@ class Refusal:
             return False
         if before.start() == 0 and (self._rule != "action" or (self._is_word() and self.word != "when")):
             return False  # the name of an actor, most likely
-        state: Any = statement_parser().parse_interactive(self._text[: before.start()], start=self._rule)
+        state: Any = parser().parse_interactive(self._text[: before.start()], start=self._rule)
         try:
             state.exhaust_lexer()
         except UnexpectedInput:

@@ -6,7 +6,6 @@ import functools
 import hashlib
 import sys
 from collections.abc import Iterator
-from contextvars import ContextVar
 from io import BytesIO
 from types import MappingProxyType
 from typing import get_args
@@ -44,10 +43,7 @@ PLACES = MappingProxyType(
 )
 """The name of each block in messages, by the rule of its statements."""
 STARTS = (*PLACES, *(m.rule_of(kind) for kind in get_args(m.Definition)))
-"""Rules that can be parsed on their own, besides a file, to find further errors: a statement of a block, a
-definition."""
-
-_comments: ContextVar[list[Token]] = ContextVar("comments")
+"""Rules of what a text is cut into: a statement of a block, a definition."""
 
 
 class WholeWords:
@@ -60,29 +56,29 @@ class WholeWords:
         return stream
 
 
-def parse_tree(text: str, start: str = "file") -> tuple[Tree[Token], list[Token]]:
-    """Parse a text (newlines are `\
-    `) and return its tree and its comments, in order.
-    """
-    comments: list[Token] = []
-    token = _comments.set(comments)
-    try:
-        return (parser() if start == "file" else statement_parser()).parse(text, start=start), comments
-    finally:
-        _comments.reset(token)
+def parse_tree(text: str, start: str) -> Tree[Token]:
+    """Parse a statement or a definition (its newlines are `\\n`) with its rule, one of `STARTS`; or a whole file,
+    with `file`."""
+    return parser().parse(text, start=start)
 
 
 @functools.cache
 def parser() -> Lark:
-    """Return the parser of whole files: from the cache in about 30 ms, otherwise built in about 300 ms and stored if
-    possible."""
-    return _cached(("file",))
-
-
-@functools.cache
-def statement_parser() -> Lark:
-    """Return the parser of single statements (`STARTS`), which only files with an error need."""
-    return _cached(STARTS)
+    """Return the parser: from the cache in about 30 ms, otherwise built in about 500 ms and stored if possible."""
+    grammar = grammar_text()
+    depends_on = (grammar, "whole words", repr(STARTS), lark.__version__, sys.version)
+    key = hashlib.sha256("\0".join(depends_on).encode()).hexdigest()[:16]
+    try:
+        file = cache_folder("grammar") / f"{key}.pickle"
+    except OSError:
+        return _build(grammar)
+    saved: bytes | None = disk_cache.load(file)
+    if saved is not None:
+        return Lark.load(BytesIO(saved))
+    built, out = _build(grammar), BytesIO()
+    built.save(out)
+    disk_cache.store(file, out.getvalue())
+    return built
 
 
 def grammar_text() -> str:
@@ -90,45 +86,13 @@ def grammar_text() -> str:
     return (data_folder("grammars") / "foresee.lark").read_text(encoding="utf-8")
 
 
-def _cached(starts: tuple[str, ...]) -> Lark:
-    grammar = grammar_text()
-    made_of = (
-        grammar,
-        repr(starts),
-        lark.__version__,
-        sys.version,
-        f"{__name__}.{_collect.__qualname__}",
-        "whole words",
-    )
-    key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:16]
-    try:
-        file = cache_folder("grammar") / f"{key}.pickle"
-    except OSError:
-        return _build(grammar, starts)
-    saved: bytes | None = disk_cache.load(file)
-    if saved is not None:
-        return Lark.load(BytesIO(saved))
-    built, out = _build(grammar, starts), BytesIO()
-    built.save(out)
-    disk_cache.store(file, out.getvalue())
-    return built
-
-
-def _build(grammar: str, starts: tuple[str, ...]) -> Lark:
+def _build(grammar: str) -> Lark:
     return Lark(
         grammar,
         parser="lalr",
         lexer="contextual",
-        start=list(starts),
+        start=["file", *STARTS],
         propagate_positions=True,
         maybe_placeholders=True,
-        lexer_callbacks={"COMMENT": _collect},
         postlex=WholeWords(),  # used only for its `always_accept`
     )
-
-
-def _collect(token: Token) -> Token:
-    comments = _comments.get(None)  # None: the text behind an error is parsed without collecting comments
-    if comments is not None:
-        comments.append(token)
-    return token

@@ -1,4 +1,4 @@
-"""Cuts a broken file into statements by its braces and lines, so that each can be parsed on its own."""
+"""Cuts a text, good or bad, into statements by its braces and lines, so that each can be parsed on its own."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
 _HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then)\b")
 """First words of statements whose block the indentation shows: the actions in it are not allowed elsewhere."""
 _NEXT_LINE = re.compile(r"(?:\n[ \t]*(?:#[^\n]*)?)*\n(?P<indent> +)(?=[^\s#}])")
-_LIST_REACH = 2000
-"""Number of characters in which the end of a list is searched, also on later lines (ours: a path of some thirty
-points)."""
+_ENDS_OF_LISTS = ("]", "{", "}", ";")
 MOST = 100
 """The search stops after this many errors (ours: more are not read, and a broken file must not take minutes)."""
 _SHOWN = 3
@@ -34,6 +32,24 @@ class Raw:
     block: list[Raw] | None = None
     open: int = -1
     close: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Comment:
+    """A comment with its `#`, and where it begins: 1-based line and column."""
+
+    text: str
+    line: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """The statements of a text, the errors of its braces, and its comments, in order."""
+
+    statements: list[Raw]
+    errors: list[TextError]
+    comments: list[Comment]
 
 
 class Lines:
@@ -69,20 +85,19 @@ class _Frame:
     """True if its brace is missing, so that the indentation tells where it ends."""
 
 
-def scan(text: str, lines: Lines) -> tuple[list[Raw], list[TextError]]:
-    """Return the statements of a file, and the errors of its braces.
+def scan(text: str, lines: Lines) -> Cut:
+    """Cut a text into statements.
 
     If the braces do not balance, the indentation tells where each block should end.
     """
     scanner = _Scanner(text, lines, trust_indentation=False)
-    statements = scanner.run()
+    cut = scanner.run()
     if scanner.balanced:
-        return statements, scanner.errors
+        return cut
     repaired = _Scanner(text, lines, trust_indentation=True)
-    found_again = repaired.run()
-    if 0 < repaired.wrong <= max(_PLAUSIBLE, scanner.wrong):
-        return found_again, repaired.errors
-    return statements, scanner.errors  # the file is not indented
+    by_indentation = repaired.run()
+    indented = 0 < repaired.wrong <= max(_PLAUSIBLE, scanner.wrong)
+    return by_indentation if indented else cut
 
 
 class _Scanner:
@@ -97,23 +112,26 @@ class _Scanner:
         self._current: Raw | None = None
         self._after_brace = False
         self._in_list = False
+        self._list_end, self._list_closed = -1, False
         self._line_start, self._first_on_line = 0, -1
+        self._comments: list[Comment] = []
 
     @property
     def wrong(self) -> int:
         """Return the number of errors, including those that are not reported."""
         return len(self.errors) + max(len(self._open_blocks) - _SHOWN - 1, 0)
 
-    def run(self) -> list[Raw]:
+    def run(self) -> Cut:
         for piece in _PIECE.finditer(self._text):
             self._take(piece[0], piece.start())
         while len(self._stack) > 1:
             self._unclosed(len(self._text))
         self._few_of_the_unclosed()
-        return self._stack[0].statements
+        return Cut(self._stack[0].statements, self.errors, self._comments)
 
     def _take(self, piece: str, at: int) -> None:
         if piece[0] == "#":
+            self._comments.append(Comment(piece, *self._lines.place(at)))
             return
         if piece == "\n":
             if not (self._in_list and self._list_continues(at)):
@@ -139,8 +157,13 @@ class _Scanner:
         self._current, self._after_brace, self._in_list = None, False, False
 
     def _list_continues(self, at: int) -> bool:
-        ahead = re.compile(r"[\]{};]").search(self._text, at, at + _LIST_REACH)
-        return ahead is not None and ahead[0] == "]"
+        """Return whether the list that is open at the end of a line is closed on a later line."""
+        if at > self._list_end:  # one search for all lines of a list
+            pieces = _PIECE.finditer(self._text, at)
+            end = next((piece for piece in pieces if piece[0] in _ENDS_OF_LISTS), None)
+            self._list_end = end.start() if end is not None else len(self._text)
+            self._list_closed = end is not None and end[0] == "]"
+        return self._list_closed
 
     def _word(self, start: int, end: int) -> Raw:
         if self._current is None:

@@ -23,7 +23,8 @@ from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.node import Node
-from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
+from foresee_dsl.language.syntax.reading import Reading
+from foresee_dsl.language.syntax.scan import MOST, Lines, Raw
 from foresee_dsl.language.traversal import walk
 
 UNKNOWN_ROAD = "FS250"
@@ -47,16 +48,15 @@ _QUOTED = re.compile(r"'([^']+)'")
 def with_certain(
     diagnostics: tuple[Diagnostic, ...],
     nodes: Sequence[Node],
-    text: str,
+    reading: Reading,
     path: str,
     load: Callable[[Path], Document],
 ) -> tuple[Diagnostic, ...]:
     """Return grammar errors together with the certain errors of the statements that could be read, in the order of
-    the places. `load` reads the network that the file uses."""
+    the places. `reading`: the file's text as it was read. `load` reads the network that the file uses."""
     if len(nodes) != 1 or len(diagnostics) >= MOST or any(d.code in _WHOLE_FILE for d in diagnostics):
         return diagnostics
-    lines = Lines(text)
-    statements = list(_flat(scan(text, lines)[0]))
+    text, lines, statements = reading.text, reading.lines, list(_flat(reading.statements))
     broken = [_around(d, statements, lines) for d in diagnostics]
     unread = frozenset(word for raw in broken if raw is not None for word in _definable(raw, text))
     unread |= {word for raw in broken if raw is not None for word in _around_it(raw, statements, text)}

@@ -1,12 +1,15 @@
-"""Finds all errors of a file that the grammar refused: it parses every statement on its own.
+"""Reads a text, good or bad: cuts it into statements by its braces and lines, and parses each with its rule.
 
-Only files with an error come here; a file without errors is parsed once, as a whole.
+So an error in one statement leaves the tree of all others. The parser of files, the editor and the fuzzer read every
+text this way; reading the bundled scenarios takes 1.05 times as long as parsing each as a
+whole would (ours).
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from typing import get_args
 
@@ -24,11 +27,13 @@ from foresee_dsl.language.syntax.foreign_words import CODE
 from foresee_dsl.language.syntax.grammar import PLACES, grammar_text, parse_tree
 from foresee_dsl.language.syntax.node import TextError
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH
-from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
+from foresee_dsl.language.syntax.scan import MOST, Comment, Lines, Raw, scan
 
 _Tree = Tree[Token]
-_EXTENDS = re.compile(r"\bextends\b")
+_EXTENDS = re.compile(r"scenario\s+(?!\w+\s*\Z).*\bextends\b", re.DOTALL)
+"""The head of a scenario that extends another; a scenario may be called `extends`."""
 _LABEL = re.compile(r"(?:add\s+|change\s+)?(?:when|expect)\s+(?:(?:once|every|next)\s+)?([a-z]+)\s*:")
+_NAME = re.compile(r"[^\W\d]\w*")
 _NO_HEAD = "write its statement in front, such as `ego: car.sedan { ... }`, or " + remove("remove the braces")
 
 _DEFINITIONS = {kind.pattern.split()[0]: m.rule_of(kind) for kind in get_args(m.Definition) if kind is not m.Extension}
@@ -51,32 +56,51 @@ def _blocks() -> Mapping[str, str]:
     return rules
 
 
-def recover(text: str) -> tuple[_Tree, list[TextError]]:
-    """Return a tree of the well-formed statements, and the errors of the others."""
-    readable, comments = without_comments(text)
-    tree, errors = _Recovery(readable).run()
-    lines = Lines(text)
-    elses = {error.span for error in errors if error.code == CODE}  # `} else {`: one mistake
-    errors = [error for error in errors if error.code == CODE or error.span not in elses]
-    others = [
-        TextError(CODE, comment.message, comment.help, lines.span(comment.start, comment.end)) for comment in comments
-    ]
-    return tree, [*others, *errors]
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A text that was read.
+
+    Attributes:
+        tree: the well-formed statements. errors: the errors of the others; no more than were asked for.
+        text: the text, with blanks in place of comments in the form of other languages. lines: its lines.
+        statements: all its statements as text. comments: its comments, in order.
+    """
+
+    tree: _Tree
+    errors: list[TextError]
+    text: str
+    lines: Lines
+    statements: list[Raw]
+    comments: list[Comment]
 
 
-class _Recovery:
-    def __init__(self, text: str) -> None:
-        self._text = text
-        self._lines = Lines(text)
-        self._errors: list[TextError] = []
+def read(text: str, most: int = MOST) -> Reading:
+    """Read a text (its newlines are `\\n`); stops after `most` errors."""
+    readable, foreign = without_comments(text)
+    reader = _Reader(readable, most)
+    tree = reader.tree()
+    errors, lines = reader.errors, reader.lines
+    if errors:
+        elses = {error.span for error in errors if error.code == CODE}  # `} else {`: one mistake
+        errors = [error for error in errors if error.code == CODE or error.span not in elses]
+    others = [TextError(CODE, found.message, found.help, lines.span(found.start, found.end)) for found in foreign]
+    return Reading(tree, [*others, *errors], readable, lines, reader.statements, reader.comments)
+
+
+class _Reader:
+    def __init__(self, text: str, most: int) -> None:
+        self._text, self._most = text, most
+        self.lines = Lines(text)
+        cut = scan(text, self.lines)
+        self.statements, self.errors, self.comments = cut.statements, cut.errors, cut.comments
         self._depth = 0
 
-    def run(self) -> tuple[_Tree, list[TextError]]:
-        statements, self._errors = scan(self._text, self._lines)
-        broken_braces = bool(self._errors)
+    def tree(self) -> _Tree:
+        """Return the tree of the well-formed statements; `errors` then has those of the others."""
+        statements, broken_braces = self.statements, bool(self.errors)
         trees: list[_Tree | None] = []
         definitions = statements
-        if statements and self._word(statements[0]) == "foresee":
+        if statements and self._starts_with_version(statements[0]):
             trees.append(self._parse(statements[0], "header"))
             definitions = statements[1:]
         elif statements:
@@ -84,18 +108,22 @@ class _Recovery:
             self._error_of(statements[0], "FS009", "the first line must be `foresee 1`", help)
             near = closest(self._word(statements[0]), ("foresee", *_DEFINITIONS))
             definitions = statements[1:] if near == "foresee" else statements
-        if not definitions and not self._errors:
+        if not definitions and not self.errors:
             end = len(self._text)
             self._error("FS014", "this file defines nothing", _one_of_the_definitions(), end, end + 1)
         for k, raw in enumerate(definitions):
             if k > 0 and broken_braces:
                 break  # statements behind a brace too many belong to the first definition
             trees.append(self._definition(raw, is_first=k == 0))
-        return Tree("file", [tree for tree in trees if tree is not None]), self._errors
+        return Tree("file", [tree for tree in trees if tree is not None])
+
+    def _starts_with_version(self, raw: Raw) -> bool:
+        name = _NAME.match(self._text, raw.start, raw.end)
+        return name is not None and name[0] == "foresee"
 
     def _definition(self, raw: Raw, *, is_first: bool) -> _Tree | None:
         word = self._word(raw)
-        if len(self._errors) >= MOST:
+        if len(self.errors) >= self._most:
             return None
         meant = word if word in _DEFINITIONS else closest(word, _DEFINITIONS)
         if not word:
@@ -111,7 +139,7 @@ class _Recovery:
             end = raw.start + len(word)
             self._error("FS004", f"unknown word '{word[:40]}'", meant_word(meant, word), raw.start, end)
             self._block(raw, _blocks()[meant])
-        elif meant == "scenario" and _EXTENDS.search(self._text, raw.start, raw.end):
+        elif meant == "scenario" and _EXTENDS.match(self._text[raw.start : raw.end]):
             return self._statement(raw, "extension", "extension_item")
         else:
             return self._statement(raw, _DEFINITIONS[meant])
@@ -119,7 +147,7 @@ class _Recovery:
 
     def _statement(self, raw: Raw, rule: str, inner: str | None = None) -> _Tree | None:
         """Parse one statement; its block's statements (of the rule `inner`) one by one."""
-        if len(self._errors) >= MOST:
+        if len(self.errors) >= self._most:
             return None
         inner = inner or self._inner(raw, rule)
         tree = self._parse(raw, rule)
@@ -131,9 +159,11 @@ class _Recovery:
             holder = next(c for c in tree.children if isinstance(c, Tree))
         block = next((c for c in holder.children if isinstance(c, Tree) and c.data == "block"), None)
         if block is not None:
+            if inner is None:
+                raise TypeError(f"no rule is known for the statements in the braces of `{self._word(raw)}`")
             block.children = list(children)
-            block.meta.line, block.meta.column = self._lines.place(raw.open)
-            block.meta.end_line, block.meta.end_column = self._lines.place(raw.close)
+            block.meta.line, block.meta.column = self.lines.place(raw.open)
+            block.meta.end_line, block.meta.end_column = self.lines.place(raw.close)
             for at in (tree.meta, holder.meta):
                 at.end_line, at.end_column = block.meta.end_line, block.meta.end_column
         return tree
@@ -145,6 +175,7 @@ class _Recovery:
             word = self._word(raw, 1)
         if rule == "action" and word != "then":
             return None
+        word = word.partition(":")[0]  # `ego:car.sedan` has no blank
         if word not in _blocks() and raw.block is not None:
             near = block_of(word)
             return near if near is not None else _blocks().get(closest(word, _blocks()) or "")
@@ -163,18 +194,18 @@ class _Recovery:
         """Parse the head of a statement, with empty braces if it has any."""
         head = self._text[raw.start : raw.end]
         try:
-            tree, _ = parse_tree(head + " {}" if raw.block is not None else head, rule)
+            tree = parse_tree(head + " {}" if raw.block is not None else head, rule)
         except UnexpectedInput as error:
-            self._errors.append(self._explained(error, raw, head, rule))
+            self.errors.append(self._explained(error, raw, head, rule))
             return None
-        line, column = self._lines.place(raw.start)
+        line, column = self.lines.place(raw.start)
         _shift(tree, line - 1, column - 1)
         return tree
 
     def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> TextError:
         label = _LABEL.match(head)
         if label is not None and label[1] in m.TAKEN:
-            place = self._lines.span(raw.start + label.start(1), raw.start + label.end(1))
+            place = self.lines.span(raw.start + label.start(1), raw.start + label.end(1))
             return TextError(
                 "FS049",
                 f"'{label[1]}' is a word of the language",
@@ -184,11 +215,11 @@ class _Recovery:
         refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
         if refusal.start >= len(head) and raw.block is not None:
             return self._at_brace(refusal, raw, rule)
-        place = self._lines.span(raw.start + refusal.start, raw.start + min(refusal.end, len(head) + 1))
+        place = self.lines.span(raw.start + refusal.start, raw.start + min(refusal.end, len(head) + 1))
         return TextError(refusal.code, refusal.message, refusal.help, place)
 
     def _at_brace(self, refusal: Refusal, raw: Raw, rule: str) -> TextError:
-        place = self._lines.span(raw.open, raw.open + 1)
+        place = self.lines.span(raw.open, raw.open + 1)
         word = self._word(raw)
         if raw.start == raw.end:
             return TextError("FS003", "a block without a statement in front of it", _NO_HEAD, place)
@@ -201,7 +232,7 @@ class _Recovery:
         return words[index].rstrip(":") if index < len(words) else ""
 
     def _error(self, code: str, message: str, help: HelpText, start: int, end: int) -> None:
-        self._errors.append(TextError(code, message, help, self._lines.span(start, end)))
+        self.errors.append(TextError(code, message, help, self.lines.span(start, end)))
 
     def _error_of(self, raw: Raw, code: str, message: str, help: HelpText) -> None:
         """Add an error about a whole statement."""
@@ -214,12 +245,26 @@ def _one_of_the_definitions() -> Help:
 
 def _shift(tree: _Tree, lines: int, columns: int) -> None:
     """Shift the positions in a tree by the place of its statement, given in lines and columns."""
-    for subtree in tree.iter_subtrees():
-        metas: Sequence[object] = (subtree.meta, *(c for c in subtree.children if isinstance(c, Token)))
-        for at in metas:
+    trees = [tree]
+    while trees:
+        shifted = trees.pop()
+        if not shifted.meta.empty:
+            places = vars(shifted.meta)  # Lark sets the attributes without declaring them
             for line, column in _ENDS:
-                if getattr(at, line, None) is None:
-                    continue
-                if getattr(at, line) == 1:
-                    setattr(at, column, getattr(at, column) + columns)
-                setattr(at, line, getattr(at, line) + lines)
+                if places[line] == 1:
+                    places[column] += columns
+                places[line] += lines
+        for child in shifted.children:
+            if isinstance(child, Tree):
+                trees.append(child)
+            elif child is not None:
+                _shift_token(child, lines, columns)
+
+
+def _shift_token(token: Token, lines: int, columns: int) -> None:
+    line, end_line = token.line or 1, token.end_line or 1
+    if line == 1:
+        token.column = (token.column or 1) + columns
+    if end_line == 1:
+        token.end_column = (token.end_column or 1) + columns
+    token.line, token.end_line = line + lines, end_line + lines
