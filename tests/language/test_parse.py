@@ -119,6 +119,12 @@ def test_a_block_needs_no_blank_before_it(head: str):
     assert first(f"{head}{{route [a]; speed 3 m/s}}") == first("ego: car.sedan {\n  route [a]\n  speed 3 m/s\n}")
 
 
+@pytest.mark.parametrize("name", ["when", "if", "while", "whenever", "upon"])
+def test_an_action_of_an_actor_called_like_a_trigger_has_no_block(name: str):
+    trigger = first(f"when time > 1 s {{\n{name} starts\n     b starts\n}}")
+    assert [action.actor for action in trigger.actions] == [name, "b"]
+
+
 def test_a_scenario_may_be_called_extends():
     assert parse("foresee 1\nscenario extends { ego: car.sedan }", "x").model.name == "extends"
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from functools import cache
+from typing import get_args
 
 from foresee_dsl.errors import Span
 from foresee_dsl.helps import HelpText, close_block, meant_code, remove, write
+from foresee_dsl.language import model as m
 from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
 _HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then)\b")
 """First words of statements whose block the indentation shows: the actions in it are not allowed elsewhere."""
+_SECOND_WORD = re.compile(r"\w+\s+(\w+)")
 _NEXT_LINE = re.compile(r"(?:\n[ \t]*(?:#[^\n]*)?)*\n(?P<indent> +)(?=[^\s#}])")
 _ENDS_OF_LISTS = ("]", "{", "}", ";")
 MOST = 100
@@ -21,6 +25,14 @@ _SHOWN = 3
 """At most this many unclosed blocks are reported one by one (ours: one missing brace can leave all blocks open)."""
 _PLAUSIBLE = 3
 """More missing braces than this by indentation mean that the file is just not indented (ours)."""
+
+
+@cache
+def _verbs() -> frozenset[str]:
+    """Return the words that follow the name of an actor or a signal in an action."""
+    actions: tuple[type[m.Item], ...] = get_args(get_args(m.Action)[0])
+    verbs = (re.match(r"\{\w+\} (\w+)", kind.pattern) for kind in actions)
+    return frozenset(verb[1] for verb in verbs if verb is not None)
 
 
 @dataclass(slots=True)
@@ -192,6 +204,9 @@ class _Scanner:
         further."""
         if raw.block is not None or _HAS_BLOCK.match(self._text, raw.start, raw.end) is None:
             return
+        second = _SECOND_WORD.match(self._text, raw.start, raw.end)
+        if second is not None and second[1] in _verbs():
+            return  # an action of an actor that is called `if`
         ahead = _NEXT_LINE.match(self._text, at)
         indent = self._first_on_line - self._line_start
         if ahead is None or len(ahead["indent"]) <= indent or raw.start != self._first_on_line:
