@@ -18,12 +18,12 @@ from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import AnyStep
+from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.forecast import ForecastStep
 from foresee_dsl.campaign.steps.inputs import load_case
 from foresee_dsl.campaign.steps.mutants import MutantsStep
-from foresee_dsl.campaign.steps.seed import SeedStep
 from foresee_dsl.campaign.steps.step import StepResult, Work
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.project.loading import load_test_cases
@@ -103,8 +103,8 @@ def made_up(work: Work) -> Iterator[StepResult]:
 def _result(step: AnyStep, work: Work) -> tuple[records.Record, bool]:
     """Return the result of a step, and whether it has a trace."""
     match step:
-        case SeedStep():
-            return records.SeedOutcome(load_case(work.case).id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0), True
+        case CaseStep():
+            return records.CaseOutcome(load_case(work.case).id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0), True
         case ForecastStep():
             return records.Forecast(9, tuple(_draft(step, work, rank) for rank in range(1, 5))), False
         case ClipStep():

@@ -19,11 +19,11 @@ from foresee_dsl.campaign.keys import driver_identity, key, operators_identity, 
 from foresee_dsl.campaign.node import AnyStep, StepNode
 from foresee_dsl.campaign.records import decode
 from foresee_dsl.campaign.settings import CampaignLimits, CampaignSettings, Shard
+from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef
 from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest
-from foresee_dsl.campaign.steps.seed import SeedStep
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Step, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
@@ -226,7 +226,7 @@ class Stages:
             base = case_name(case)
             names = chain([base], (f"{base}_{number}" for number in count(2)))
             name = next(name for name in names if owners.setdefault(name, case.id) == case.id)
-            yield StepNode(SeedStep.of_case(case, name, self._campaign), case)
+            yield StepNode(CaseStep.of_case(case, name, self._campaign), case)
 
     def _deadline_s(self, node: StepNode, limits: CampaignLimits) -> float:
         return limits.for_run(node.step.simulated_s(node.case, self.settings)) * node.step.runs

@@ -96,7 +96,7 @@ def campaign(
     """Run a whole campaign: test cases, forecasts, clips, mutants; keep the failures and write a report.
 
     Results in the store are not computed again, so the same command continues a stopped campaign.
-    Exit code 1 when a test case or a child failed.
+    Exit code 1 when a test case or a mutant failed.
 
     [dim]foresee campaign scenarios --jobs 2 --out out
     foresee campaign scenarios/scenario7.foresee::r02
@@ -409,7 +409,7 @@ def assess(
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Run test cases with one or several drivers and compare how many arrive, fail and how, and how they drive.
+    """Run test cases with one or several drivers and compare how often they arrive, how they fail, and how they drive.
 
     Exit code 1 when a run did not arrive, or broke an `expect` line.
 

@@ -39,7 +39,7 @@ def keep(
         Path, typer.Option("--campaign", help="The campaign's folder, in which findings are looked up.")
     ] = Path("out"),
     as_: Annotated[
-        str, typer.Option("--as", metavar="NAME", help="Name of the test in the suite, if there is one.")
+        str, typer.Option("--as", metavar="NAME", help="Name of the test in the suite, if only one is kept.")
     ] = "",
     full: Annotated[
         bool, typer.Option("--full", help="Keep a finding in its original form, not the minimised one.")
@@ -49,7 +49,7 @@ def keep(
 ) -> None:
     """Keep failures as regression tests: copy them and the files they need into a self-contained folder.
 
-    Each test states what is expected of the driver; `foresee verify` checks it.
+    Each test states the expected result of the driver; `foresee verify` checks it.
     The folder's README.md lists the tests. Keeping a test again changes nothing.
 
     [dim]foresee keep behind_the_bus_commuter_p1_m1 --to regressions

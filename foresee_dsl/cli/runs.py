@@ -65,7 +65,7 @@ def run(
     allow_outside: common.AllowOutsideOption = False,
     profile: common.ProfileOption = False,
 ) -> None:
-    """Run a test case, or all cases of a file, with a driver and say how each run ended.
+    """Run a test case, or all cases of a file, with a driver, and print how each run ended.
 
     Exit code 1 when a run did not pass or broke an `expect` line; the driver's own prints appear with its run.
 
@@ -282,7 +282,7 @@ def mutate(
 ) -> None:
     """Mutate a clip, run the mutants, and write each one beside the clip with its result.
 
-    Exit code 1 when a child failed, or broke an `expect` line.
+    Exit code 1 when a mutant failed, or broke an `expect` line.
 
     [dim]foresee mutate clips/red_light_runner_r01_p1.foresee --children 8[/dim]
     """

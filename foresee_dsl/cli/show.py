@@ -69,7 +69,7 @@ def show(
         Picture, typer.Option("--picture", help="Show the strip as a picture if the terminal can; none: as characters.")
     ] = Picture.AUTO,
     up: Annotated[
-        UpSide, typer.Option("--up", help="What points up in the strip: the ego's heading, or north.")
+        UpSide, typer.Option("--up", help="Direction at the top of the strip: the ego's heading, or north.")
     ] = UpSide.EGO,
     moments: Annotated[
         int | None,
@@ -94,7 +94,7 @@ def show(
     every_s: Annotated[
         float | None,
         typer.Option(
-            "--every", min=0.05, help="--step: seconds between steps; by default 0.05 with keys, 0.5 in print."
+            "--every", min=0.05, help="--step: seconds between steps; by default 0.05 with keys, 0.5 in a pipe."
         ),
     ] = None,
     fresh: Annotated[

@@ -152,7 +152,8 @@ PAPER = Preset(
     farthest_m=None,
     steer=SteerSettings(),
 )
-"""The letter of the paper (section 3.4). It does not print for how long an angle is held: here, to the clip's end."""
+"""The settings of the paper (section 3.4). It does not state for how long an angle is held; here it is held to the
+clip's end."""
 
 FOCUSED = Preset(
     name="focused",

@@ -18,7 +18,7 @@ from foresee_dsl.compile.roads.topology import Lane
 _ROUNDING_M = 1e-6
 """Ours: far more than the rounding error of an interpolated height."""
 _END_M = 10.0
-"""Nearer than this to its end, m, a lane meets others in a junction (ours)."""
+"""Distance to its end below which a lane meets others in a junction instead of crossing over them, m (ours)."""
 CLEARANCE_M = 3.0
 """Roads that cross with at least this height between them, m, do not meet (ours: less than the clearance of a
 bridge)."""

@@ -67,7 +67,7 @@ def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
         count = math.prod(shape)
         if dtype.hasobject or count * dtype.itemsize > member.file_size or min(shape, default=0) < 0:
             raise ValueError(f"the head of its array {member.filename} does not fit what follows")
-        data = stream.read(count * dtype.itemsize + 1)  # never more than `file_size`: the package counts
+        data = stream.read(count * dtype.itemsize + 1)  # zipfile never returns more than `file_size` bytes
     if len(data) != count * dtype.itemsize:
         raise ValueError(f"its array {member.filename} is cut off, or has too many bytes")
     return np.frombuffer(bytearray(data), dtype).reshape(shape, order="F" if by_column else "C")

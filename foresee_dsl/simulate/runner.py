@@ -168,7 +168,8 @@ class _Run:
             self._expectations.look(frame.time_s, ego_hit=hit)
 
     def _drive(self, frame: Frame) -> None:
-        """Set the control from the observation, or the decision if the driver fails."""
+        """Set the control from the driver's answer; if the driver fails, set the frame's decision, which ends the
+        run."""
         try:
             with self._watch.call("step"):
                 answer = self._driver.step(frame.observation)

@@ -13,8 +13,8 @@ from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import CampaignLimits, Shard
 from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.clip import ClipStep
-from foresee_dsl.campaign.steps.seed import SeedStep
 from foresee_dsl.campaign.storage.maintenance import merge
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.documents import plain
@@ -178,14 +178,14 @@ def test_the_plan_knows_what_is_done_and_what_may_follow(again: tuple[Path, Path
 
 def test_keys_contain_what_a_result_depends_on(tmp_path: Path) -> None:
     keys = {
-        key(SeedStep, meaning="a", driver="d", seed=0),
-        key(SeedStep, meaning="b", driver="d", seed=0),
-        key(SeedStep, meaning="a", driver="e", seed=0),
-        key(SeedStep, meaning="a", driver="d", seed=1),
+        key(CaseStep, meaning="a", driver="d", seed=0),
+        key(CaseStep, meaning="b", driver="d", seed=0),
+        key(CaseStep, meaning="a", driver="e", seed=0),
+        key(CaseStep, meaning="a", driver="d", seed=1),
         key(ClipStep, meaning="a", driver="d", seed=0),
     }
     assert len(keys) == 5
-    assert key(SeedStep, meaning="a", driver="d", seed=0) in keys
+    assert key(CaseStep, meaning="a", driver="d", seed=0) in keys
     program = tmp_path / "mine.py"
     program.write_text("print(1)")
     address = f"external:python3 {program}"

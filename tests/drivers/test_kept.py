@@ -82,7 +82,7 @@ def test_one_that_cannot_take_another_run_is_started_again(tmp_path: Path, text:
 
 def test_stays_is_true_or_false(tmp_path: Path) -> None:
     driver = ExternalDriver.from_argument(address(tmp_path, STAYS.replace("True", '"yes"')).partition(":")[2])
-    with pytest.raises(DriverError, match="its stays must be true or false, not 'yes'"):
+    with pytest.raises(DriverError, match="its `stays` must be true or false, not 'yes'"):
         driver.reset(TASK, SEDAN, 0)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import Promise
 from foresee_dsl.campaign.driving import relative_path
-from foresee_dsl.campaign.records import Draft, Forecast, SeedOutcome
+from foresee_dsl.campaign.records import CaseOutcome, Draft, Forecast
 from foresee_dsl.campaign.steps.clip_text import risk_hash
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
@@ -29,12 +29,12 @@ from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
-    from foresee_dsl.campaign.steps.seed import SeedStep
+    from foresee_dsl.campaign.steps.case_run import CaseStep
     from foresee_dsl.forecast.protocol import RiskyPoint
 
 
 @dataclass(frozen=True, eq=False)
-class ForecastStep(Step["SeedStep", SeedOutcome]):
+class ForecastStep(Step["CaseStep", CaseOutcome]):
     """Rank the risky points of a run, and cut the clips around the first of them. `run_key`: the run's key."""
 
     kind = "forecast"
@@ -50,7 +50,7 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
     run_key: str
 
     @classmethod
-    def following(cls, above: SeedStep, result: SeedOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
+    def following(cls, above: CaseStep, result: CaseOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
         """Yield the one forecast of a run."""
         s = campaign.settings
         searched = s.preset if preset(s.preset).search is not None else None
@@ -61,7 +61,7 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         yield cls(key, above.name, above.seed, above.key)
 
     @staticmethod
-    def wanted(result: SeedOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
+    def wanted(result: CaseOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
         """Return True for a run that passed, as only these are studied."""
         return result.verdict is Verdict.PASS
 

@@ -124,7 +124,7 @@ def minimised(
 
 
 def _as_found(child: ChildOutcome, clip: Clip, note: str) -> Minimised:
-    """Return the record of a mutant that is unchanged, with the reason."""
+    """Return the record of a mutant that was not minimised, with the reason."""
     text, changes, actors = print_model(clip), len(child.changes), _actors(clip)
     lines = text.count("\n")
     return Minimised(child, clip.name, text, changes=Reduced(changes, changes), actors=Reduced(actors, actors),

@@ -53,7 +53,7 @@ def check(
     places: Annotated[
         bool, typer.Option("--places/--no-places", help="Also build the network and place every actor.")
     ] = True,
-    strict: Annotated[bool, typer.Option("--strict", help="Let warnings fail the check too.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors.")] = False,
     select: Annotated[
         list[str] | None,
         typer.Option("--select", metavar="CODE", help="Show only these warnings (FS301, or FS3 for a group)."),
@@ -63,7 +63,7 @@ def check(
     ] = None,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Find errors: in the text, in the names, and (with the network) in where actors stand.
+    """Find errors in the text, in the names and, with the network, in the positions of actors.
 
     Exit code 1 if there is an error, or with --strict a warning. `foresee explain CODE` explains a code.
 

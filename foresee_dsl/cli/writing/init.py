@@ -73,7 +73,7 @@ def init(
     [dim]foresee init crossroads
     cd crossroads && foresee campaign campaign.foresee[/dim]
 
-    `foresee init network SKETCH` makes a network of lines such as `a 0 0`, `b 200 0 signals`, `a-b lanes 2 speed 50`.
+    `foresee init network SKETCH` makes a network from lines such as `a 0 0`, `b 200 0 signals`, `a-b lanes 2 speed 50`.
     """  # fmt: skip
     if what == "network":
         _network(sketch, out, scenario)

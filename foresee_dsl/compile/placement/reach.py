@@ -38,7 +38,7 @@ def never_near(
             room = math.hypot(actor.model.length_m, actor.model.width_m) / 2 + BESIDE_M[actor.control] + _size(there)
             if off > si_of(part.distance) + room:
                 away = measured(f"{off:.0f}") + " m away"
-                message = f"{actor.id} never comes within that distance: its way stays " + away
+                message = f"{actor.id} never comes within that distance: its way remains " + away
                 yield Problem("", kind, codes.NEVER_NEAR, message, "name a place that its way passes", part=part.of)
 
 

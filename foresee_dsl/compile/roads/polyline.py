@@ -47,8 +47,8 @@ computing the number to skip costs more than it saves (ours, measured)."""
 _ROUNDING_M = 1e-6
 """Margin of the bound, m, so that rounding errors cannot skip the nearest segment."""
 _NARROW_WINDOW_M, _ON_LINE_M = 2.0, 0.5
-"""For a point within 0.5 m of the line, 2 m before and after the hint are searched: two steps of a vehicle at 70 km/h;
-lines turn with a radius of at least 3 m (ours)."""
+"""Length of the line that is searched before and after the hint, if the point is within `_ON_LINE_M` of the line, m.
+Ours: two steps of a vehicle at 70 km/h; lines turn with a radius of at least 3 m."""
 
 
 def as_array(field: str) -> cached_property[FloatArray]:

@@ -38,7 +38,7 @@ Resumed = (
     | m.Synchronises
     | m.Reverses
 )
-"""Orders that may be unfinished at the clip's beginning, and of which the clip states the rest."""
+"""Orders that can be unfinished at the clip's beginning; the clip then states the rest of the order."""
 _Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.MatchesSpeed, m.KeepsBeside, m.BrakesFor)
 
 

@@ -176,7 +176,7 @@ def read_ready(line: bytes) -> Ready:
         raise DriverError(f'its first line must be {{"type": "ready", ...}}, not {_readable(line)}')
     stays = answer.get("stays", False)
     if not isinstance(stays, bool):
-        raise DriverError(f"its stays must be true or false, not {stays!r:.80}")
+        raise DriverError(f"its `stays` must be true or false, not {stays!r:.80}")
     return Ready(_name(answer, "name"), _name(answer, "version"), stays)
 
 

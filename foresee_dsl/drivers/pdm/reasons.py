@@ -147,7 +147,7 @@ def _rule(now: RoadSituation, k: int) -> tuple[str, str]:
         return "right of way", f"{'walks over the crossing' if walking else 'has priority'} at {name}"
     free = signal_brakings(route, now.ego.strongest, {key: "green" for _, key in route.signals})
     if find_wall(egos, actors, foes[:0], matches[:, :0], route.junctions, free, route.points) < np.inf:
-        return "keep clear", "there is no room for the ego behind it beyond the junction"
+        return "keep clear", "behind it there is not enough room for the ego beyond the junction"
     predicted = predict(egos, actors, foes, route.paths, matches, route.points)
     leaders = find_leaders(egos, actors, predicted, np.zeros(1))["s"][0]
     ahead = np.flatnonzero(leaders < FAR_M)

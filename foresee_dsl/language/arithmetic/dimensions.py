@@ -120,7 +120,7 @@ class Dimensions:
             if dimension is None or first is None or dimension == first:
                 continue
             example = values[powers.index(first)]
-            if dimension == self._needed:  # then the first is the odd one
+            if dimension == self._needed:  # then the first operand has the wrong dimension
                 self._unlike(whole, value, dimension, example, first)
             else:
                 self._unlike(whole, example, first, value, dimension)

@@ -103,9 +103,9 @@ class Allocation(Item):
 
     pattern = "allocation {how}"
     words = """
-        allocation (statement): how a campaign spends its children on the clips | allocation adaptive
-        even (constant): each clip gets as many children | allocation even
-        adaptive (constant): children go where those before them found most | allocation adaptive
+        allocation (statement): how a campaign distributes mutants over the clips | allocation adaptive
+        even (constant): all clips get equally many mutants | allocation even
+        adaptive (constant): clips whose mutants failed more often get more mutants | allocation adaptive
     """
 
     how: Literal["even", "adaptive"]

@@ -86,8 +86,8 @@ class Item(BaseModel):
         in_brackets_of: ClassVar[tuple[tuple[str, tuple[str, ...]], ...]]
         never_bare: ClassVar[tuple[str, ...]]
 
-    # No annotations at run time (texts and tuples without one are not fields, see above): pydantic 2.14 evaluates the
-    # annotations of a base again for each of its hundred subclasses.
+    # These are annotated only for the type checker (see above), because pydantic 2.14 evaluates the annotations of a
+    # base again for each of its hundred subclasses. Without an annotation, texts and tuples are not fields.
     pattern = words = ""
     in_brackets = in_brackets_of = never_bare = ()
 

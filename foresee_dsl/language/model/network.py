@@ -144,7 +144,7 @@ class BusStop(Item, kind="stop"):
     road: Annotated[v.Name, Names("road")]
     at: v.Length
     length: Annotated[v.Length, Bounds(1.0, 200.0)] | None = None  # ours: a moped to a platform for five buses
-    bay: Annotated[v.Length, Bounds(2.5, 6.0)] | None = None  # ours: as a bus lane
+    bay: Annotated[v.Length, Bounds(2.5, 6.0)] | None = None  # ours: the widths of a bus lane
 
 
 NetworkItem = Annotated[

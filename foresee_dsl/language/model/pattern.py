@@ -168,7 +168,9 @@ def form_of(kind: type[Item], field: str) -> FieldForm:
     """Return the values that a field of a class takes; empty for a field that the class does not have."""
     info = kind.model_fields.get(field)
     leaves = [*_leaves(info.annotation), *info.metadata] if info is not None else []
-    form = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME)  # the last: `Word` is an `Id`
+    form = next(
+        (leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME
+    )  # the last: `Word` is an `Id` too
     parameter = any(isinstance(leaf, type) and leaf.__name__ == "Ref" for leaf in leaves)
     dimension = next((d for leaf in leaves if (d := getattr(leaf, "dimension", None)) in get_args(Dimension)), None)
     names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the last one is the outermost

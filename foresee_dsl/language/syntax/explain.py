@@ -169,7 +169,8 @@ class Refusal:
         return "FS003", f"unexpected `{excerpt}`: expected {self._expected}", usage
 
     def _meant_here(self, words: Collection[str]) -> str:
-        """Return the text for the place of the unexpected word that makes the statement valid; else an empty text."""
+        """Return the text that makes the statement valid in the place of the unexpected word; empty if there is
+        none."""
         missing = self._missing(words)
         if missing:
             return f"{missing} {self._whole_quantity()}"

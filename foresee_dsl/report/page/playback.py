@@ -40,7 +40,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Parent:
-    """The run from which a child was cut; the child begins `start_s` after its beginning."""
+    """The run from which a clip or mutant derives; the file begins `start_s` after its beginning."""
 
     trace: Trace
     start_s: float
@@ -205,8 +205,8 @@ def _ghosts(trace: Trace, frames: IntArray, columns: list[int], parent: Parent, 
 
 
 def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
-    """Return the place of a parent's actor (or of the ego, if it has no such actor) at a time of the child, m; empty if
-    it is absent."""
+    """Return the place of a parent's actor (or of the ego, if it has no such actor) at a time of the derived run, m;
+    empty if it is absent."""
     columns = {info.id: k for k, info in enumerate(run.trace.actors)}
     frame = run.trace.frame_at(run.start_s + time_s)
     state = run.trace.states[frame, columns.get(actor, 0)]

@@ -47,7 +47,7 @@ class Outcome:
 
     Attributes:
         address: the argument of `foresee run`: the mutant's file, or the test case's address. trace: the trace's file.
-        parent_trace: the trace's file of the test case from which a child was derived.
+        parent_trace: the trace's file of the test case from which a mutant was derived.
         minimised: for a minimised mutant, how it was minimised. unreduced: the file of the mutant before that.
     """
 

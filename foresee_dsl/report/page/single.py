@@ -117,7 +117,7 @@ def _recorded_driver(case: TestCase) -> str:
 
 
 def _parent(case: TestCase, driver: str, seed: int) -> Parent | None:
-    """Run the parent of a child (a mutant's clip, a clip's test case) and return it; None if there is none."""
+    """Run the parent of a clip or mutant (a test case or a clip) and return it; None if there is none."""
     if case.clip is None:
         return None
     parent = load_test_case(parent_address(str(case.source)), check_pin=False)

@@ -197,7 +197,7 @@ def _sight(words: str, holds: BoolArray, measures: Measures, scale: _Scale, styl
     if share in (0.0, 1.0):
         yield TimelineLine(words, signs, "all the time" if share else "never", style)
         return
-    # the time since when the last value holds
+    # the time from which the last value holds
     since = float(measures.time_s[np.flatnonzero(holds != holds[-1])[-1] + 1])
     yield TimelineLine(words, signs, f"{'since' if holds[-1] else 'not since'} {since:.2f} s", style)
 

@@ -19,7 +19,7 @@ from foresee_dsl.avoidance.judge import R157
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.findings.grouping import Finding
-from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
+from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.safe_text import safe
@@ -147,7 +147,7 @@ def _allocated(result: CampaignResult) -> str:
         f"{count} to {counted(clips, 'clip')}" for count, clips in sorted(counts.items(), reverse=True)
     )
     near = sum(bool(child.drawn_near) for clip in clips for child in clip.children)
-    return f"children where they paid: {allocation}; {near} were drawn near another"
+    return f"adaptive allocation of mutants: {allocation}; {near} vary an earlier mutant"
 
 
 def _print_finding(console: Console, number: int, finding: Finding, out: Path) -> None:
@@ -174,7 +174,7 @@ def _who_avoids(finding: Finding) -> str:
 
 def file_of(finding: Finding, out: Path) -> Path | str:
     """Return the file of a finding's run; for a test case its address."""
-    if isinstance(finding.representative, SeedOutcome):
+    if isinstance(finding.representative, CaseOutcome):
         return finding.file
     return out / finding.run_file
 
@@ -226,7 +226,7 @@ def _print_breaking(console: Console, result: CampaignResult) -> None:
     names: dict[str, list[str]] = {}
     for run in result.breaking:
         for sentence in run.broken_expectations:
-            names.setdefault(sentence, []).append(run.id if isinstance(run, SeedOutcome) else run.name)
+            names.setdefault(sentence, []).append(run.id if isinstance(run, CaseOutcome) else run.name)
     if names:
         runs = counted(len(result.breaking), "run")
         console.print(Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold"))
@@ -290,7 +290,7 @@ def _nearest(near: NearMisses) -> tuple[float, str]:
     return gap.value, words + (f", time to collision {ttc.value:.2f} s" if ttc is not None else "")
 
 
-def _passed(seed: SeedOutcome) -> bool:
+def _passed(seed: CaseOutcome) -> bool:
     return seed.verdict is Verdict.PASS
 
 

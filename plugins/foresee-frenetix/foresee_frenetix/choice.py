@@ -38,9 +38,9 @@ def choose(
     situation: RoadSituation, behaviour: Behaviour, prediction: Records, candidates: Candidates, last: Plan | None
 ) -> int | None:
     """Return the index of the cheapest candidate that keeps to the lanes, the stop place and its distance to all
-    others.
+    others; None if no candidate is free.
 
-    `prediction`: at the frames of a plan. `last`: the plan that is driven now. None where no candidate is free.
+    `prediction`: at the frames of a plan. `last`: the plan that is driven now.
     """
     cost = _cost(situation, behaviour, candidates, last)
     order = np.flatnonzero(np.isfinite(cost))

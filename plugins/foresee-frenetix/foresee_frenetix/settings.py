@@ -15,92 +15,98 @@ PLAN_STEP_S = 0.2
 """Ours: the predictions' horizon, every second of their frames. The car moves 2.8 m between frames at 50 km/h, less
 than its length, so that no footprint is jumped over; half the frames halve the cost of reading the samples out."""
 END_TIMES_S = (2.0, 3.0, 4.0)
-"""Ours: how long a sampled change of speed or lane takes; under 2 s it is uncomfortable, beyond 4 s nothing is
-predicted."""
+"""Durations of a sampled change of speed or lane, s. Ours: below 2 s it is uncomfortable, and nothing is predicted
+beyond 4 s."""
 SPEED_SHARES = (1.0, 0.75, 0.5, 0.25)
-"""Ours: sampled end speeds as shares of the highest one; the present speed, that of the road here and 0 are added."""
+"""Sampled end speeds as shares of the highest one; the present speed, that of the road here and 0 are added. Ours."""
 STOP_SPEED_MPS = 0.02
-"""Ours: the end speed of a stop; with exactly 0 rounding makes the last frame run backwards, and the library rejects
+"""End speed of a stop, m/s. Ours: with exactly 0, rounding makes the last frame run backwards, and the library rejects
 that."""
 LONGEST_STOP_S = 12.0
-"""Ours: a stop that takes longer, or is farther away than the route's highest speed reaches within the horizon, is not
-considered yet: a plan begins to brake 56 m before the place at 50 km/h, and stays within the library's coordinates."""
+"""Longest duration of a stop that is sampled, s. Ours: longer stops, and stops beyond the way that the route's highest
+speed covers within the horizon, are not considered yet. A plan begins to brake 56 m before the place at 50 km/h, and
+stays within the library's coordinates."""
 ACCELERATION_MPS2 = 2.5
-"""Ours: largest acceleration of a plan, even if the motor has more; nuPlan calls up to 2.4 m/s^2 comfortable."""
+"""Largest acceleration of a plan, even if the motor has more, m/s^2. Ours: nuPlan calls up to 2.4 m/s^2 comfortable."""
 RISE = 0.6
-"""Ours: the mean acceleration of a sample is at most this share of the car's. A quartic's peak is 1.5 times its mean,
-which leaves a margin of a tenth."""
+"""Largest mean acceleration of a sample, as a share of the car's. Ours: a quartic's peak is 1.5 times its mean, which
+leaves a margin of a tenth."""
 LOW_SPEED_MPS = 4.0
 """The library's low-velocity mode (lateral motion over length instead of over time) below this; the same
 as the default of commonroad-reactive-planner (`low_vel_mode_threshold`). Published configurations of other planners of
 this family have 2 m/s."""
 LEAST_WAY_M = 0.6
-"""Ours: a lateral motion over less than this cannot be computed reliably; such a sample is replaced by braking
-straight on."""
+"""Shortest way of a lateral motion, m. Ours: shorter ones cannot be computed reliably; braking straight on replaces
+them."""
 CREEP_MPS = 1.0
 CREEP_BRAKING_MPS2 = (0.8, 1.6)
-"""Ours: under this speed, coming to rest straight on is offered too; gentle enough not to nod."""
+"""Below the creeping speed, a stop straight on with this braking is offered too. Ours: gentle enough not to nod."""
 HOLD_M = 1.5
-"""Ours: slower than CREEP_MPS and this near to its stop place it stops, as the last metre would take five seconds."""
+"""Distance to its stop place within which a car slower than `CREEP_MPS` stops, m. Ours: the last metre would take five
+seconds."""
 
 # --- reference --------------------------------------------------------------------------------------------------
 REFERENCE_STEP_M = 1.0
 """Ours: spacing of the points that the library gets; in a bend of 5 m their chords cut it by 0.025 m."""
 WINDOW_M = 40.0
 BEHIND_M = 10.0
-"""Ours: the library's coordinates are made anew every 40 m, from 10 m behind: their cost grows with the square of the
-number of points (measured: 2 ms for 120, 200 ms for 850)."""
+"""The library's coordinates are renewed every 40 m, and begin 10 m behind the car. Ours: their cost grows with the
+square of the number of points (measured: 2 ms for 120, 200 ms for 850)."""
 
 # --- costs: all in the unit of 1 m/s of mean speed over the horizon ---------------------------------------------
 SLOW_WEIGHT = 1.0
 FAST_WEIGHT = 12.0
-"""Ours: per (m/s)^2 above what limit, bend, stop place or leader allow. The cheapest is then 0.04 m/s too fast."""
+"""Cost per (m/s)^2 above the speed that limit, bend, stop place or leader allow. Ours: the cheapest plan is then 0.04
+m/s too fast."""
 HEADWAY_WEIGHT = 8.0
 HEADWAY_S = 1.5
-"""IDM, table I: the time gap. Ours: the weight, per share of the wished gap (standing gap and 1.5 s) that is
-missing."""
+"""Time gap, s: IDM, table I. The weight is the cost of a missing gap, per share of the wished gap (standing gap and 1.5
+s). Ours."""
 REACTION_S = 0.5
-"""Ours: the speed leaves room to stop behind a braking leader after this reaction time, about what a plan takes to
-change from cruising to braking. Without it a leader that stopped with 3 m/s^2 was touched."""
+"""Reaction time for which the speed leaves room to stop behind a braking leader, s. Ours: about the time in which a
+plan changes from cruising to braking. Without it the car touched a leader that stopped with 3 m/s^2."""
 OFFSET_WEIGHT = 0.4
-"""Ours: cost of a metre from the middle of the lane: behind a parked actor, setting off at once gains 2.5 m/s, and the
+"""Cost of a metre from the middle of the lane. Ours: behind a parked actor, setting off at once gains 2.5 m/s, and the
 offset of 2.5 m that this needs must cost less."""
 LATERAL_JERK_WEIGHT = 0.1
 LONGITUDINAL_JERK_WEIGHT = 0.1
 """Werling weights jerk with 0.1 against the end state's errors."""
 NEAR_WEIGHT = 3.0
 PRESSED_WEIGHT = 3.0
-"""Ours: per share of the frames with less distance than `pdm` asks for, and with less than its time to collision."""
+"""Cost per share of the frames with less distance than `pdm` requires, and with less than its time to collision.
+Ours."""
 DOUBT_MPS = 0.5
 DOUBT_M = 1.5
-"""Ours: half the length of a moving actor grows by this much a second, up to 1.5 m: its speed may be 0.5 m/s off."""
+"""Growth of half the length of a moving actor per second, m, up to 1.5 m. Ours: the error of its speed can be 0.5
+m/s."""
 CORNER_M = 0.5
-"""Ours: half the length of a standing actor grows by this: the tracking error near its corners is 0.1 m."""
+"""Growth of half the length of a standing actor, m. Ours: the tracking error near its corners is 0.1 m."""
 CHANGE_WEIGHT = 0.3
-"""Ours: per metre between the new plan's end offset and the last one's: no swaying between two equally good plans."""
+"""Cost per metre between the new plan's end offset and the last one's. Ours: it prevents swaying between two equally
+good plans."""
 COMFORT_BRAKING_MPS2 = 2.0
-"""Ours: the braking with which a stop or a slower leader is met; everyday braking, as in `pdm`."""
+"""Braking before a stop or a slower leader, m/s^2. Ours: everyday braking, as in `pdm`."""
 MINIMUM_GAP_M = 2.0
-"""IDM, table I."""
+"""Standing gap, m: IDM, table I."""
 LATERAL_SHARE = 0.6
-"""Ours: of the friction, what a plan may use sideways; the rest is for braking in the bend."""
+"""Share of the friction that a plan may use sideways. Ours: the rest is for braking in the bend."""
 BATCH = 24
 """Number of the cheapest candidates that are checked for collisions at once. Ours: in free traffic one batch is
 enough."""
 
 # --- when nothing is feasible -----------------------------------------------------------------------------------
 OLD_PLAN_S = 0.5
-"""Ours: the last plan is kept while it is younger than this and free of collisions. In 0.5 s a pedestrian walks 0.7 m,
+"""Age up to which the last plan is kept while it is free of collisions, s. Ours: in 0.5 s a pedestrian walks 0.7 m,
 about the distance that a plan keeps."""
 EMERGENCY_BRAKING_MPS2 = (3.0, 5.0)
-"""Ours: braking that is tried along the present path before the strongest: what amber asks for, and the edge of what
-an ordinary driver uses."""
+"""Braking that is tried along the present path before the strongest braking, m/s^2. Ours: the braking that amber
+requires, and about the hardest of an ordinary driver."""
 FADE_M = 5.0
-"""Ours: without a plan the path of an emergency stop turns parallel to the lane over this distance."""
+"""Length over which the path of an emergency stop turns parallel to the lane, m. Ours."""
 
 # --- tracking ---------------------------------------------------------------------------------------------------
 LAG_S = 0.2
-"""The mean lag of drivetrain and brakes: the acceleration is read from the plan this much ahead."""
+"""Mean lag of drivetrain and brakes, s: the acceleration is read from the plan this much ahead."""
 SPEED_GAIN = 1.2
 PLACE_GAIN = 0.2
 INTEGRAL_GAIN = 0.1
@@ -111,4 +117,4 @@ OFF_PLAN_M = 1.0
 OFF_PLAN_SIDE_M = 0.3
 OFF_PLAN_MPS = 1.0
 OFF_PLAN_RAD = 0.15
-"""Ours: farther from the plan than this, the next one begins at the car's own state instead of the last plan's."""
+"""Deviation from the plan above which the next plan begins at the car's own state instead of the last plan's. Ours."""

@@ -31,7 +31,9 @@ def beside(results: Results, question: str) -> Table:
         if any(value is not None for value in values[1::3]):
             rows.append(Row(f"{figure.what}{_behind(figure)} ({figure.section})", tuple(values)))
     names = [f"{driver} stands for {STANDS_FOR[driver]}" for driver in results.drivers if driver in STANDS_FOR]
-    others = "Drivers that the paper does not have are beside its two together, or InterFuser where it has no other."
+    others = (
+        "Any other driver is compared with the paper's two together, or with InterFuser if there is no such figure."
+    )
     notes = (f"Here {' and '.join(names)}. {others}" if names else others,)
     return Table(f"{question}_paper", f"{question.upper()}: the paper's figures and ours", tuple(columns), tuple(rows),
                  "figure", notes)  # fmt: skip

@@ -22,8 +22,8 @@ from foresee_study.tables.complementarity import iterations
 STANDS_FOR: Mapping[str, str] = MappingProxyType(
     {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "two drivers together"}
 )
-"""The paper's driver whose figures each of ours is compared with. Any other driver is compared with the mean of the
-paper's two, or with InterFuser if the paper has no such mean."""
+"""The paper's driver whose figures each of ours is compared with. Any other driver is compared with the
+paper's two together, or with InterFuser if the paper has no such figure."""
 
 
 class Unit(StrEnum):

@@ -48,7 +48,7 @@ def a12_size(value: float) -> str:
 
 
 def lacks_statsmodels() -> str:
-    """Return what to do where the package is not installed that corrects p values; "" where it is."""
+    """Return how to install the package that corrects p values; "" if it is installed."""
     if find_spec("statsmodels") is not None:
         return ""
     return (

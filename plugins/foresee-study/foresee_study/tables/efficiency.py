@@ -13,7 +13,7 @@ from foresee_study.tables.rankers import shown_rankers
 from foresee_study.tables.table import Column, Row, RowKind, Table
 
 SHARES = (0.25, 0.5, 1.0)
-"""Of the shortest campaign's time: when the curves are read off."""
+"""Times at which the curves are read, as shares of the shortest campaign's time."""
 WALL = "_wall"
 """The end of the names of tables about wall time, which differ from machine to machine."""
 

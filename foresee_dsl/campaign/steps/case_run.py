@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.findings.failures import explained
-from foresee_dsl.campaign.records import SeedOutcome
+from foresee_dsl.campaign.records import CaseOutcome
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.document import TestCase
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class SeedStep(Step[None, None]):
+class CaseStep(Step[None, None]):
     """Run a test case; for a failure, ask whether a careful driver would have avoided it."""
 
     kind = "seed"
     title = "test cases"
     follows = ""
-    record = SeedOutcome
+    record = CaseOutcome
     turn = 0
     usual_s = 0.6
 
@@ -51,12 +51,12 @@ class SeedStep(Step[None, None]):
         """Return 0, as it follows from no step."""
         return 0
 
-    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[SeedOutcome, Trace]:  # noqa: ARG002
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[CaseOutcome, Trace]:  # noqa: ARG002
         """Run the test case."""
         started = time.perf_counter()
         result = run_test_case(case, work.settings.driver, self.seed, deadlines=work.deadlines)
         explanation = explained(case, result)
-        outcome = SeedOutcome(
+        outcome = CaseOutcome(
             id=case.id,
             family=case.family,
             scenario=case.scenario.name,
@@ -73,6 +73,6 @@ class SeedStep(Step[None, None]):
         )
         return outcome, result.trace
 
-    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> SeedOutcome:  # noqa: ARG002
+    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> CaseOutcome:  # noqa: ARG002
         """Return the test case's record for a broken run."""
-        return SeedOutcome(case.id, case.family, case.scenario.name, verdict, reason, 0.0, 0.0)
+        return CaseOutcome(case.id, case.family, case.scenario.name, verdict, reason, 0.0, 0.0)
