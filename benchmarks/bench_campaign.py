@@ -104,7 +104,9 @@ def _result(step: AnyStep, work: Work) -> tuple[records.Record, bool]:
     """Return the result of a step, and whether it has a trace."""
     match step:
         case CaseStep():
-            return records.CaseOutcome(load_case(work.case).id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0), True
+            return records.CaseRunOutcome(
+                load_case(work.case).id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0
+            ), True
         case ForecastStep():
             return records.Forecast(9, tuple(_draft(step, work, rank) for rank in range(1, 5))), False
         case ClipStep():

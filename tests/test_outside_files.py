@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.records import CaseOutcome, decode
+from foresee_dsl.campaign.records import CaseRunOutcome, decode
 from foresee_dsl.campaign.storage.maintenance import Merged, merge
 from foresee_dsl.campaign.storage.soundness import sum_of
 from foresee_dsl.campaign.storage.store import COLUMNS, Row, Store, StoreError
@@ -281,7 +281,7 @@ def test_a_record_that_unpacks_to_more_than_the_limit_counts_as_damaged(tmp_path
         assert store.damaged == {"bad": "bad"}
     assert merge([tmp_path / "sent"], tmp_path / "mine") == Merged(new=1, known=0, damaged=1, without_trace=0)
     with pytest.raises(ValueError, match="more than 20 MB"):
-        decode(bomb, CaseOutcome)
+        decode(bomb, CaseRunOutcome)
 
 
 def test_a_store_that_computes_its_rows_is_refused(tmp_path: Path) -> None:

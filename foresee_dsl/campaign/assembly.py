@@ -12,7 +12,7 @@ from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import (
-    CaseOutcome,
+    CaseRunOutcome,
     ChildOutcome,
     ClipOutcome,
     Forecast,
@@ -42,7 +42,7 @@ class Assembly(NamedTuple):
         minimised: minimised representatives of the findings, sorted by name.
     """
 
-    seeds: tuple[CaseOutcome, ...]
+    seeds: tuple[CaseRunOutcome, ...]
     clips: tuple[ClipOutcome, ...]
     traces: dict[str, tuple[str, str]]
     minimised: tuple[Minimised, ...]
@@ -56,7 +56,7 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
         stages: the steps. out: the campaign's folder.
         failures: skip mutants that did not fail, so that their results need not be read.
     """
-    seeds: dict[StepNode, CaseOutcome] = {}
+    seeds: dict[StepNode, CaseRunOutcome] = {}
     clips: dict[StepNode, ClipOutcome] = {}
     children: dict[StepNode, dict[StepNode, ChildOutcome]] = {}
     traces: dict[str, tuple[str, str]] = {}
@@ -66,7 +66,7 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
         record: Record = decode(row.record, node.step.record)
         case, trace = node.case, f"traces/{node.step.name}.npz"
         match record:
-            case CaseOutcome():
+            case CaseRunOutcome():
                 if row.trace:
                     traces[trace] = (row.trace, case.id if record.id != case.id else "")
                 seeds[node] = replace(record, id=case.id, family=case.family, scenario=case.scenario.name,

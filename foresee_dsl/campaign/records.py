@@ -55,7 +55,7 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class CaseOutcome(Judged):
+class CaseRunOutcome(Judged):
     """The run of one test case without mutation. `judgements` and `story` exist for failures, `notes` if there are
     any."""
 
@@ -184,7 +184,7 @@ class ChildOutcome(Judged):
     drawn_near: str = ""
     """Name of the earlier mutant whose changes this one varies; empty if it was drawn independently."""
     broken_expectations: tuple[str, ...] = ()
-    """As in a `CaseOutcome`."""
+    """As in a `CaseRunOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -346,7 +346,7 @@ class Minimised:
         return f"{self.folder}/{self.clip}.foresee"
 
 
-Record = CaseOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | ReferenceRun | Minimised
+Record = CaseRunOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | ReferenceRun | Minimised
 """A step's result. A new class is added here; `campaign.assembly` then fails the type check until it handles it."""
 
 

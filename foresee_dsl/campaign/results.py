@@ -11,7 +11,7 @@ from functools import cached_property
 from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.findings.grouping import Finding, findings_of
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome, ClipOutcome, Minimised
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.documents import or_null, rounded
@@ -76,7 +76,7 @@ class CampaignResult:
     """The complete result of a campaign; seeds and clips are sorted by name, independent of the order of execution."""
 
     settings: CampaignSettings
-    seeds: tuple[CaseOutcome, ...]
+    seeds: tuple[CaseRunOutcome, ...]
     clips: tuple[ClipOutcome, ...]
     wall_s: float
     interrupted: bool = False
@@ -117,9 +117,9 @@ class CampaignResult:
         )
 
     @property
-    def breaking(self) -> tuple[CaseOutcome | ChildOutcome, ...]:
+    def breaking(self) -> tuple[CaseRunOutcome | ChildOutcome, ...]:
         """Test cases and mutants that passed but broke an expectation."""
-        runs: list[CaseOutcome | ChildOutcome] = [*self.seeds]
+        runs: list[CaseRunOutcome | ChildOutcome] = [*self.seeds]
         runs += [child for clip in self.clips for child in clip.children]
         return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
 
@@ -243,7 +243,7 @@ def _interest(child: ChildOutcome) -> tuple[int, bool, bool, float, str]:
 
 
 def sorted_outcomes(
-    seeds: Iterable[CaseOutcome], clips: Iterable[ClipOutcome]
-) -> tuple[tuple[CaseOutcome, ...], tuple[ClipOutcome, ...]]:
+    seeds: Iterable[CaseRunOutcome], clips: Iterable[ClipOutcome]
+) -> tuple[tuple[CaseRunOutcome, ...], tuple[ClipOutcome, ...]]:
     """Return both, sorted independently of the order of execution."""
     return tuple(sorted(seeds, key=lambda s: s.id)), tuple(sorted(clips, key=lambda c: (c.seed, c.rank)))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from foresee_dsl.campaign.findings.grouping import findings_of
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import with_sentence
@@ -55,12 +55,12 @@ def clip(name: str, case: str, family: str, *children: ChildOutcome) -> ClipOutc
                        0.0, 0.0, 1.0, children)  # fmt: skip
 
 
-def seed(case: str, family: str, story: Story | None = None) -> CaseOutcome:
+def seed(case: str, family: str, story: Story | None = None) -> CaseRunOutcome:
     verdict = Verdict.F2 if story else Verdict.PASS
-    return CaseOutcome(case, family, "s", verdict, "", 30.0, 1.0, story=story)
+    return CaseRunOutcome(case, family, "s", verdict, "", 30.0, 1.0, story=story)
 
 
-def campaign(seeds: tuple[CaseOutcome, ...], clips: tuple[ClipOutcome, ...]) -> CampaignResult:
+def campaign(seeds: tuple[CaseRunOutcome, ...], clips: tuple[ClipOutcome, ...]) -> CampaignResult:
     return CampaignResult(CampaignSettings(), *sorted_outcomes(seeds, clips), wall_s=1.0)
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from foresee_dsl.campaign.records import CaseOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.report.terminal.campaign import print_campaign
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
-PASSED = CaseOutcome("a.foresee::r01", "7", "a", Verdict.PASS, "arrived", 10.0, 1.0)
+PASSED = CaseRunOutcome("a.foresee::r01", "7", "a", Verdict.PASS, "arrived", 10.0, 1.0)
 CRASH = "the driver raised ValueError: \x1b[31mno\u202e, at mine.py:12 (Mine.step)"
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.documents import plain
@@ -15,8 +15,8 @@ from foresee_dsl.report.terminal.campaign import save_campaign
 from foresee_dsl.simulate.results.verdict import Verdict
 
 
-def seed(name: str, family: str, verdict: Verdict = Verdict.PASS, points: int = 0) -> CaseOutcome:
-    return CaseOutcome(name, family, "s", verdict, verdict.value, 30.0, 1.0, "t.npz", points)
+def seed(name: str, family: str, verdict: Verdict = Verdict.PASS, points: int = 0) -> CaseRunOutcome:
+    return CaseRunOutcome(name, family, "s", verdict, verdict.value, 30.0, 1.0, "t.npz", points)
 
 
 def child(name: str, verdict: Verdict, operators: tuple[str, ...], time_s: float) -> ChildOutcome:

@@ -23,7 +23,7 @@ from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.findings.representatives import choose_representatives
 from foresee_dsl.campaign.folder import CampaignFolder
 from foresee_dsl.campaign.node import StepNode
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome, ClipOutcome, Minimised, encode
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, encode
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import CaseFiles, Stages
@@ -337,7 +337,7 @@ class _CampaignRun:
 
 def _row(result: StepResult, *, broken: bool = False) -> Row:
     record = result.record.child if isinstance(result.record, Minimised) else result.record
-    run = record if isinstance(record, CaseOutcome | ClipOutcome | ChildOutcome) else None
+    run = record if isinstance(record, CaseRunOutcome | ClipOutcome | ChildOutcome) else None
     hangs = run is not None and run.notes is not None and run.notes.hang is not None
     return Row(
         key=result.key,
@@ -365,7 +365,7 @@ def _broken_row(node: StepNode, broken: Broken) -> Row | None:
     record = node.step.broken(node.case, node.file, verdict, reason)
     if record is None:
         return None
-    if broken.output and isinstance(record, CaseOutcome | ChildOutcome):
+    if broken.output and isinstance(record, CaseRunOutcome | ChildOutcome):
         record = replace(record, notes=DriverNotes(output=broken.output))
     wall_s = (broken.task.deadline_s or 0.0) if verdict is Verdict.TIMEOUT else 0.0
     return _row(StepResult(node.step.key, node.step.kind, node.step.name, record, wall_s=wall_s), broken=True)

@@ -10,14 +10,14 @@ from foresee_dsl.avoidance.anticipating import Anticipation
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability
 from foresee_dsl.avoidance.references import ReferenceRun
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome, ClipOutcome, Minimised
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised
 from foresee_dsl.documents import or_null
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.story import Story
 
-Failure = CaseOutcome | ChildOutcome
+Failure = CaseRunOutcome | ChildOutcome
 """A failing test case or mutant."""
 
 
@@ -25,7 +25,7 @@ class Outcomes(Protocol):
     """The parts of a `CampaignResult` that grouping uses."""
 
     @property
-    def seeds(self) -> tuple[CaseOutcome, ...]:
+    def seeds(self) -> tuple[CaseRunOutcome, ...]:
         """The test cases."""
         ...
 

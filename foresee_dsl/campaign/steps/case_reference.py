@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.avoidance.references import ReferenceRun
-from foresee_dsl.campaign.records import CaseOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.referring import Reference, driven
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class CaseReferenceStep(Reference, Step[CaseStep, CaseOutcome]):
+class CaseReferenceStep(Reference, Step[CaseStep, CaseRunOutcome]):
     """Run a failing test case with a reference driver."""
 
     kind = "case_reference"
@@ -33,7 +33,7 @@ class CaseReferenceStep(Reference, Step[CaseStep, CaseOutcome]):
     driver: str
 
     @classmethod
-    def following(cls, above: CaseStep, result: CaseOutcome | None, campaign: KeyInputs) -> Iterator[Self]:
+    def following(cls, above: CaseStep, result: CaseRunOutcome | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield one step per reference driver."""
         for driver, identity in campaign.references if result is not None else ():
             key = campaign.key(cls, seed=above.key, driver=identity)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.findings.failures import explained
-from foresee_dsl.campaign.records import CaseOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.document import TestCase
@@ -27,7 +27,7 @@ class CaseStep(Step[None, None]):
     kind = "seed"
     title = "test cases"
     follows = ""
-    record = CaseOutcome
+    record = CaseRunOutcome
     turn = 0
     usual_s = 0.6
 
@@ -51,12 +51,12 @@ class CaseStep(Step[None, None]):
         """Return 0, as it follows from no step."""
         return 0
 
-    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[CaseOutcome, Trace]:  # noqa: ARG002
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[CaseRunOutcome, Trace]:  # noqa: ARG002
         """Run the test case."""
         started = time.perf_counter()
         result = run_test_case(case, work.settings.driver, self.seed, deadlines=work.deadlines)
         explanation = explained(case, result)
-        outcome = CaseOutcome(
+        outcome = CaseRunOutcome(
             id=case.id,
             family=case.family,
             scenario=case.scenario.name,
@@ -73,6 +73,6 @@ class CaseStep(Step[None, None]):
         )
         return outcome, result.trace
 
-    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> CaseOutcome:  # noqa: ARG002
+    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> CaseRunOutcome:  # noqa: ARG002
         """Return the test case's record for a broken run."""
-        return CaseOutcome(case.id, case.family, case.scenario.name, verdict, reason, 0.0, 0.0)
+        return CaseRunOutcome(case.id, case.family, case.scenario.name, verdict, reason, 0.0, 0.0)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import Promise
 from foresee_dsl.campaign.driving import relative_path
-from foresee_dsl.campaign.records import CaseOutcome, Draft, Forecast
+from foresee_dsl.campaign.records import CaseRunOutcome, Draft, Forecast
 from foresee_dsl.campaign.steps.clip_text import risk_hash
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class ForecastStep(Step["CaseStep", CaseOutcome]):
+class ForecastStep(Step["CaseStep", CaseRunOutcome]):
     """Rank the risky points of a run, and cut the clips around the first of them. `run_key`: the run's key."""
 
     kind = "forecast"
@@ -50,7 +50,7 @@ class ForecastStep(Step["CaseStep", CaseOutcome]):
     run_key: str
 
     @classmethod
-    def following(cls, above: CaseStep, result: CaseOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
+    def following(cls, above: CaseStep, result: CaseRunOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
         """Yield the one forecast of a run."""
         s = campaign.settings
         searched = s.preset if preset(s.preset).search is not None else None
@@ -61,7 +61,7 @@ class ForecastStep(Step["CaseStep", CaseOutcome]):
         yield cls(key, above.name, above.seed, above.key)
 
     @staticmethod
-    def wanted(result: CaseOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
+    def wanted(result: CaseRunOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
         """Return True for a run that passed, as only these are studied."""
         return result.verdict is Verdict.PASS
 

@@ -22,7 +22,7 @@ from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunRe
 if TYPE_CHECKING:
     from foresee_dsl.campaign.assessment import DriverRun
     from foresee_dsl.campaign.execution.runs import CaseRun
-    from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome
+    from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
     from foresee_dsl.campaign.regression.verify import Recheck
     from foresee_dsl.campaign.results import CampaignResult
     from foresee_dsl.language.project.document import Document
@@ -279,7 +279,7 @@ def _could_not_run(what: str) -> CaseResult:
     return CaseResult(suite, name or address, CaseOutcome.ERROR, "not-run", reason or what, ReportPlace(suite))
 
 
-def _details(run: CaseOutcome | ChildOutcome) -> tuple[str, ...]:
+def _details(run: CaseRunOutcome | ChildOutcome) -> tuple[str, ...]:
     """Return lines on a failure: its story, the judgements of the careful drivers, the drivers that avoid it."""
     sentence = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
     judged = (f"{judgement.name}: {judgement.answer}: {judgement.why}" for judgement in run.judgements)

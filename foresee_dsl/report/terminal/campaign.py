@@ -19,7 +19,7 @@ from foresee_dsl.avoidance.judge import R157
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.findings.grouping import Finding
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.safe_text import safe
@@ -174,7 +174,7 @@ def _who_avoids(finding: Finding) -> str:
 
 def file_of(finding: Finding, out: Path) -> Path | str:
     """Return the file of a finding's run; for a test case its address."""
-    if isinstance(finding.representative, CaseOutcome):
+    if isinstance(finding.representative, CaseRunOutcome):
         return finding.file
     return out / finding.run_file
 
@@ -226,7 +226,7 @@ def _print_breaking(console: Console, result: CampaignResult) -> None:
     names: dict[str, list[str]] = {}
     for run in result.breaking:
         for sentence in run.broken_expectations:
-            names.setdefault(sentence, []).append(run.id if isinstance(run, CaseOutcome) else run.name)
+            names.setdefault(sentence, []).append(run.id if isinstance(run, CaseRunOutcome) else run.name)
     if names:
         runs = counted(len(result.breaking), "run")
         console.print(Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold"))
@@ -290,7 +290,7 @@ def _nearest(near: NearMisses) -> tuple[float, str]:
     return gap.value, words + (f", time to collision {ttc.value:.2f} s" if ttc is not None else "")
 
 
-def _passed(seed: CaseOutcome) -> bool:
+def _passed(seed: CaseRunOutcome) -> bool:
     return seed.verdict is Verdict.PASS
 
 

@@ -26,7 +26,7 @@ from rich.text import Text
 
 from foresee_dsl.campaign.allocation.rounds import Round
 from foresee_dsl.campaign.execution.engine import Listener
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome, decode
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, decode
 from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
@@ -113,8 +113,8 @@ class FirstFailure(Listener):
         verdict = next((kind for kind in Verdict if kind.value == row.verdict), Verdict.PASS)
         problem = verdict is not Verdict.PASS if row.kind == "seed" else is_problem(verdict) or row.broken
         if not problem and row.kind in ("seed", "child"):
-            run = decode(row.record, CaseOutcome if row.kind == "seed" else ChildOutcome)
-            problem = isinstance(run, CaseOutcome | ChildOutcome) and bool(run.broken_expectations)
+            run = decode(row.record, CaseRunOutcome if row.kind == "seed" else ChildOutcome)
+            problem = isinstance(run, CaseRunOutcome | ChildOutcome) and bool(run.broken_expectations)
         if problem and not self.name:
             self.name = row.name
 

@@ -6,7 +6,7 @@ import hashlib
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.assembly import assemble
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.story import Story
 from foresee_study.halves import half_of
@@ -67,7 +67,7 @@ def _clip(position: int, clip: ClipOutcome, wall_s: dict[tuple[str, str], float]
     return MeasuredClip(position, clip.verdict, simulated_s, wall, tuple(children))
 
 
-def avoided_by(failure: ChildOutcome | CaseOutcome) -> str:
+def avoided_by(failure: ChildOutcome | CaseRunOutcome) -> str:
     """Return the judges that avoid a failure, letters of `AVOIDERS`."""
     careful, anticipating = failure.preventability, failure.anticipation
     who = {

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 
 from foresee_dsl.campaign.execution.pool import Broken, Executor, TaskPart, Update
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.steps.step import StepResult, Work, run_steps
 
 REFERENCES = frozenset({"reference", "case_reference"})
@@ -56,7 +56,7 @@ class InOrder(Executor):
 
     def _count(self, step: StepResult, task: str) -> None:
         record = step.record
-        if not isinstance(record, CaseOutcome | ClipOutcome | ChildOutcome):
+        if not isinstance(record, CaseRunOutcome | ClipOutcome | ChildOutcome):
             return
         duration_s = record.duration_s if math.isfinite(record.duration_s) else 0.0
         self.simulated_s += duration_s

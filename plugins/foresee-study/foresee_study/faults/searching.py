@@ -15,7 +15,7 @@ from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.keys import driver_identity, step_code
-from foresee_dsl.campaign.records import CaseOutcome, ChildOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
@@ -128,7 +128,7 @@ def _failures(result: CampaignResult, search: Search) -> Iterator[tuple[tuple[st
             yield ("child", child.name), _failure(child, clip.family, clip.seed, search)
 
 
-def _failure(run: CaseOutcome | ChildOutcome, family: str, case: str, search: Search) -> Failure:
+def _failure(run: CaseRunOutcome | ChildOutcome, family: str, case: str, search: Search) -> Failure:
     story, twin = run.story, healthy(search.fault)
     finding = (family, *story.signature) if story is not None else (family, run.verdict.value)
     references = {reference.driver: reference for reference in run.references}
@@ -141,7 +141,7 @@ def _failure(run: CaseOutcome | ChildOutcome, family: str, case: str, search: Se
     )
 
 
-def _verdicts(run: CaseOutcome | ChildOutcome, others: Mapping[str, ReferenceRun]) -> dict[str, bool | None]:
+def _verdicts(run: CaseRunOutcome | ChildOutcome, others: Mapping[str, ReferenceRun]) -> dict[str, bool | None]:
     """Return, for each judge, whether the failure was avoidable."""
     r157 = run.preventability.verdict if run.preventability is not None else Preventable.UNKNOWN
     verdicts: dict[str, bool | None] = {R157: {Preventable.YES: True, Preventable.NO: False}.get(r157)}
