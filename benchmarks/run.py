@@ -23,7 +23,7 @@ from benchmarks.figures import Figure
 
 _HERE = Path(__file__).parent
 ASKED = frozenset({"engine_ms_per_run", "resume_s"})
-"""Figures that are not ratios but that readers of `latest.json` need."""
+"""Figures other than ratios that readers of `latest.json` need."""
 _LIBRARIES = ("foresee-dsl", "lark", "pydantic", "typer", "numpy", "libsumo")
 
 

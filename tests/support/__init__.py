@@ -1,1 +1,1 @@
-"""What tests share: worlds, traces, drivers, checkers."""
+"""Shared parts of the tests: worlds, traces, drivers, checkers."""

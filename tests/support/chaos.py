@@ -29,7 +29,13 @@ LONGEST_S = 300
 
 @dataclass
 class Findings:
-    """What happened: `ends` by how each process ended, `killed` by who, and the steps that logs say were done."""
+    """The result of disturbed campaigns.
+
+    Attributes:
+        ends: number of processes by the way in which they ended.
+        killed: number of kills by target.
+        done: names of the steps that the logs call done.
+    """
 
     ends: Counter[str] = field(default_factory=Counter)
     killed: Counter[str] = field(default_factory=Counter)

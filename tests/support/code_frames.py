@@ -87,7 +87,7 @@ FRAMES = {
     "clip": _CLIP,
     "mutant": 'foresee 1\n\nmutant example of "clip.foresee" pin PIN {\n@\n}\n',
 }
-"""What stands around an example, by the frame's name; `@` where the example comes."""
+"""The text around an example, by the frame's name; `@` is the place of the example."""
 
 
 @dataclass(frozen=True, slots=True)

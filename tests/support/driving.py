@@ -95,7 +95,7 @@ def moving(
     size: tuple[float, float] = (4.5, 1.8),
     gone_at_end: bool = True,
 ) -> Script:
-    """Somebody who follows points with a speed of its own, blind to all others."""
+    """An actor that follows points at its own speed and ignores all others."""
     s = lengths(points)
     done: list[float] = [along_m]  # its way by step
 
@@ -126,7 +126,7 @@ def standing(
 
 @dataclass
 class Run:
-    """What a closed-loop run left behind, by step."""
+    """The records of a closed-loop run, by step."""
 
     states: list[BicycleState] = field(default_factory=list)
     controls: list[Control] = field(default_factory=list)

@@ -18,7 +18,7 @@ PATIENCE_S = 60.0
 
 
 class Editor:
-    """What an editor does: opens files, types, asks."""
+    """Simulates an editor: opens files, types, sends requests."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

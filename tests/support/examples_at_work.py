@@ -1,4 +1,4 @@
-"""Runs the examples of codes as they are shown: writes the folder, does what the command does, returns what is said."""
+"""Runs the examples of codes as they are printed: writes the folder, runs the command, and returns its messages."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def _is_default(field: dataclasses.Field[Any], value: object) -> bool:
 
 
 def _text(value: Any, indent: str) -> str:
-    """JSON of one line where it fits, else with one item a line."""
+    """Return JSON on one line if it fits, else with one item per line."""
     line = json.dumps(value, ensure_ascii=False)
     if not isinstance(value, dict | list) or not value or len(indent) + len(line) < _WIDTH:
         return line

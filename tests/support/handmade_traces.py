@@ -24,7 +24,7 @@ EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
 @dataclass(frozen=True)
 class Track:
-    """One actor: its states [T, 7] and what is known of it."""
+    """One actor: its states [T, 7] and its description."""
 
     kind: str
     states: NDArray[np.float64]

@@ -1,4 +1,5 @@
-"""A road with a house, a crossing and a parked van, behind which somebody steps onto the road: for reports of runs."""
+"""A road with a house, a crossing and a parked van, from behind which a pedestrian steps onto the road: for reports of
+runs."""
 
 from __future__ import annotations
 

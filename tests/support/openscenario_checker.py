@@ -19,7 +19,7 @@ _CONFIG = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def issues(file: Path, folder: Path) -> list[str]:
-    """Return what the checker complains of; skips the test where it is not installed."""
+    """Return the checker's complaints; skip the test if the checker is not installed."""
     if find_spec("qc_openscenario") is None:
         pytest.skip("the package asam-qc-openscenarioxml is not installed")
     config, report = folder / "config.xml", folder / "report.xqar"

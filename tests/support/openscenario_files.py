@@ -57,7 +57,7 @@ _CAR = """<ScenarioObject name="{name}">
 
 
 def scenario(*, events: str = "", init: str = "", entities: str = "", catalogue: str = "Cars") -> str:
-    """Return a scenario with an ego, a car `Target-1` and somebody on foot; more of each can be added."""
+    """Return a scenario with an ego, a car `Target-1` and a pedestrian; further ones can be added."""
     return f"""<?xml version="1.0"?>
 <OpenSCENARIO>
   <FileHeader revMajor="1" revMinor="2" date="2024-01-01T00:00:00" description="A &quot;cut-in&quot;" author="tests"/>

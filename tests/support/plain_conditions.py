@@ -1,4 +1,4 @@
-"""What conditions measure, in plain Python: the kernels have to give the same bits."""
+"""The measures of conditions in plain Python: the kernels must give the same bits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A folder that somebody sent: every kind of file, each naming a program that leaves a mark when it is started."""
+"""A folder received from another person: every kind of file, each naming a program that leaves a mark when it is
+started."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ MODELS = {
 
 
 def case_of(*items: object, case: str = "r02") -> TestCase:
-    """A concrete scenario with these items (an ego is added where there is none)."""
+    """Return a concrete scenario with these items; an ego is added if there is none."""
     body = items if any(isinstance(i, Ego) for i in items) else (Ego(model="car.compact"), *items)
     return TestCase(
         id=f"runs.foresee::{case}" if case else "runs.foresee",
@@ -71,7 +71,7 @@ def crossing(**more: Track) -> dict[str, Track]:
 def walker(
     x: float, y: float, heading: float, speed: float, *, start_s: float = 0.0, kind: str = "pedestrian"
 ) -> Track:
-    """A path-follower that moves off at `start_s`; its path is 40 m long and begins where it stands."""
+    """Return a path-follower that moves off at `start_s`; its path is 40 m long and begins at its position."""
     track = straight(kind, x, y, heading, speed, start_s=start_s)
     end = (x + 40 * math.cos(heading), y + 40 * math.sin(heading))
     return Track(kind, track.states, path=((x, y), end), cruise_mps=speed)

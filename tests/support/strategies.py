@@ -32,7 +32,7 @@ Strategy = st.SearchStrategy[Any]
 _T = TypeVar("_T", bound=m.Item)
 
 DEEPEST = 3
-"""How often classes that can hold themselves (conditions, `then`) are put into each other."""
+"""Largest nesting of classes that can contain themselves (conditions, `then`)."""
 KEYWORDS = sorted(
     t.pattern.value for t in parser().terminals if isinstance(t.pattern, PatternStr) and t.pattern.value.isidentifier()
 )

@@ -38,7 +38,7 @@ def main(net: str, routes: str, seconds: str, additional: str = "") -> None:
 
 
 def dead_ends(network):
-    """Names of the roads that begin where no other road is."""
+    """Return the names of the roads that begin at a place without other roads."""
     from foresee_dsl.language.model import Road
 
     roads = [item for item in network.body if isinstance(item, Road)]

@@ -20,7 +20,7 @@ from tests.support.strategies import alternatives, hints
 
 _T = TypeVar("_T", bound=m.Item)
 _TRIES = 20
-"""How often changes are drawn anew when no file can say them."""
+"""Number of draws of changes before it gives up, if no file can express them."""
 
 
 @dataclass(frozen=True)

@@ -193,7 +193,7 @@ def scene_of(text, network=PLAIN):
 
 
 def problems_of(text, network=PLAIN):
-    """What is wrong: (actor, statement, message, help) each; empty for nothing."""
+    """Return the problems: (actor, statement, message, help) each; empty without problems."""
     try:
         scene_of(text, network)
     except PlacementError as err:

@@ -83,7 +83,7 @@ def read(text: str, most: int = MOST) -> Reading:
     if errors:
         elses = {error.span for error in errors if error.code == CODE}  # `} else {`: one mistake
         errors = [error for error in errors if error.code == CODE or error.span not in elses]
-    others = [TextError(CODE, found.message, found.help, lines.span(found.start, found.end)) for found in foreign]
+    others = [TextError(CODE, remark.message, remark.help, lines.span(remark.start, remark.end)) for remark in foreign]
     return Reading(tree, [*others, *errors], readable, lines, reader.statements, reader.comments)
 
 
