@@ -8,8 +8,6 @@ from typing import Literal
 from foresee_dsl.drivers.deadlines import Deadlines
 
 Allocation = Literal["even", "adaptive"]
-ALLOCATION: Allocation = "even"
-"""Default allocation of mutants to clips."""
 FIRST = 1
 """Number of mutants per clip and seed in the first round."""
 
@@ -21,6 +19,9 @@ class CampaignSettings:
     The defaults are the paper's best configuration (section 4.5, RQ1): clips of 10 s, four risky points per seed, four
     mutants per risky point; the preset `focused` is ours. Several drivers or rankers need several settings, which share
     their common runs in one store.
+
+    The options of the command line have these defaults; their bounds are those of the campaign file's statements
+    (`language.campaign_bounds`).
 
     Attributes:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
@@ -49,7 +50,7 @@ class CampaignSettings:
     handover_s: float = 0.0
     repeat: int = 1
     against: tuple[str, ...] = ()
-    allocation: Allocation = ALLOCATION
+    allocation: Allocation = "even"
 
     @property
     def first_children(self) -> int:

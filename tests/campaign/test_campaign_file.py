@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 
 from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.cli.options.campaign_options import Flags
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import data_folder
+from foresee_dsl.language import model as m
+from foresee_dsl.language.model.item import Bounds
 from tests.support import command
 from tests.support.small_campaign import write_project
 
@@ -121,3 +127,28 @@ def test_the_bundled_one_runs_the_whole_library() -> None:
     found = read_campaign(Path(data_folder("scenarios")) / "campaign.foresee")
     assert found.drivers == ("pdm",)
     assert {Path(p).parent.name for p in found.paths} == {"scenarios", *(f"scenario{k}" for k in "34789")}
+
+
+@pytest.mark.parametrize(
+    ("statement", "field", "option"),
+    [
+        (m.ClipAround, "before", "before"),
+        (m.ClipAround, "after", "after"),
+        (m.RiskyPoints, "count", "risky_points"),
+        (m.Children, "count", "children"),
+        (m.Repeat, "times", "repeat"),
+        (m.FirstSeed, "seed", "seed"),
+    ],
+)
+def test_a_statement_has_the_bounds_of_its_option(statement: type[m.Item], field: str, option: str) -> None:
+    (declared,) = get_type_hints(Flags, include_extras=True)[option].__metadata__
+    (stated,) = (part for part in statement.model_fields[field].metadata if isinstance(part, Bounds))
+    assert (stated.low, stated.high) == (declared.min, declared.max)
+
+
+def test_the_options_have_the_defaults_of_the_settings() -> None:
+    flags, settings = Flags(), CampaignSettings()
+    for field in fields(CampaignSettings):
+        option = field.name.removesuffix("_s")
+        if option not in ("fidelity_limit_m", "handover", "against"):  # the driver's request, and three drivers
+            assert getattr(flags, option) == getattr(settings, field.name)

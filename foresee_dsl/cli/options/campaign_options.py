@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from foresee_dsl.campaign.settings import ALLOCATION
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
+from foresee_dsl.language import campaign_bounds as bounds
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
-    from foresee_dsl.campaign.settings import CampaignSettings, Shard
+    from foresee_dsl.campaign.settings import Shard
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.drivers.protocol import Driver
 
@@ -40,17 +41,35 @@ Paths = Annotated[
 class Flags:
     """The options of `campaign` and `plan`, in the order of their help."""
 
-    driver: common.DriverOption = "pdm"
-    ranker: common.RankerOption = "foresee"
-    preset: common.PresetOption = "focused"
-    before: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip before its risky point.")] = 5.0
-    after: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after its risky point.")] = 5.0
-    risky_points: Annotated[int, typer.Option(min=1, max=1000, help="Maximum number of risky points per run.")] = 4
-    children: Annotated[int, typer.Option(min=0, max=1000, help="Number of mutants per clip.")] = 4
+    driver: common.DriverOption = CampaignSettings.driver
+    ranker: common.RankerOption = CampaignSettings.ranker
+    preset: common.PresetOption = CampaignSettings.preset
+    before: Annotated[
+        float,
+        typer.Option(min=bounds.AROUND_S[0], max=bounds.AROUND_S[1], help="Seconds of a clip before its risky point."),
+    ] = CampaignSettings.before_s
+    after: Annotated[
+        float,
+        typer.Option(min=bounds.AROUND_S[0], max=bounds.AROUND_S[1], help="Seconds of a clip after its risky point."),
+    ] = CampaignSettings.after_s
+    risky_points: Annotated[
+        int,
+        typer.Option(
+            min=bounds.RISKY_POINTS[0], max=bounds.RISKY_POINTS[1], help="Maximum number of risky points per run."
+        ),
+    ] = CampaignSettings.risky_points
+    children: Annotated[
+        int, typer.Option(min=bounds.CHILDREN[0], max=bounds.CHILDREN[1], help="Number of mutants per clip.")
+    ] = CampaignSettings.children
     handover: common.HandoverOption = None
     repeat: Annotated[
-        int, typer.Option(min=1, max=10_000, help="Number of times each clip is mutated, each with another seed.")
-    ] = 1
+        int,
+        typer.Option(
+            min=bounds.REPEAT[0],
+            max=bounds.REPEAT[1],
+            help="Number of times each clip is mutated, each with another seed.",
+        ),
+    ] = CampaignSettings.repeat
     allocation: Annotated[
         str,
         typer.Option(
@@ -58,7 +77,7 @@ class Flags:
             help="How mutants are distributed: even (each clip gets --children) or adaptive (the same total in rounds; "
             "clips whose mutants failed more often get more).",
         ),
-    ] = ALLOCATION
+    ] = CampaignSettings.allocation
     against: Annotated[
         str | None,
         typer.Option(
@@ -70,7 +89,7 @@ class Flags:
         ),
     ] = None
     jobs: Jobs = CPUS
-    seed: common.SeedOption = 0
+    seed: common.SeedOption = CampaignSettings.seed
     out: common.OutOption = Path("out")
     store: Annotated[
         Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
@@ -177,7 +196,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
 
 
 def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
-    from foresee_dsl.campaign.settings import Allocation, CampaignSettings
+    from foresee_dsl.campaign.settings import Allocation
     from foresee_dsl.derive.clipping.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
     from foresee_dsl.drivers.registry import handover_of

@@ -17,6 +17,7 @@ from typer.core import TyperCommand
 
 from foresee_dsl.cli.completion import drivers
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.language.campaign_bounds import SEED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,7 +51,7 @@ AllowOutsideOption = Annotated[
 ProfileOption = Annotated[
     bool, typer.Option("--profile", help="Also report where the time went: the driver, SUMO, or a part of the tool.")
 ]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of all random choices.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=SEED[0], max=SEED[1], help="Seed of all random choices.")]
 ExitZeroOption = Annotated[
     bool, typer.Option("--exit-zero", help="Exit with 0 even when failures are found; errors keep their exit codes.")
 ]

@@ -4,13 +4,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from foresee_dsl.language import campaign_bounds as bounds
 from foresee_dsl.language.model.item import ONE_OF, Bounds, Item
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.values import FilePath, Id, Name, OfDimension, Quantity
 
 _Time = Annotated[Quantity, OfDimension("time")]
 _Count = Annotated[Quantity, OfDimension("count")]
-_Around = Annotated[_Time, Bounds(0.5, 60.0)]
+_Around = Annotated[_Time, Bounds(*bounds.AROUND_S)]
 """A campaign has no parameters, so its values are plain numbers."""
 
 
@@ -76,7 +77,7 @@ class RiskyPoints(Item):
     pattern = "risky_points {count}"
     words = "risky_points (statement): how many risky points of a run are clipped, at most | risky_points 4"
 
-    count: Annotated[_Count, Bounds(1, 1000)]
+    count: Annotated[_Count, Bounds(*bounds.RISKY_POINTS)]
 
 
 class Children(Item):
@@ -85,7 +86,7 @@ class Children(Item):
     pattern = "children {count}"
     words = "children (statement): how many mutants a clip gets | children 4"
 
-    count: Annotated[_Count, Bounds(0, 1000)]
+    count: Annotated[_Count, Bounds(*bounds.CHILDREN)]
 
 
 class Repeat(Item):
@@ -94,7 +95,7 @@ class Repeat(Item):
     pattern = "repeat {times}"
     words = "repeat (statement): how often clips are mutated, each time with the next seed | repeat 3"
 
-    times: Annotated[_Count, Bounds(1, 100_000)]  # ours: beyond the study's size (34,416 runs) by far
+    times: Annotated[_Count, Bounds(*bounds.REPEAT)]
 
 
 class Allocation(Item):
@@ -116,7 +117,7 @@ class FirstSeed(Item):
 
     pattern = "seed {seed}"
 
-    seed: Annotated[_Count, Bounds(0, 2**31 - 1)]
+    seed: Annotated[_Count, Bounds(*bounds.SEED)]
 
 
 class Budget(Item):

@@ -1,0 +1,14 @@
+"""Smallest and largest values of a campaign's settings: of the statements in its file and of the options.
+
+Nothing is imported here: `foresee campaign --help` needs the bounds without the model.
+"""
+
+from __future__ import annotations
+
+AROUND_S = (0.5, 60)
+"""Seconds of a clip before and after its risky point."""
+RISKY_POINTS = (1, 1000)
+CHILDREN = (0, 1000)
+REPEAT = (1, 100_000)
+"""Ours: beyond the study's size (34,416 runs) by far."""
+SEED = (0, 2**31 - 1)
