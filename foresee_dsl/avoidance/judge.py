@@ -11,7 +11,8 @@ from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import Impact, RunResult
+from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace, X, Y
 
@@ -134,10 +135,21 @@ class Failure:
         """The contact with which the run ended; None if it ended otherwise."""
         return contact(self.result)
 
+    @property
+    def without_contact(self) -> str:
+        """How a run without a contact failed, in words."""
+        match self.result.verdict:
+            case Verdict.STUCK:
+                return "it got stuck"
+            case Verdict.RULE:
+                return "it broke a traffic rule, without a contact"
+            case _:
+                return "it left the road, without a contact"
+
     @cached_property
     def astray(self) -> str:
         """How a replay without braking differs from the failure, in words; "" if it does not."""
-        replay = run(self.bundle, Replay(self.result.trace, None, self.bundle.scene))
+        replay = run(self.bundle, Replay(self.result.trace, None, self.bundle.scene), rules=RulesMode.OFF)
         result = self.result
         again = "the replay without braking is not the failure: "
         if (replay.verdict, replay.with_) != (result.verdict, result.with_):

@@ -22,6 +22,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict, passes
+from foresee_dsl.simulate.rules.infraction import RULES_MODE, Infraction, RulesMode
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
 HARD_BRAKING_MPS2 = 3.0
@@ -55,6 +56,8 @@ class DriverRun:
     notes: DriverNotes = NO_NOTES
     broken_expectations: tuple[str, ...] = ()
     """Broken expectations, one sentence each."""
+    infractions: tuple[Infraction, ...] = ()
+    """The traffic rules that the ego broke, in the order of time."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -65,6 +68,7 @@ class DriverRun:
             "version": self.version,
             "verdict": self.verdict,
             "broken_expectations": self.broken_expectations,
+            "infractions": self.infractions,
             "reason": self.reason,
             "duration_s": self.duration_s,
             "way_m": self.way_m,
@@ -177,6 +181,7 @@ def assess_drivers(
     seed: int = 0,
     on_run: Callable[[DriverRun], None] = lambda _: None,
     deadlines: Deadlines = DEADLINES,
+    rules: RulesMode = RULES_MODE,
     fail_fast: bool = False,
 ) -> tuple[DriverRun, ...]:
     """Run every case with every driver.
@@ -196,7 +201,7 @@ def assess_drivers(
     pairs = [(case, driver) for case in cases for driver in drivers]
     with WorkerPool(jobs) as pool:
         pool.add(
-            Task(f"{case.id} with {driver}", partial(run_one, case.id, driver, deadlines=deadlines), seed,
+            Task(f"{case.id} with {driver}", partial(run_one, case.id, driver, deadlines=deadlines, rules=rules), seed,
                  deadlines.for_run_s(longest_s(case)), key=str(k))
             for k, (case, driver) in enumerate(pairs)
         )  # fmt: skip
@@ -217,7 +222,9 @@ def _broken(case: TestCase, driver: str, broken: Broken) -> DriverRun:
                      DriverNotes(output=broken.output))  # fmt: skip
 
 
-def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEADLINES) -> DriverRun:
+def run_one(
+    address: str, driver: str, seed: int, *, deadlines: Deadlines = DEADLINES, rules: RulesMode = RULES_MODE
+) -> DriverRun:
     """Run one case with one driver."""
     case, drivers = load_test_case(address), list[_Timed]()
 
@@ -225,7 +232,7 @@ def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEAD
         drivers.append(_Timed(new_driver(driver, deadlines)))
         return drivers[-1]
 
-    result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines)
+    result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines, rules=rules)
     timed = drivers[-1]  # the last one, if the run was repeated for a check
     return DriverRun(
         case=case.id,
@@ -241,6 +248,7 @@ def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEAD
         digest=result.trace.digest,
         notes=result.notes,
         broken_expectations=result.broken_expectations,
+        infractions=result.infractions,
     )
 
 

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSettings
 
@@ -32,10 +34,18 @@ REMEMBERS = "keeps something from run to run that changes what it does"
 """Note on a driver whose repeated run, without any kept state, differs; the repeated run's result counts."""
 
 
-def run_test_case(case: TestCase, driver: str, seed: int, *, deadlines: Deadlines | None = DEADLINES) -> RunResult:
-    """Compile a test case and simulate it with a fresh driver."""
+def run_test_case(
+    case: TestCase,
+    driver: str,
+    seed: int,
+    *,
+    deadlines: Deadlines | None = DEADLINES,
+    rules: RulesMode = RULES_MODE,
+) -> RunResult:
+    """Compile a test case and simulate it with a fresh driver; `rules`: what a broken traffic rule means."""
     meta = {"test_case": case.id, "meaning": case.meaning, "tool": __version__, "seed": seed, "driver": driver}
-    return driven(case, lambda: new_driver(driver, deadlines), driver, seed, meta=meta, deadlines=deadlines)
+    make = partial(new_driver, driver, deadlines)
+    return driven(case, make, driver, seed, meta=meta, deadlines=deadlines, rules=rules)
 
 
 def driven(
@@ -46,6 +56,7 @@ def driven(
     *,
     meta: Mapping[str, Any],
     deadlines: Deadlines | None = DEADLINES,
+    rules: RulesMode = RULES_MODE,
 ) -> RunResult:
     """Compile a test case and simulate it with the driver that `make` returns; restore the process afterwards.
 
@@ -56,7 +67,8 @@ def driven(
     def once() -> RunResult:
         driver_made = make()
         seed_globals(seed)  # its package may draw random numbers on import, which only the first run of a process does
-        return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines)
+        sensors = sensors_of(driver)
+        return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors, deadlines=deadlines, rules=rules)
 
     with put_back(seed) as changed:
         try:

@@ -27,6 +27,7 @@ from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import RANKERS, load_ranker
 from foresee_dsl.plugins import PluginGroup
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.sensing.views import RASTER_VIEWS
 
 _ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"))
@@ -64,6 +65,11 @@ def driver_identity(address: str) -> str:
     if top_of(DRIVERS.find(name_in(address)).module) != "foresee_dsl":
         parts.append(views_identity())
     return json.dumps(parts)
+
+
+def judged_identity(address: str, rules: RulesMode) -> str:
+    """Return a text that identifies a driver and what a broken traffic rule means in its runs."""
+    return f"{driver_identity(address)} {rules}"
 
 
 def ranker_identity(name: str, driver: str) -> str:

@@ -19,6 +19,7 @@ from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict, passes
+from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.story import Story
 
 
@@ -79,6 +80,8 @@ class CaseRunOutcome(Judged):
     """For a failure: its runs with reference drivers."""
     broken_expectations: tuple[str, ...] = ()
     """Broken expectations, one sentence each."""
+    infractions: tuple[Infraction, ...] = ()
+    """The traffic rules that the ego broke, in the order of time."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -88,6 +91,7 @@ class CaseRunOutcome(Judged):
             "meaning": self.meaning,
             "verdict": self.verdict,
             "broken_expectations": self.broken_expectations,
+            "infractions": self.infractions,
             "reason": self.reason,
             "duration_s": rounded(self.duration_s, 2),
             "risky_points": self.risky_points,
@@ -185,6 +189,8 @@ class ChildOutcome(Judged):
     """Name of the earlier mutant whose changes this one varies; empty if it was drawn independently."""
     broken_expectations: tuple[str, ...] = ()
     """As in a `CaseRunOutcome`."""
+    infractions: tuple[Infraction, ...] = ()
+    """As in a `CaseRunOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -197,6 +203,7 @@ class ChildOutcome(Judged):
             "changes": self.changes,
             "verdict": self.verdict,
             "broken_expectations": self.broken_expectations,
+            "infractions": self.infractions,
             "with": self.with_,
             "reason": self.reason,
             "digest": self.digest,

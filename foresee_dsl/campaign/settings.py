@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from foresee_dsl.drivers.deadlines import Deadlines
+from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 
 Allocation = Literal["even", "adaptive"]
 FIRST = 1
@@ -36,6 +37,7 @@ class CampaignSettings:
         against: the reference drivers, which also drive every failing mutant.
         allocation: `even`: each clip gets `children`. `adaptive`: the same total in rounds; clips whose mutants were
             worth more get more.
+        rules: what it means that the ego breaks a traffic rule in a run that passes otherwise.
     """
 
     driver: str = "pdm"
@@ -51,6 +53,7 @@ class CampaignSettings:
     repeat: int = 1
     against: tuple[str, ...] = ()
     allocation: Allocation = "even"
+    rules: RulesMode = RULES_MODE
 
     @property
     def first_children(self) -> int:

@@ -15,7 +15,7 @@ from foresee_dsl.campaign import steps
 from foresee_dsl.campaign.allocation.rounds import Rounds
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.execution.pool import Task
-from foresee_dsl.campaign.keys import driver_identity, key, operators_identity, ranker_identity
+from foresee_dsl.campaign.keys import judged_identity, key, operators_identity, ranker_identity
 from foresee_dsl.campaign.node import AnyStep, StepNode
 from foresee_dsl.campaign.records import decode
 from foresee_dsl.campaign.settings import CampaignLimits, CampaignSettings, Shard
@@ -88,10 +88,10 @@ class Stages:
         self._store, self.out = store, out
         self._campaign = KeyInputs(
             settings,
-            driver_identity(settings.driver),
+            judged_identity(settings.driver, settings.rules),
             ranker_identity(settings.ranker, settings.driver),
             operators_identity(),
-            tuple((driver, driver_identity(driver)) for driver in settings.against),
+            tuple((driver, judged_identity(driver, settings.rules)) for driver in settings.against),
             key,
         )
         self._after: dict[StepNode, tuple[StepNode, ...]] = {}

@@ -40,6 +40,7 @@ from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_opt
 from foresee_dsl.cli.options.profiling import profiling
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.formats import PEOPLE, CommandReport
+from foresee_dsl.simulate.rules.infraction import RULES_MODE
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -400,6 +401,7 @@ def assess(
     first: FirstOption = None,
     only: OnlyOption = None,
     fail_fast: FailFastOption = False,
+    rules: common.RulesOption = RULES_MODE,
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
     show: Annotated[bool, typer.Option("--failures", help="Also list the runs that did not arrive.")] = False,
@@ -431,7 +433,7 @@ def assess(
     with runs_progress(console(error=form not in PEOPLE), total) as done:
         runs = assess_drivers(
             cases, drivers, jobs=jobs, seed=seed, on_run=done, deadlines=Deadlines(step_deadline, deadline),
-            fail_fast=fail_fast,
+            rules=rules, fail_fast=fail_fast,
         )  # fmt: skip
     report_results(
         form,

@@ -15,6 +15,7 @@ from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_res
 from foresee_dsl.cli.options.profiling import profiling
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.formats import CommandReport
+from foresee_dsl.simulate.rules.infraction import RULES_MODE
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -41,6 +42,7 @@ def run(
     ],
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
+    rules: common.RulesOption = RULES_MODE,
     out: Annotated[Path | None, typer.Option("--out", help="Save the traces in this folder.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes for several cases.")] = 1,
     first: FirstOption = None,
@@ -67,7 +69,8 @@ def run(
 ) -> None:
     """Run a test case, or all cases of a file, with a driver, and print how each run ended.
 
-    Exit code 1 when a run did not pass or broke an `expect` line; the driver's own prints appear with its run.
+    Exit code 1 when a run did not pass, or broke an `expect` line or a traffic rule; the driver's own prints appear
+    with its run.
 
     [dim]foresee run scenarios/scenario7.foresee::r01 --out runs
     foresee run scenarios/scenario7.foresee --fail-fast[/dim]
@@ -92,9 +95,9 @@ def run(
     if profiler is not None:
         profiler.ready()
     runs = (
-        (run_here(case, driver, seed=seed) for case in cases)
+        (run_here(case, driver, seed=seed, rules=rules) for case in cases)
         if debug
-        else run_cases(cases, driver, seed=seed, jobs=jobs, deadlines=deadlines, profiler=profiler)
+        else run_cases(cases, driver, seed=seed, jobs=jobs, deadlines=deadlines, rules=rules, profiler=profiler)
     )
     done = []
     for case_run in runs:
@@ -179,6 +182,7 @@ def _run_dict(case_run: CaseRun, trace: Path | None) -> dict[str, object]:
         "duration_s": round(result.duration_s, 2) if result else 0.0,
         "steps": result.steps if result else 0,
         "expectations": result.expectations if result else (),
+        "infractions": result.infractions if result else (),
         "unfired": result.unfired if result else (),
         **vars(case_run.notes),
         "trace": trace,

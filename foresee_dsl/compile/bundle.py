@@ -258,8 +258,8 @@ class Scene:
     """Time of a clip's or child's first frame in the run that it was cut from, s: the sensors' noise continues from
     there."""
     must_arrive: bool = False
-    """Whether an ego that does not arrive before the end is a timeout; otherwise the end without a failure is a
-    pass."""
+    """Whether an ego that does not arrive before the end is a timeout: in a test case, unless it ends `anywhere`.
+    Otherwise the end without a failure is a pass."""
     notes: tuple[str, ...] = ()
     """Notes for the author that are not errors, such as background traffic for which there is no room."""
     places: Mapping[Place | AtStop, XY] = field(default_factory=dict)

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, Verdict
+from foresee_dsl.simulate.rules.infraction import Infraction
 
 WHOLE = 100_000
 """Maximum length of a text that must not be cut, such as a path or a line that a driver printed, characters."""
@@ -35,6 +36,11 @@ def changed_lines(notes: Iterable[DriverNotes | None]) -> list[str]:
         f"the driver {safe(phrase, WHOLE)}{runs}; that was undone, and what came next ran in a fresh process"
         for phrase, runs in zip(counts, often, strict=True)
     ]
+
+
+def rule_lines(infractions: Iterable[Infraction]) -> tuple[str, ...]:
+    """Return a line for each traffic rule that the ego broke in a run."""
+    return tuple(f"rule      {infraction.sentence}" for infraction in infractions)
 
 
 def verdicts_line(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.results.outcome import Decision
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RULES_MODE, Infraction, RulesMode
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
 from foresee_dsl.simulate.trace import WAYPOINT_M
@@ -42,6 +43,7 @@ def run(
     meta: Mapping[str, Any] | None = None,
     sensors: SensorSettings = STANDARD,
     deadlines: Deadlines | None = DEADLINES,
+    rules: RulesMode = RULES_MODE,
 ) -> RunResult:
     """Run a test case. The same arguments give the same trace, in any process.
 
@@ -54,6 +56,8 @@ def run(
         sensors: settings of the driver's sensors.
         deadlines: a driver that exceeds one is interrupted; the result is a `timeout`, with the `hang` in its notes.
             None: without a limit.
+        rules: whether a run that passes otherwise, but in which the ego breaks a traffic rule, fails (`fail`), passes
+            (`report`), or is not examined for that (`off`).
 
     Raises:
         SimulationError: the scene cannot be set up in SUMO.
@@ -65,7 +69,7 @@ def run(
     with Part.LOOP, DriverWatch(deadlines, bundle.scene.end_s) as watch:
         try:
             with Part.PLACING:
-                prepared = _Run(bundle, driver, seed, dict(meta or {}), sensors, watch)
+                prepared = _Run(bundle, driver, seed, dict(meta or {}), sensors, watch, rules)
             result = prepared.go()
         finally:
             fault = _closed(driver, watch)
@@ -94,7 +98,7 @@ class _Run:
 
     def __init__(
         self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any], sensors: SensorSettings,
-        watch: DriverWatch,
+        watch: DriverWatch, rules: RulesMode,
     ) -> None:  # fmt: skip
         self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
         self._watch = watch
@@ -113,6 +117,8 @@ class _Run:
         self._director = Director(self._simulation, self._conditions, self._recorder)
         self._judging = Judging(self._simulation, self._conditions, self._recorder, driver)
         self._expectations = Expectations(bundle.scene.expects, self._conditions)
+        self._fails = rules is RulesMode.FAIL
+        self._rules = self._conditions.rules(self._simulation.ego) if rules is not RulesMode.OFF else None
 
     def go(self) -> RunResult:
         """Take frame after frame through the parts of a run, in this order, until one decides that the run ends."""
@@ -164,6 +170,10 @@ class _Run:
         """Set the decision from the states, then evaluate the scenario's expectations."""
         with Part.JUDGING:
             self._judging.step(frame)
+            if self._rules is not None:
+                self._rules.look()
+            if frame.decision is not None:
+                self._conditions.end_rules(frame.decision)
             hit = frame.decision is not None and bool(frame.decision.with_)
             self._expectations.look(frame.time_s, ego_hit=hit)
 
@@ -205,12 +215,16 @@ class _Run:
         return Decision(Verdict.CRASH, time_s, "", fault.text)
 
     def _finish(self, decision: Decision, steps: int) -> RunResult:
+        infractions = self._rules.end(decision) if self._rules is not None else ()
         if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):
             self._recorder.event(decision.time_s, "ego", "arrived")
         elif decision.verdict.is_collision:
             detail = {"with": decision.with_, "verdict": decision.verdict.value}
             self._recorder.event(decision.time_s, "ego", "collision" if decision.with_ else "off_road", detail)
         expectations = self._expectations.results()
+        failing = tuple(infraction for infraction in infractions if infraction.rule.fails)
+        if self._fails and failing and decision.verdict is Verdict.PASS:
+            decision = _of_rules(decision, failing)
         reason = decision.reason
         if decision.verdict is Verdict.PASS:
             broken = [result.broken_sentence for result in expectations if not result.held]
@@ -222,6 +236,7 @@ class _Run:
             "seed": self._seed,
             "verdict": decision.verdict.value,
             "reason": reason,
+            "infractions": [asdict(infraction) for infraction in infractions],
             **self._meta,
         }
         with Part.DIRECTOR:
@@ -236,9 +251,18 @@ class _Run:
             steps=steps,
             trace=trace,
             expectations=expectations,
+            infractions=infractions,
             impact=decision.impact,
             notes=self._notes,
         )
+
+
+def _of_rules(decision: Decision, infractions: tuple[Infraction, ...]) -> Decision:
+    """Return the end of a run that passed otherwise, as a broken rule."""
+    first, *others = infractions
+    more = f" ({len(others)} more)" if others else ""
+    reason = f"rule: ego {first.clause} at {first.time_s:.2f} s{more}; {decision.reason}"
+    return replace(decision, verdict=Verdict.RULE, with_=first.other, reason=reason)
 
 
 def _waypoints(bundle: SumoBundle) -> FloatArray:

@@ -23,6 +23,8 @@ heading by 4 degrees."""
 def contact_class(facts: Facts) -> ContactClass:
     """Return the class of a run's contact."""
     impact = facts.impact
+    if facts.verdict is Verdict.RULE:
+        return ContactClass.RULE
     if impact is None:
         return ContactClass.OFF_ROAD if facts.verdict is Verdict.F1 else ContactClass.NONE
     if steered_into(facts, impact):

@@ -21,6 +21,7 @@ from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.simulate.rules.infraction import Infraction, infractions_in
 from foresee_dsl.simulate.signals import COLOURS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 
@@ -78,6 +79,17 @@ class Facts:
         return contact_of(self.trace)
 
     @cached_property
+    def infraction(self) -> Infraction | None:
+        """The first traffic rule that the ego broke in a run that failed by it; None for other runs."""
+        failing = (broken for broken in self.infractions if broken.rule.fails)
+        return next(failing, None) if self.verdict is Verdict.RULE else None
+
+    @cached_property
+    def infractions(self) -> tuple[Infraction, ...]:
+        """The traffic rules that the ego broke; none if the trace does not say."""
+        return infractions_in(self.trace.meta)
+
+    @cached_property
     def changes(self) -> tuple[Change, ...]:
         """The changes of the mutation; empty if the test case is not a mutant."""
         return self.case.mutant.changes if self.case.mutant else ()
@@ -95,6 +107,8 @@ class Facts:
         ids = {info.id: k for k, info in enumerate(self.trace.actors)}
         if self.impact is not None:
             return ids[self.impact.with_]
+        if self.infraction is not None:
+            return ids.get(self.infraction.other)
         if self.verdict in (Verdict.STUCK, Verdict.F1):
             return None
         risk = self.case.clip.risk if self.case.clip else None
@@ -112,6 +126,13 @@ class Facts:
         if np.isnan(gaps_m).all():
             return self
         end = int(np.nanargmin(gaps_m)) + 1
+        return Facts(self.trace.part(0, end), self.case, self.bundle, self.opponent)
+
+    def at_infraction(self) -> Facts:
+        """Return the facts of the run up to the frame at which the ego broke the rule; of other runs, of all of it."""
+        if self.infraction is None:
+            return self
+        end = self.trace.frame_at(self.infraction.time_s) + 1
         return Facts(self.trace.part(0, end), self.case, self.bundle, self.opponent)
 
     def _nearest(self) -> int | None:

@@ -21,6 +21,8 @@ class ContactClass(StrEnum):
     """Both moved, and the opponent moved towards the ego (or both did, or they touched in passing)."""
     OFF_ROAD = "off the road"
     """The ego left the drivable area."""
+    RULE = "broke a traffic rule"
+    """The ego broke a traffic rule in a run that passed otherwise."""
     NONE = "no contact"
     """The ego got stuck, was late or passed."""
 

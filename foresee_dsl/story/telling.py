@@ -13,6 +13,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 from foresee_dsl.story.contact import contact_class
 from foresee_dsl.story.ego import EgoMotion, ego_moments, ego_of
@@ -42,19 +43,20 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
         InputError, CompileError: the test case cannot be compiled.
     """
     whole = Facts.of(trace, case) if bundle is None else Facts(trace, case, bundle)
-    facts = whole.at_nearest() if whole.verdict is Verdict.PASS else whole
+    facts = whole.at_nearest() if whole.verdict is Verdict.PASS else whole.at_infraction()
     contact, impact = contact_class(facts), facts.impact
     at = touched_at(facts.trace, impact) if impact else facts.xy(0, facts.last)
     place = place_of(facts, at, facts.last)
     ego = ego_of(facts, place)
     other = Opponent(facts, facts.opponent, place, contact) if facts.opponent else None
+    broken, steered = whole.infraction, contact is ContactClass.STRUCK_BY_STEERED
     return Story(
         moments=_moments(whole, ego_moments(whole), other, impact),
-        sentence=_sentence(facts, ego, other, place),
+        sentence=_sentence(facts, ego, other, place) if broken is None else _of_rule(broken, ego),
         opponent=facts.info(other.actor).id if other else "",
         opponent_kind=other.kind if other else "",
         contact=contact,
-        ego_manoeuvre=ego.manoeuvre(steered=contact is ContactClass.STRUCK_BY_STEERED),
+        ego_manoeuvre=ego.manoeuvre(steered=steered) if broken is None else broken.rule.value.replace("_", " "),
         opponent_manoeuvre=other.manoeuvre if other else "",
         place=place.name,
         touch=_touch(contact, impact),
@@ -66,6 +68,7 @@ def _moments(
     facts: Facts, ego: tuple[Moment, ...], other: Opponent | None, impact: Impact | None
 ) -> tuple[Moment, ...]:
     moments = [*ego, *(other.moments() if other else ())]
+    moments += [Moment(broken.time_s, "ego", "rule", f"the ego {broken.clause}") for broken in facts.infractions]
     moments += [Moment(0.0, change.actor, "mutation", _changed(change)) for change in facts.changes]
     if impact is not None:
         text = f"contact, {with_side(impact.side)}, {impact.relative_mps:.1f} m/s: {impact.struck}"
@@ -77,6 +80,12 @@ def _moments(
         ends = "the ego leaves the road" if facts.verdict is Verdict.F1 else f"the run ends: {facts.verdict.label}"
         moments.append(Moment(facts.end_s, "ego", "ends", ends))
     return tuple(sorted(moments, key=lambda moment: moment.time_s))
+
+
+def _of_rule(broken: Infraction, ego: EgoMotion) -> str:
+    """Return the sentence of a run that failed by a traffic rule."""
+    going = f", {ego.going}," if ego.going else ""
+    return f"the ego{going} {broken.clause} at {broken.time_s:.2f} s; it {_drives(ego)}"
 
 
 def _touch(contact: ContactClass, impact: Impact | None) -> str:

@@ -33,7 +33,7 @@ scenario dooring {
   }
 
   expect room: always distance(ego, parked) > 0.5 m
-  end after 12 s
+  end after 12 s anywhere
 }
 """
 

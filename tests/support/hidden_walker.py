@@ -39,7 +39,7 @@ scenario hidden_walker {
     walker starts
   }
 
-  end after 12 s
+  end after 12 s anywhere
 }
 """
 

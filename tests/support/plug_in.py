@@ -61,7 +61,7 @@ scenario alone {
     goal way along main
   }
   expect never collision(ego)
-  end after 14 s
+  end after 14 s anywhere
 
 """
 

@@ -46,6 +46,6 @@ scenario beside {
   }
 
   expect never collision(ego)
-  end after 14 s
+  end after 14 s anywhere
 }
 """

@@ -19,6 +19,7 @@ from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
@@ -41,7 +42,7 @@ class AnticipatingDriver:
         """Return whether an anticipating driver would have prevented the failure, and by which manoeuvre."""
         failed = failure.contact
         if failed is None:
-            what = "it got stuck" if failure.result.verdict is Verdict.STUCK else "it left the road, without a contact"
+            what = failure.without_contact
             return Anticipation(Answer.UNDECIDED, f"{what}: the model only knows how to keep clear of others")
         return _Assessment(failure, failed).answer()
 
@@ -126,7 +127,7 @@ class _Assessment:
 
     def _run(self, driver: Driver, sensors: SensorSettings = STANDARD) -> _ConfirmingRun:
         self._runs += 1
-        return _ConfirmingRun(run(self._bundle, driver, sensors=sensors))
+        return _ConfirmingRun(run(self._bundle, driver, sensors=sensors, rules=RulesMode.OFF))
 
     def _confirm(self, screened: ScreenedManoeuvre) -> _ConfirmingRun:
         return self._run(Manoeuvre(self._trace, self._way, screened.plan, self._whole.scene))

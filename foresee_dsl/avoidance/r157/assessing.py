@@ -18,6 +18,7 @@ from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.documents import every_field
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 
@@ -94,7 +95,7 @@ class R157Driver:
         """Return whether a careful and competent driver would have avoided the failure."""
         failed = failure.contact
         if failed is None:
-            what = "it got stuck" if failure.result.verdict is Verdict.STUCK else "it left the road, without a contact"
+            what = failure.without_contact
             return Preventability(Preventable.UNKNOWN, f"{what}: the model only says when to brake for others")
         return replace(_judged(failure, failed), struck=failed.struck, impact_mps=failed.relative_mps)
 
@@ -111,7 +112,9 @@ def _judged(failure: Failure, failed: Impact) -> Preventability:
         return Preventability(Preventable.UNKNOWN, failure.astray)
     if seen.brakes_s >= result.time_s:
         return _too_late(seen, result.time_s)
-    return _after_braking(seen, failed, run(bundle, Replay(result.trace, seen.brakes_s, bundle.scene)))
+    return _after_braking(
+        seen, failed, run(bundle, Replay(result.trace, seen.brakes_s, bundle.scene), rules=RulesMode.OFF)
+    )
 
 
 def _too_late(seen: Perception, contact_s: float) -> Preventability:
@@ -140,7 +143,7 @@ def _after_braking(seen: Perception, failed: Impact, braked: RunResult) -> Preve
 
 def _without_contact(braked: RunResult) -> tuple[Preventable, str]:
     match braked.verdict:
-        case Verdict.PASS | Verdict.TIMEOUT | Verdict.STUCK:
+        case Verdict.PASS | Verdict.TIMEOUT | Verdict.STUCK | Verdict.RULE:
             return Preventable.YES, "avoids the contact"
         case (
             Verdict.F1 | Verdict.F2 | Verdict.F3 | Verdict.F4 | Verdict.F5 | Verdict.CRASH | Verdict.INVALID

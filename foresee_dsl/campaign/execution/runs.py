@@ -14,6 +14,7 @@ from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict, passes
+from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.triggers.unfired import unfired
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def run_cases(
     seed: int = 0,
     jobs: int = 1,
     deadlines: Deadlines,
+    rules: RulesMode = RULES_MODE,
     profiler: Profiler | None = None,
 ) -> Iterator[CaseRun]:
     """Run test cases; yield each run as soon as it ends. `profiler` measures where the time goes."""
@@ -60,7 +62,7 @@ def run_cases(
     with WorkerPool(min(jobs, len(cases)), deaths=1, once=len(cases) == 1) as pool:
         tasks = {case.id: case for case in cases}
         todo = (
-            Task(case.id, partial(_run_case, driver=driver, seed=seed, deadlines=deadlines),
+            Task(case.id, partial(_run_case, driver=driver, seed=seed, deadlines=deadlines, rules=rules),
                  replace(case, document=None), deadlines.for_run_s(longest_s(case)))
             for case in cases
         )  # fmt: skip
@@ -74,10 +76,11 @@ def run_cases(
             yield case_run(tasks[task.name], outcome)
 
 
-def run_here(case: TestCase, driver: str, *, seed: int = 0) -> CaseRun:
+def run_here(case: TestCase, driver: str, *, seed: int = 0, rules: RulesMode = RULES_MODE) -> CaseRun:
     """Run a test case in this process, for a debugger: without deadlines, and with prints going where they usually
     go."""
-    return case_run(case, with_unfired(case, driver, run_test_case(case, driver, seed, deadlines=None)))
+    result = run_test_case(case, driver, seed, deadlines=None, rules=rules)
+    return case_run(case, with_unfired(case, driver, result))
 
 
 def case_run(case: TestCase, outcome: RunResult | Broken) -> CaseRun:
@@ -95,8 +98,8 @@ def broken_verdict(broken: Broken) -> tuple[Verdict, str]:
     return verdict, " ".join((begins + broken.reason).split()).replace('"', "'")[:LONGEST_REASON]
 
 
-def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines) -> RunResult:
-    result = run_test_case(case, driver, seed, deadlines=deadlines)
+def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines, rules: RulesMode) -> RunResult:
+    result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
     _ = result.near_misses  # computed here, because this process has imported the kernels
     return with_unfired(case, driver, result)
 

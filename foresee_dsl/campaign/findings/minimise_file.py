@@ -10,7 +10,7 @@ from foresee_dsl.campaign.assembly import with_header
 from foresee_dsl.campaign.driving import recorded_run, relative_path, run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
-from foresee_dsl.campaign.keys import driver_identity, key
+from foresee_dsl.campaign.keys import judged_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import ChildStep
@@ -28,6 +28,7 @@ from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.rules.infraction import RULES_MODE
 
 
 def minimise_file(
@@ -61,7 +62,9 @@ def minimise_file(
     folder = store_folder or wanted.store
     limit_m = float(settings.get("fidelity_limit_m", CampaignSettings.fidelity_limit_m))
     run_seed = int(settings.get("seed", seed))
-    child = key(ChildStep, clip=mutant.pin, meaning=case.meaning, driver=driver_identity(address), seed=seed)
+    child = key(
+        ChildStep, clip=mutant.pin, meaning=case.meaning, driver=judged_identity(address, RULES_MODE), seed=seed
+    )
     its = minimising_key(MinimiseStep, key, child=child, risk=risk_hash(clip), run_seed=run_seed, limit_m=limit_m,
                          budget=budget)  # fmt: skip
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)

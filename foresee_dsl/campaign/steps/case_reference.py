@@ -41,4 +41,6 @@ class CaseReferenceStep(Reference, Step[CaseStep, CaseRunOutcome]):
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:
         """Run the test case."""
-        return driven(self.driver, case, None, trace, seed=self.seed, deadlines=work.deadlines), None
+        return driven(
+            self.driver, case, None, trace, seed=self.seed, deadlines=work.deadlines, rules=work.settings.rules
+        ), None

@@ -54,7 +54,8 @@ class CaseStep(Step[None, None]):
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[CaseRunOutcome, Trace]:  # noqa: ARG002
         """Run the test case."""
         started = time.perf_counter()
-        result = run_test_case(case, work.settings.driver, self.seed, deadlines=work.deadlines)
+        settings = work.settings
+        result = run_test_case(case, settings.driver, self.seed, deadlines=work.deadlines, rules=settings.rules)
         explanation = explained(case, result)
         outcome = CaseRunOutcome(
             id=case.id,
@@ -69,6 +70,7 @@ class CaseStep(Step[None, None]):
             judgements=explanation.judgements,
             story=explanation.story,
             broken_expectations=result.broken_expectations,
+            infractions=result.infractions,
             notes=result.notes if result.notes != DriverNotes() else None,
         )
         return outcome, result.trace

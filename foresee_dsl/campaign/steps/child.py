@@ -20,6 +20,7 @@ from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.language.syntax.node import Key
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name})
         outcome, result = run_child(
             mutant, parent, file, driver=work.settings.driver, seed=self.seed, deadlines=work.deadlines,
-            meaning=self.mutant.meaning,
+            meaning=self.mutant.meaning, rules=work.settings.rules,
         )  # fmt: skip
         return outcome, result.trace if result.verdict.is_failure else None
 
@@ -80,6 +81,7 @@ def run_child(
     driver: str,
     seed: int,
     deadlines: Deadlines = DEADLINES,
+    rules: RulesMode = RULES_MODE,
     meaning: str = "",
 ) -> tuple[ChildOutcome, RunResult]:
     """Run a mutant; write the result into it and, for a failure, whether a careful driver would have avoided it.
@@ -87,7 +89,7 @@ def run_child(
     `meaning`: hash of its test case's meaning, if already known.
     """
     case = expand_mutant(mutant, clip_case, source=file, meaning=meaning)
-    result = run_test_case(case, driver, seed, deadlines=deadlines)
+    result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
     explanation = explained(case, result)
     mutant, story = with_found(mutant, result.reason, explanation), explanation.story
     outcome = ChildOutcome(
@@ -108,6 +110,7 @@ def run_child(
         story=story,
         notes=notes_of(result),
         broken_expectations=result.broken_expectations,
+        infractions=result.infractions,
     )
     return outcome, result
 

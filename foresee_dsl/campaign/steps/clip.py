@@ -20,6 +20,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
@@ -61,8 +62,9 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
         text, driver = self.draft.text, work.settings.driver
         own = clip_case(text, work.case, file)
         model, result, fidelity = _measured(
-            clip_of(text), own, trace, driver=driver, seed=self.seed, deadlines=work.deadlines
-        )
+            clip_of(text), own, trace, driver=driver, seed=self.seed, deadlines=work.deadlines,
+            rules=work.settings.rules,
+        )  # fmt: skip
         outcome = ClipOutcome(
             seed=case.id,
             family=case.family,
@@ -100,6 +102,7 @@ def measure_clip(
     driver: str,
     seed: int,
     deadlines: Deadlines = DEADLINES,
+    rules: RulesMode = RULES_MODE,
 ) -> tuple[Clip, TestCase, RunResult, Deviation]:
     """Run a clip without mutation and write its deviation from its parent into it.
 
@@ -107,13 +110,16 @@ def measure_clip(
         The clip with its `fidelity` line, its test case, the run, and the deviation.
     """
     case = expand_clip(model, parent, source=file)
-    model, result, fidelity = _measured(model, case, parent_trace, driver=driver, seed=seed, deadlines=deadlines)
+    model, result, fidelity = _measured(
+        model, case, parent_trace, driver=driver, seed=seed, deadlines=deadlines, rules=rules
+    )
     return model, case, result, fidelity
 
 
 def _measured(
-    model: Clip, case: TestCase, parent_trace: Trace, *, driver: str, seed: int, deadlines: Deadlines
-) -> tuple[Clip, RunResult, Deviation]:
-    result = run_test_case(case, driver, seed, deadlines=deadlines)
+    model: Clip, case: TestCase, parent_trace: Trace, *, driver: str, seed: int, deadlines: Deadlines,
+    rules: RulesMode,
+) -> tuple[Clip, RunResult, Deviation]:  # fmt: skip
+    result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
     fidelity = deviation(parent_trace, parent_trace.frame_at(model.start_s), result.trace)
     return with_fidelity(model, fidelity), result, fidelity

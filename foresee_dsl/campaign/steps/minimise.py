@@ -22,6 +22,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import tell
 
@@ -69,8 +70,9 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
         mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name, "parent": f"{clip.name}.foresee"})
         subject = Subject(case, clip, mutant, trace, work.folder)
         return minimised(
-            subject, driver=work.settings.driver, seed=self.seed, limit_m=work.settings.fidelity_limit_m, budget=RUNS
-        )
+            subject, driver=work.settings.driver, seed=self.seed, limit_m=work.settings.fidelity_limit_m, budget=RUNS,
+            rules=work.settings.rules,
+        )  # fmt: skip
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Minimised:  # noqa: ARG002
         """Return the original mutant with the reason why minimising broke."""
@@ -93,16 +95,16 @@ def minimising_key(
 
 
 def minimised(
-    subject: Subject, *, driver: str, seed: int, limit_m: float, budget: int
+    subject: Subject, *, driver: str, seed: int, limit_m: float, budget: int, rules: RulesMode = RULES_MODE
 ) -> tuple[Minimised, Trace | None]:
     """Minimise a mutant and run the result; one that no longer fails is returned unchanged."""
     before = subject.clip
     try:
-        smaller = minimise(subject, judge_of(driver, seed), limit_m=limit_m, budget=budget)
+        smaller = minimise(subject, judge_of(driver, seed, rules), limit_m=limit_m, budget=budget)
     except CannotMinimiseError as err:
-        child, result = _run(subject, before, subject.mutant, driver, seed)
+        child, result = _run(subject, before, subject.mutant, driver, seed, rules)
         return _as_found(child, before, f"not minimised: {err}"), result.trace
-    child, result = _run(subject, smaller.clip, smaller.mutant, driver, seed)
+    child, result = _run(subject, smaller.clip, smaller.mutant, driver, seed, rules)
     notes = (
         "" if smaller.complete else f"the budget of {budget} runs was not enough for all reductions",
         "" if smaller.cut_again else "not shortened: the run that its clip was cut from is not known",
@@ -135,18 +137,23 @@ def _actors(clip: Clip) -> int:
     return sum(isinstance(item, Actor) for item in clip.body)
 
 
-def judge_of(driver: str, seed: int) -> TrialJudge:
+def judge_of(driver: str, seed: int, rules: RulesMode = RULES_MODE) -> TrialJudge:
     """Return how mutants are run with a driver, and when two of their failures count as the same."""
 
     def sign(case: TestCase, result: RunResult) -> tuple[str, ...]:
-        return result.verdict.value, result.with_, tell(result.trace, case).contact.value
+        story = tell(result.trace, case)
+        rule = story.ego_manoeuvre if result.verdict is Verdict.RULE else ""
+        return result.verdict.value, result.with_, story.contact.value, rule
 
     def avoided(case: TestCase, result: RunResult) -> str:
         return ", ".join(str(judgement.answer) for judgement in judged(Failure.of(result, case)))
 
-    return TrialJudge(drive=lambda case: run_test_case(case, driver, seed), sign=sign, avoided=avoided)
+    return TrialJudge(drive=lambda case: run_test_case(case, driver, seed, rules=rules), sign=sign, avoided=avoided)
 
 
-def _run(subject: Subject, clip: Clip, mutant: Mutant, driver: str, seed: int) -> tuple[ChildOutcome, RunResult]:
+def _run(
+    subject: Subject, clip: Clip, mutant: Mutant, driver: str, seed: int, rules: RulesMode
+) -> tuple[ChildOutcome, RunResult]:
     case = expand_clip(clip, subject.parent, source=subject.folder / f"{clip.name}.foresee")
-    return run_child(mutant, case, subject.folder / f"{mutant.name}.foresee", driver=driver, seed=seed)
+    file = subject.folder / f"{mutant.name}.foresee"
+    return run_child(mutant, case, file, driver=driver, seed=seed, rules=rules)

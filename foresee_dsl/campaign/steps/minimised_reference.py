@@ -60,6 +60,9 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
         child = expand_mutant(mutant_of(self.mutant), clip, source=work.folder / f"{self.name}.foresee")
 
         def before() -> Verdict:
-            return run_test_case(clip, self.driver, self.seed, deadlines=work.deadlines).verdict
+            deadlines, rules = work.deadlines, work.settings.rules
+            return run_test_case(clip, self.driver, self.seed, deadlines=deadlines, rules=rules).verdict
 
-        return driven(self.driver, child, before, trace, seed=self.seed, deadlines=work.deadlines), None
+        return driven(
+            self.driver, child, before, trace, seed=self.seed, deadlines=work.deadlines, rules=work.settings.rules
+        ), None

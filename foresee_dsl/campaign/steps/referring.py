@@ -16,6 +16,7 @@ from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part, reference_driver
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
@@ -48,29 +49,33 @@ def driven(
     *,
     seed: int,
     deadlines: Deadlines,
+    rules: RulesMode,
 ) -> ReferenceRun:
     """Return a reference driver's run of a failing test case."""
 
     def drive() -> RunResult:
         with reference_driver():
-            return run_test_case(case, driver, seed, deadlines=deadlines)
+            return run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
 
     return ReferenceDriver(driver, drive, before).judge(Failure(failed))
 
 
 _MOST_KNOWN = 64
 """Maximum number of cached verdicts. Ours: a few drivers for each of the clips that a process caches."""
-_KNOWN: dict[tuple[str, CaseRef, str, int], Verdict] = {}
+_KNOWN: dict[tuple[str, CaseRef, str, int, RulesMode], Verdict] = {}
 """Cached verdicts of clips with reference drivers, as failing mutants of one clip share them."""
 
 
-def verdict_of_clip(text: str, parent: CaseRef, file: Path, *, driver: str, seed: int, deadlines: Deadlines) -> Verdict:
+def verdict_of_clip(
+    text: str, parent: CaseRef, file: Path, *, driver: str, seed: int, deadlines: Deadlines, rules: RulesMode
+) -> Verdict:
     """Return the verdict of a clip without mutation, cached per process."""
-    verdict = _KNOWN.get((text, parent, driver, seed))
+    verdict = _KNOWN.get((text, parent, driver, seed, rules))
     if verdict is None:
-        verdict = run_test_case(clip_case(text, parent, file), driver, seed, deadlines=deadlines).verdict
+        case = clip_case(text, parent, file)
+        verdict = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules).verdict
         if verdict is Verdict.PASS or verdict.is_failure:  # broken runs and timeouts are repeated
             while len(_KNOWN) >= _MOST_KNOWN:
                 del _KNOWN[next(iter(_KNOWN))]
-            _KNOWN[text, parent, driver, seed] = verdict
+            _KNOWN[text, parent, driver, seed, rules] = verdict
     return verdict

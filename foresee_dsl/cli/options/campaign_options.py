@@ -88,6 +88,7 @@ class Flags:
             show_default=False,
         ),
     ] = None
+    rules: common.RulesOption = CampaignSettings.rules
     jobs: Jobs = CPUS
     seed: common.SeedOption = CampaignSettings.seed
     out: common.OutOption = Path("out")

@@ -18,6 +18,7 @@ from typer.core import TyperCommand
 from foresee_dsl.cli.completion import drivers
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 from foresee_dsl.language.campaign_bounds import SEED
+from foresee_dsl.simulate.rules.infraction import RulesMode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,6 +53,14 @@ ProfileOption = Annotated[
     bool, typer.Option("--profile", help="Also report where the time went: the driver, SUMO, or a part of the tool.")
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=SEED[0], max=SEED[1], help="Seed of all random choices.")]
+RulesOption = Annotated[
+    RulesMode,
+    typer.Option(
+        "--rules",
+        help="What a traffic rule that the ego breaks means for a run that passes otherwise: it fails, it passes with "
+        "a report, or rules are off.",
+    ),
+]
 ExitZeroOption = Annotated[
     bool, typer.Option("--exit-zero", help="Exit with 0 even when failures are found; errors keep their exit codes.")
 ]

@@ -157,11 +157,18 @@ class SceneBuilder:
             sun=si(weather.sun) if weather else 0.0,
             clip=self._case.snapshot,
             began_s=self._case.clip.start_s if self._case.clip is not None else 0.0,
-            must_arrive=any(e.mode == "eventually" and _arrives(e.condition) for e in scenario.all(m.Expect)),
+            must_arrive=self._must_arrive(),
             notes=tuple(notes),
             places=self._names.places,
             slippery=tuple(self._patches),
         )
+
+    def _must_arrive(self) -> bool:
+        """Return whether the ego has to arrive: in a test case, unless its `end` says `anywhere`."""
+        scenario, end = self._case.scenario, self._case.scenario.first(m.End)
+        if any(e.mode == "eventually" and _arrives(e.condition) for e in scenario.all(m.Expect)):
+            return True
+        return not self._case.snapshot and (end is None or end.where is None)
 
     def background(self, placed: Sequence[PlacedActor]) -> tuple[list[PlacedActor], list[str]]:
         """Return the background traffic around placed actors, and notes on its actors for which there is no room."""

@@ -29,7 +29,7 @@ class Conflict:
         path: way of the foe, [N, 2] m; of vehicles with their approach. entry_s: position of the junction along it, m.
         own: first and last position in the conflict area along the movement's own way through the junction, m.
         other: the same along `path`. yields: the movement must yield to the foe if both may go.
-        tls, link: the signal of the foe ("" and -1 for none).
+        tls, link: the signal of the foe ("" and -1 for none). of: the foe itself.
     """
 
     path: NDArray[np.float64]
@@ -40,6 +40,7 @@ class Conflict:
     pedestrian: bool
     tls: str
     link: int
+    of: Movement | Crossing
 
 
 @lru_cache(maxsize=4096)
@@ -73,6 +74,7 @@ def conflicts_of(network: Topology, movement: Movement) -> tuple[Conflict, ...]:
                 pedestrian=isinstance(other, Crossing),
                 tls=other.tls or "",
                 link=other.link,
+                of=other,
             )
         )
     return tuple(conflicts)

@@ -77,6 +77,8 @@ class _Rebase:
                 return self._innermost(condition, positive=positive)
             case m.Ahead() | m.Behind() | m.SameLane() | m.InLane() | m.Sees() | m.InSight():
                 return self._innermost(condition, positive=positive)  # about the present moment: unchanged
+            case m.RunsRed() | m.YieldsAtCrossing() | m.YieldsAt():
+                return self._innermost(condition, positive=positive)  # about what happens at one frame: unchanged
             case _:
                 assert_never(condition)
 

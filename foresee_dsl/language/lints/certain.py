@@ -116,17 +116,27 @@ def _cannot_concern(condition: m.Condition, limits: Limits) -> str:
     about = limits.actors.get(getattr(condition, "actor", None) or "")
     if about is None:
         return ""
+    if not about.moves and (why := _needs_to_move(condition)):
+        return why
     match condition:
-        case m.Predicate(what="arrived", actor=actor) if not about.moves:
-            return f"'{actor}' has no route or path, so it never arrives"
-        case m.Shows(actor=actor) if not about.moves:
-            return f"'{actor}' has no route or path, so no signal applies to it"
-        case m.InJunction(actor=actor, junction=str(junction)) if about.junctions is not None:
-            if junction not in about.junctions:
-                return f"the route of '{actor}' does not go over '{junction}'"
-        case m.Ahead() | m.Behind() | m.SameLane() | m.Sees() | m.InSight():
+        case m.InJunction(junction=str(junction)) | m.RunsRed(junction=str(junction)) | m.YieldsAt(junction=junction):
+            if about.junctions is not None and junction not in about.junctions:
+                return f"the route of '{condition.actor}' does not go over '{junction}'"
+        case m.Ahead() | m.Behind() | m.SameLane() | m.Sees() | m.InSight() | m.YieldsAtCrossing():
             if condition.actor == condition.other:
                 return f"'{condition.actor}' is compared with itself"
+    return ""
+
+
+def _needs_to_move(condition: m.Condition) -> str:
+    """Return the reason why a fact cannot be true of an actor that stands; an empty text if it can."""
+    match condition:
+        case m.Predicate(what="arrived", actor=actor):
+            return f"'{actor}' has no route or path, so it never arrives"
+        case m.Shows(actor=actor):
+            return f"'{actor}' has no route or path, so no signal applies to it"
+        case m.RunsRed() | m.YieldsAtCrossing() | m.YieldsAt():
+            return f"'{condition.actor}' has no route, so no rule of a junction applies to it"
     return ""
 
 

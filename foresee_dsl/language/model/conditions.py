@@ -205,6 +205,48 @@ class InSight(Phrase):
     other: v.ActorName
 
 
+class RunsRed(Phrase):
+    """`ego runs red`, `ego runs red at j4`: its front passes the line of a junction at this frame, and the signal is
+    red for its way. A light that it could not stop for any more does not count."""
+
+    pattern = "{actor} runs red [at {junction}]"
+    words = "runs (condition): an actor passes a red light at this moment | expect never ego runs red"
+    never_bare = ("and", "or", "for")
+
+    actor: v.ActorName
+    junction: v.JunctionId | None = None
+
+
+class YieldsAtCrossing(Phrase):
+    """`ego yields to walker at crossing`, `ego yields to walker at crossing of school`: at the frame at which a
+    pedestrian has passed the actor's way on a crossing, with the actor before it and within 30 m, it holds; at the
+    frame at which the actor has passed the crossing before the pedestrian, who goes first, it does not. At other frames
+    it cannot be evaluated, so `expect always` with it holds where neither happens."""
+
+    pattern = "{actor} yields to {other} at crossing [of {junction}]"
+    words = """
+        yields (condition): an actor lets another one pass that goes first
+            | expect always ego yields to walker at crossing
+        crossing (constant): any pedestrian crossing on an actor's way
+            | expect always ego yields to walker at crossing
+    """
+    never_bare = ("and", "or", "for")
+
+    actor: v.ActorName
+    other: v.ActorName
+    junction: v.JunctionId | None = None
+
+
+class YieldsAt(Phrase):
+    """`ego yields to runner at j4`: as with a crossing, at a junction, to a vehicle with the right of way."""
+
+    pattern = "{actor} yields to {other} at {junction}"
+
+    actor: v.ActorName
+    other: v.ActorName
+    junction: v.JunctionId
+
+
 class Named(Phrase):
     """An actor or a junction, by its name."""
 
@@ -306,6 +348,9 @@ Condition = Annotated[
     | InLane
     | Sees
     | InSight
+    | RunsRed
+    | YieldsAtCrossing
+    | YieldsAt
     | Within
     | Shows
     | Sustained

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from foresee_dsl.language.model.item import Item, Names
 from foresee_dsl.language.model.values import ActorName, Id, Name
 
-FailureName = Literal["F1", "F2", "F3", "F4", "F5", "stuck", "timeout"]
+FailureName = Literal["F1", "F2", "F3", "F4", "F5", "stuck", "rule", "timeout"]
 """Names of failures, as in `simulate.results.verdict`. A crash cannot be expected."""
 
 
@@ -26,6 +26,7 @@ class Expected(Item):
         F4 (constant): a failure: a lateral collision | expected pdm fails F4 with runner
         F5 (constant): a failure: a rear collision | expected pdm fails F5 with lead
         stuck (constant): a failure: it stands with nothing to wait for | expected pdm fails stuck
+        rule (constant): a failure: it breaks a traffic rule | expected pdm fails rule
         timeout (constant): a failure: it does not arrive in time | expected pdm fails timeout
     """
 

@@ -238,12 +238,17 @@ DEFAULT_END_S = 60.0
 
 
 class End(Item):
-    """`end after 60 s`."""
+    """`end after 60 s`: an ego that has not arrived by then is a `timeout`; with `anywhere` it need not arrive."""
 
-    pattern = "end after {after}"
-    words = "end (statement): the run's limit; 60 s when absent | end after 60 s"
+    pattern = "end after {after} [{where}]"
+    words = """
+        end (statement): the run's limit; 60 s when absent | end after 60 s
+        anywhere (constant): the ego need not arrive: the run passes wherever the ego is at its end
+            | end after 10 s anywhere
+    """
 
     after: Annotated[Time, Bounds(0.05)]  # one step of the simulation
+    where: Literal["anywhere"] | None = None
 
 
 class Assignment(Item, kind=""):

@@ -100,11 +100,17 @@ def _check_expected_actors(findings: Findings, mutant: m.Mutant, clip: m.Scenari
 
 
 def expanded_model(case: TestCase) -> m.Scenario:
-    """Return a test case as one full scenario, whose network's path is relative to the folder of `case.source`."""
-    body = case.scenario.body
-    if any(isinstance(item, m.UseNetwork | m.Network) for item in body):
-        return case.scenario
-    return _behind_tags(case.scenario.name, body, _network_of(case, case.source.parent))
+    """Return a test case as one full scenario, whose network's path is relative to the folder of `case.source`.
+
+    A clip or mutant becomes a scenario that ends `anywhere`, because its ego need not arrive.
+    """
+    scenario = case.scenario
+    if case.snapshot:
+        ends = (i.model_copy(update={"where": "anywhere"}) if isinstance(i, m.End) else i for i in scenario.body)
+        scenario = scenario.model_copy(update={"body": tuple(ends)})
+    if any(isinstance(item, m.UseNetwork | m.Network) for item in scenario.body):
+        return scenario
+    return _behind_tags(scenario.name, scenario.body, _network_of(case, case.source.parent))
 
 
 def _behind_tags(name: str, body: tuple[m.ScenarioItem, ...], *items: m.ScenarioItem) -> m.Scenario:

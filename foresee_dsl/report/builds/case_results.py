@@ -16,7 +16,7 @@ from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.addresses import kind_of
-from foresee_dsl.report.verdicts import changed_lines
+from foresee_dsl.report.verdicts import changed_lines, rule_lines
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunResult, Verdict
 
 if TYPE_CHECKING:
@@ -116,7 +116,8 @@ def of_run(address: str, driver: str, seed: int, result: RunResult, attachments:
     """Return the result of one run."""
     return _of(
         address, _name_in(address), result.verdict, result.reason, place_of(address), result.broken_expectations,
-        reproduce=reproduce(address, driver, seed), attachments=tuple(attachments), time_s=result.duration_s,
+        details=rule_lines(result.infractions), reproduce=reproduce(address, driver, seed),
+        attachments=tuple(attachments), time_s=result.duration_s,
     )  # fmt: skip
 
 
@@ -141,7 +142,8 @@ def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...
     several = len({run.driver for run in listed}) > 1
     return tuple(
         _of(run.case, _name_in(run.case) + (f" [{run.driver}]" if several else ""), run.verdict, run.reason,
-            place_of(run.case), run.broken_expectations, details=_notes(run.notes),
+            place_of(run.case), run.broken_expectations,
+            details=(*rule_lines(run.infractions), *_notes(run.notes)),
             reproduce=reproduce(run.case, run.driver, seed), time_s=run.duration_s)
         for run in listed
     )  # fmt: skip
@@ -283,4 +285,5 @@ def _details(run: CaseRunOutcome | ChildOutcome) -> tuple[str, ...]:
     """Return lines on a failure: its story, the judgements of the careful drivers, the drivers that avoid it."""
     sentence = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
     judged = (f"{judgement.name}: {judgement.answer}: {judgement.why}" for judgement in run.judgements)
-    return (*sentence, *judged, *(f"avoided: {other.sentence}" for other in run.avoided))
+    avoided = (f"avoided: {other.sentence}" for other in run.avoided)
+    return (*sentence, *rule_lines(run.infractions), *judged, *avoided)

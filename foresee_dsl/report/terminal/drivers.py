@@ -72,9 +72,11 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
 
 def _table(title: str, first: str, rows: Sequence[tuple[str, DriverRow]]) -> Table:
     columns = {kind.value: (kind,) for kind in COLLISIONS} | {
-        "stuck": (Verdict.STUCK,), "late": (Verdict.TIMEOUT,),
+        "stuck": (Verdict.STUCK,), "rule": (Verdict.RULE,), "late": (Verdict.TIMEOUT,),
         "other": tuple(kind for kind in Verdict if kind not in (*FAILURES, Verdict.PASS, Verdict.TIMEOUT)),
     }  # fmt: skip
+    if not any(row.share(Verdict.RULE) for _, row in rows):
+        del columns["rule"]
     table = plain_table(
         (first, "cases", "arrive", "fail", *columns, "km/h", "brake", "ms"),
         ((label, row.cases, f"[bold]{row.share(Verdict.PASS):.0%}[/bold]", f"[bold]{row.failed:.0%}[/bold]",

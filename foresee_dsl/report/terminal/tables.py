@@ -12,6 +12,7 @@ from rich.text import Text
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.unfired import unfired_lines
+from foresee_dsl.report.verdicts import rule_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import ExpectationResult, Impact, RunResult
 
@@ -42,9 +43,10 @@ def duration(seconds: float) -> str:
 
 
 def print_run_details(console: Console, result: RunResult, *, triggers: bool = True) -> None:
-    """Print the contact that ended a run, its near misses and its expectations; with `triggers` also the triggers that
-    never fired."""
-    for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):
+    """Print the contact that ended a run, its near misses, the traffic rules that the ego broke, and its expectations;
+    with `triggers` also the triggers that never fired."""
+    rules = (f"  {line}" for line in rule_lines(result.infractions))
+    for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses), *rules):
         console.print(Text(safe(detail), style="dim"), soft_wrap=True)
     for expectation in result.expectations:
         console.print(_expectation_line(expectation), soft_wrap=True)

@@ -12,6 +12,7 @@ from typing import Literal, Self
 from foresee_dsl.documents import rounded
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
 from foresee_dsl.simulate.results.unfired import Unfired
+from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.trace import Trace
 
 Side = Literal["front", "left", "right", "rear"]
@@ -24,7 +25,7 @@ class Verdict(StrEnum):
     Attributes:
         label: a few words for tables.
         is_collision: whether it is one of F1 to F5.
-        is_failure: whether it is a failure of the software under test: F1 to F5, or stuck.
+        is_failure: whether it is a failure of the software under test: F1 to F5, stuck, or rule.
         style: style of the text in a terminal.
         contact: name of the contact in a run's reason, with braces for the other actor.
     """
@@ -52,6 +53,7 @@ class Verdict(StrEnum):
     F4 = "F4", "lateral", "collision", "bold red", "lateral collision with {}"
     F5 = "F5", "rear", "collision", "bold red", "rear collision with {}"
     STUCK = "stuck", "stood with nothing to wait for", "failure"
+    RULE = "rule", "broke a traffic rule", "failure"
     TIMEOUT = "timeout", "did not arrive in time", "", "bold yellow"
     CRASH = "crash", "the driver or the simulator broke, not the car"
     INVALID = "invalid", "a collision at the first frame"
@@ -213,6 +215,8 @@ class RunResult:
     """The contact, also the one of an `invalid` first frame; None without a contact, such as off the road."""
     notes: DriverNotes = NO_NOTES
     """The driver's output, exception, or hang."""
+    infractions: tuple[Infraction, ...] = ()
+    """The traffic rules that the ego broke, in the order of time."""
     unfired: tuple[Unfired, ...] = ()
     """Triggers and steps that never came; computed only on request (`simulate.triggers.unfired`)."""
 

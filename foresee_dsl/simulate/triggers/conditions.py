@@ -28,6 +28,8 @@ from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import outlines_of
+from foresee_dsl.simulate.results.outcome import Decision
+from foresee_dsl.simulate.rules.watch import RuleWatch
 from foresee_dsl.simulate.triggers.ways import Ways
 
 _Between = Literal["eta", "distance", "ttc", "ttc_along", "headway", "lateral", "overlap", "relative_speed"]
@@ -98,6 +100,7 @@ class Conditions:
         """[A, 7] the states of all actors, and [A, 2] their lengths and widths, m, for kernels."""
         self.rows = {actor.id: row for row, actor in enumerate(simulation.actors)}
         self.ways = Ways(simulation)
+        self._rules: dict[str, RuleWatch] = {}
         self.ego_hit: bool | None = None
         """Whether the ego touches another actor at this frame; None if it was not computed yet."""
 
@@ -130,6 +133,17 @@ class Conditions:
             return self.ego_hit
         actor = self.actor(name)
         return actor is not None and any(overlaps(actor.box, other.box) for other in self.simulation.others(actor))
+
+    def rules(self, actor: SimulatedActor) -> RuleWatch:
+        """Return the traffic rules that an actor breaks, followed from the first call on."""
+        if actor.id not in self._rules:
+            self._rules[actor.id] = RuleWatch(self.simulation, actor)
+        return self._rules[actor.id]
+
+    def end_rules(self, decision: Decision) -> None:
+        """Establish the infractions that a run's end shows, at the frame at which it ends."""
+        for watch in self._rules.values():
+            watch.end(decision)
 
     def gap(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return the distance between two footprints, m."""

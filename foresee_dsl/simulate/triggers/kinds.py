@@ -18,9 +18,14 @@ from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import point_distance
+from foresee_dsl.simulate.rules.infraction import Rule
+from foresee_dsl.simulate.rules.watch import RuleWatch
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
 from foresee_dsl.simulate.triggers.measures import Cost, cost_of, measured
 
+YIELDS_WITHIN_M = 30.0
+"""Distance to a place within which an actor that lets another one pass there yields to it, m. Ours, as
+`simulate.judging.AHEAD_M`."""
 Truth = Callable[[], bool | None]
 """Returns whether a condition holds now; None if it cannot be evaluated."""
 
@@ -293,6 +298,73 @@ class _Signalled(ConditionKind):
         return None
 
 
+class _RunsRed(ConditionKind):
+    """`ego runs red at j4`: an event of one frame."""
+
+    def __init__(self, condition: m.RunsRed, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._rules = _rules_of(condition.actor, run)
+        self._junction = word_of(condition.junction or "")
+        self.cost = Cost.EVERY_STEP
+
+    def outcome(self) -> ConditionOutcome | None:
+        if self._rules is None:
+            return None
+        self._rules.look()
+        junctions = [broken.place for broken in self._rules.now if broken.rule is Rule.RED]
+        return self.fact(self._junction in junctions if self._junction else bool(junctions))
+
+
+class _Yields(ConditionKind):
+    """`ego yields to walker at crossing`, `ego yields to runner at j4`: an event of one frame."""
+
+    def __init__(self, condition: m.YieldsAtCrossing | m.YieldsAt, run: Conditions) -> None:
+        super().__init__(condition, run)
+        self._rules, self._other = _rules_of(condition.actor, run), condition.other
+        self._rule = Rule.CROSSING if isinstance(condition, m.YieldsAtCrossing) else Rule.PRIORITY
+        self._junction = word_of(condition.junction or "")
+        self._waited_for: set[int] = set()
+        self.cost = Cost.EVERY_STEP
+
+    def outcome(self) -> ConditionOutcome | None:
+        if self._rules is None:
+            return None
+        self._rules.look()
+        taken = (b for b in self._rules.now if b.rule is self._rule and self._junction in ("", b.place))
+        if any(broken.other == self._other for broken in taken):
+            return self.fact(False)
+        return self.fact(True) if self._passed() else None
+
+    def _passed(self) -> bool:
+        """Return whether the other has passed, at this frame, a place that the actor has not reached yet."""
+        passed = False
+        for way in self._rules.near_ways(YIELDS_WITHIN_M) if self._rules is not None else ():
+            if way.rule is not self._rule or self._junction not in ("", way.junction):
+                continue
+            if self._rules is not None and self._rules.comes(way, self._other):
+                self._waited_for.add(id(way))
+            elif id(way) in self._waited_for:
+                self._waited_for.remove(id(way))
+                passed = True
+        return passed
+
+
+def _rules_of(name: str, run: Conditions) -> RuleWatch | None:
+    """Return the rules that an actor breaks; None for one without a route."""
+    actor = run.simulation.by_id.get(name)
+    return None if actor is None or actor.placed.line is None else run.rules(actor)
+
+
+def _at_junction(condition: m.Shows | m.RunsRed | m.YieldsAtCrossing | m.YieldsAt, run: Conditions) -> ConditionKind:
+    match condition:
+        case m.Shows():
+            return _Signalled(condition, run)
+        case m.RunsRed():
+            return _RunsRed(condition, run)
+        case m.YieldsAtCrossing() | m.YieldsAt():
+            return _Yields(condition, run)
+
+
 def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
     """Bind a condition without parts to a run."""
     kind: ConditionKind
@@ -313,8 +385,8 @@ def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
             kind = _Seen(condition, run)
         case m.Within():
             kind = _Near(condition, run)
-        case m.Shows():
-            kind = _Signalled(condition, run)
+        case m.Shows() | m.RunsRed() | m.YieldsAtCrossing() | m.YieldsAt():
+            kind = _at_junction(condition, run)
         case m.Equals():
             raise TypeError("a condition about a parameter cannot be evaluated in a run")
         case m.Sustained() | m.Not() | m.Both() | m.Either():

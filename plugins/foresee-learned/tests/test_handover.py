@@ -21,7 +21,7 @@ from tests.support.small_street import STREET
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("beside")
     write_networks(folder / "weights")
-    (folder / "beside.foresee").write_text(STREET.replace("end after 14 s", "end after 7 s"))
+    (folder / "beside.foresee").write_text(STREET.replace("end after 14 s anywhere", "end after 7 s anywhere"))
     foresee(folder, "run", "beside.foresee", "--driver", "fusion", "--out", "runs", "--exit-zero")
     return folder
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_study.halves import Half
 
 BUNDLED = "bundled"
@@ -114,6 +115,7 @@ class Wanted:
             seed=self.seed,
             handover_s=handover_of(load_driver(self.driver), max(half_s - DRIVES_S, 0.0)),
             against=self._references,
+            rules=RulesMode.OFF,  # the paper's failures are F1 to F5 and an ego that does not move on
             allocation="even",  # the clips of fewer risky points are then a part of those of more
         )
 

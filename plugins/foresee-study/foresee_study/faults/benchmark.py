@@ -19,6 +19,7 @@ from typing import TypeVar
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_study.faults.approaches import Approach
 from foresee_study.faults.evidence import Evidence
 from foresee_study.faults.measures import detects, weakest
@@ -210,7 +211,7 @@ def _cases_of(plan: Plan, say: Say) -> dict[str, tuple[str, ...]]:
 def _digest(run: tuple[Half, str, str]) -> str:
     """Return the digest of a driver's run of a test case; "" if it does not pass."""
     half, case, driver = run
-    result = run_test_case(_library(half)[case], driver, 0)
+    result = run_test_case(_library(half)[case], driver, 0, rules=RulesMode.OFF)
     return result.trace.digest if result.verdict is Verdict.PASS else ""
 
 

@@ -20,6 +20,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_study.faults import in_order
 from foresee_study.faults.approaches import Approach
 from foresee_study.faults.evidence import AHEAD, ANY, DIFFERENTIAL, R157, Evidence, Failure, Ran
@@ -51,7 +52,7 @@ class Search:
         """The settings of its campaign."""
         driver, twin = address(self.fault, self.strength), healthy(self.fault)
         against = (twin, *(judge for judge in self.judges if judge != twin))
-        base = CampaignSettings(driver=driver, against=against, seed=self.seed)
+        base = CampaignSettings(driver=driver, against=against, seed=self.seed, rules=RulesMode.OFF)
         return replace(base, **(self.approach.settings or {}))
 
     def key(self, cases: Sequence[TestCase]) -> str:

@@ -17,6 +17,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_study.fuzz import settings as s
 from foresee_study.fuzz.mutation import Mutated, Mutator
 from foresee_study.fuzz.quality import Quality, quality_of
@@ -93,7 +94,8 @@ def _run_or_refusal(job: Job, mutated: Mutated, started: float) -> Outcome | str
 
 
 def _run(job: Job, case: TestCase, text: str, what: str, started: float) -> Outcome:
-    result = run_test_case(case, job.settings.driver, job.settings.seed, deadlines=job.deadlines)
+    settings = job.settings
+    result = run_test_case(case, settings.driver, settings.seed, deadlines=job.deadlines, rules=RulesMode.OFF)
     return Outcome(
         lines=text,
         what=what,

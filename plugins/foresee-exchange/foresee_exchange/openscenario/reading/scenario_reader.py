@@ -134,7 +134,7 @@ class ScenarioReader:
         for when in builder.whens([*self.inits.events, *self.events]):
             self._add(when)
         self._add(m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego")))
-        self._add(m.End(after=quantity(_end_s(self.source, self.losses), "time")))
+        self._add(m.End(after=quantity(_end_s(self.source, self.losses), "time"), where="anywhere"))
         return m.Scenario(name=name, body=tuple(self._body)), self._remarks
 
     def requirements_of_models(self, scenario: m.Scenario) -> dict[str, Requirements]:

@@ -1,0 +1,1 @@
+"""Traffic rules: which of them an actor breaks in a run, when, and where."""

@@ -1,0 +1,71 @@
+"""Whether an actor could still stop before a line, and at which colour and how slowly it passed the line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from foresee_dsl.compile.roads.route_line import Passage
+
+COMFORT_MPS2 = 3.4
+"""Deceleration that most drivers find comfortable, m/s^2: AASHTO, A Policy on Geometric Design of Highways and Streets
+(2018), section 3.2.2, the deceleration of its stopping sight distance. An actor that has to brake harder is made to
+brake abruptly (the words of VCRT article 1(aa))."""
+REACTION_S = 0.75
+"""Time before braking begins, s: UN Regulation 157, annex 4, appendix 3, the delay of the careful driver."""
+STOPS_WITHIN_M = 4.0
+"""Distance before the stop line within which an actor has to stop, m: `PROXIMITY_THRESHOLD` of `RunningStopTest`, the
+criterion of CARLA's leaderboard 2."""
+STOP_BEFORE_M = 1.0
+"""Distance of the stop line from the lanes inside the junction, m, as in the driver's mission. A front that is not
+beyond them has not passed the line: a tolerance of this length."""
+STOPPED_MPS = 0.1
+"""Speed below which an actor has stopped, m/s: `SPEED_THRESHOLD` of the same criterion."""
+ALL_WAY_STOP = "allway_stop"
+"""SUMO's type of a junction at which all have to stop."""
+
+
+def can_stop(room_m: float, speed_mps: float) -> bool:
+    """Return whether an actor that reacts now can stop comfortably before a line."""
+    return room_m >= speed_mps * REACTION_S + speed_mps * speed_mps / (2 * COMFORT_MPS2)
+
+
+@dataclass(slots=True)
+class StopLine:
+    """The line before a junction that an actor approaches.
+
+    Attributes:
+        passage: the actor's way over the junction.
+        must_stop: whether there is a stop sign.
+        warned: whether its light was not green at the last frame. could_stop: whether the actor could stop when the
+            light ceased to be green, or at the first frame of the run.
+        red: whether the light was red at the last frame.
+        slowest_mps: smallest speed so far near the line.
+    """
+
+    passage: Passage
+    must_stop: bool
+    could_stop: bool = True
+    warned: bool = False
+    red: bool = False
+    slowest_mps: float = field(default=math.inf)
+
+    @property
+    def entry_s(self) -> float:
+        """Its place along the actor's line, m."""
+        return self.passage.entry_s
+
+    def see(self, colour: str, room_m: float, speed_mps: float) -> bool:
+        """Note the light's colour at a frame; return whether the light was red at this frame and at the last one."""
+        warned, still_red = colour in ("amber", "red"), self.red and colour == "red"
+        if warned and not self.warned:
+            self.could_stop = self.could_stop and can_stop(room_m, speed_mps)
+        elif self.warned and not warned:
+            self.could_stop = True
+        self.warned, self.red = warned, colour == "red"
+        return still_red
+
+    def slow(self, room_m: float, speed_mps: float) -> None:
+        """Note the speed at a frame."""
+        if room_m <= STOPS_WITHIN_M + STOP_BEFORE_M:
+            self.slowest_mps = min(self.slowest_mps, speed_mps)

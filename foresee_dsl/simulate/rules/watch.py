@@ -1,0 +1,274 @@
+"""Follows one actor along its route, and notes each traffic rule that it breaks.
+
+A rule counts only where the actor could keep it: a red light or a crossing that it could not stop for any more when the
+run began, or when the light changed, does not. So clips and mutants, which begin in the middle of a drive, are judged
+by what happens in them.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import replace
+
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.route_line import RouteLine
+from foresee_dsl.simulate.actors.simulation import Simulation
+from foresee_dsl.simulate.actors.states import SimulatedActor
+from foresee_dsl.simulate.results.outcome import Decision
+from foresee_dsl.simulate.rules.giving_way import Contender, Way, contenders, stands_in_the_way, ways_over
+from foresee_dsl.simulate.rules.infraction import Infraction, Rule
+from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP, STOPPED_MPS, StopLine, can_stop
+from foresee_dsl.simulate.trace import STEP_S
+
+LOOKS_AHEAD_M = 150.0
+"""Distance before a junction from which its signal is followed, m. Ours: at 100 km/h an actor needs 134 m to stop."""
+FASTER_MPS = 3.0 / 3.6
+"""Excess over the speed limit that is not reported, m/s. Ours: 3 km/h, the least allowance of German speed enforcement
+(PTB requirements 18.11: 3 km/h up to 100 km/h)."""
+FASTER_FOR_S = 1.0
+"""Time for which an actor is faster before that is reported, s. Ours: a controller may overshoot for a moment."""
+SLOWS_MPS2 = 1.0
+"""Deceleration with which an actor has to slow down that begins the run above the limit, m/s^2. Ours: rolling out."""
+AGAINST_RAD = 2.0943951023931953
+"""An actor whose lane leads in a direction that differs by more than this from its own is on the wrong side, rad:
+120 degrees, `MAX_ALLOWED_ANGLE` of `WrongLaneTest` in CARLA's leaderboard."""
+PASSES_M = 15.0
+"""An actor that stands this near ahead or beside, in the lanes of the right direction, may be passed on the other
+side, m (VCRT article 11). Ours: the length of a lorry and a gap."""
+BLOCKS_AFTER_S = 5.0
+"""Time for which an actor stands in the way of others in a junction before that is reported, s. Ours: longer than any
+pause for a pedestrian on the junction's far side, a third of a green phase."""
+_LONG_SPANS = {Rule.SPEED: FASTER_FOR_S, Rule.SIDE: 0.0, Rule.BLOCKED: BLOCKS_AFTER_S}
+
+
+class RuleWatch:
+    """The rules that one actor breaks; call `look` once at each frame.
+
+    Attributes:
+        infractions: those so far, in the order in which they were established.
+        now: those that were established at this frame.
+    """
+
+    def __init__(self, simulation: Simulation, actor: SimulatedActor) -> None:
+        self._simulation, self._actor = simulation, actor
+        self.infractions: list[Infraction] = []
+        self.now: list[Infraction] = []
+        self._line: RouteLine | None = actor.placed.line
+        self._frame = -1
+        self._half = actor.length / 2
+        self._stops: list[StopLine] = []
+        self._ways: list[Way] = []
+        self._inside: list[Way] = []
+        self._fronts: list[tuple[float, float]] = []
+        self._open: dict[Rule, Infraction] = {}
+        self._over_mps = 0.0
+        # Until then a clip's ego follows recorded states, whatever its driver answers.
+        self._from_s = actor.placed.recorded[-1].time_s if actor.placed.recorded else 0.0
+        if self._line is not None:
+            self._prepare(self._line)
+
+    def _prepare(self, line: RouteLine) -> None:
+        network = self._simulation.network
+        side = line.rights if network.left_hand else line.lefts
+        self._slowest_limit, self._least_side = min(line.limits), min(side)
+        self._side, self._sign = side, -1.0 if network.left_hand else 1.0
+        joints = network.joints
+        passages = [p for p in line.passages if p.junction not in joints]
+        self._passages = passages
+        self._stops = [StopLine(p, network.junctions[p.junction].type == ALL_WAY_STOP) for p in passages]
+
+    def look(self) -> None:
+        """Judge the current frame; a second call in the same frame does nothing."""
+        simulation, actor, line = self._simulation, self._actor, self._line
+        if line is None or self._frame == simulation.frame or simulation.time_s < self._from_s - STEP_S / 2:
+            return
+        first, self._frame = self._frame < 0, simulation.frame
+        if self.now:
+            self.now = []
+        if not actor.present:
+            return
+        s, left_m = self._place(line)
+        speed, front = actor.speed, s + self._half
+        if first:
+            self._begin(line, front, s, speed)
+        self._fronts.append((front, speed))
+        if self._stops and front >= self._stops[0].entry_s - LOOKS_AHEAD_M:
+            self._approach(front, speed)
+        while self._ways and front >= self._ways[0].begin_s:
+            self._enter(self._ways.pop(0))
+        if self._inside:
+            self._leave(s - self._half, speed)
+        self._follow(line, s, left_m, speed)
+
+    def near_ways(self, within_m: float) -> Iterator[Way]:
+        """Yield the places ahead of the actor, no farther than this, m, at which it has to give way."""
+        front = self._fronts[-1][0] if self._fronts else -math.inf
+        for way in self._ways:
+            if way.begin_s - front > within_m:
+                break
+            yield way
+
+    def comes(self, way: Way, other: str) -> bool:
+        """Return whether another actor goes first at a place now, and has not passed it."""
+        return any(contender.actor == other for contender in contenders(self._simulation, self._actor, way))
+
+    def end(self, decision: Decision) -> tuple[Infraction, ...]:
+        """Return all infractions of the run, in the order of time, when it has ended with this decision.
+
+        A contact with an actor that goes first is an infraction of this frame. A second call changes nothing.
+        """
+        self.look()
+        for way in self._inside:
+            if any(contender.actor == decision.with_ for contender in way.contenders):
+                self._take(way, decision.with_)
+        self._inside = []
+        for rule in tuple(self._open):
+            self._close(rule)
+        return tuple(sorted(self.infractions, key=lambda infraction: infraction.time_s))
+
+    def _place(self, line: RouteLine) -> tuple[float, float]:
+        """Return the length along the actor's line, and the distance to its left, m."""
+        simulation, actor = self._simulation, self._actor
+        if actor is simulation.ego:
+            return simulation.progress.of(actor, simulation.frame)
+        near = self._fronts[-1][0] - self._half if self._fronts else None  # `Progress` must not learn of it
+        return line.project(actor.x, actor.y, near)
+
+    def _begin(self, line: RouteLine, front: float, s: float, speed: float) -> None:
+        """Leave out what the actor has passed, and note for what it can still stop, at the run's first frame."""
+        self._stops = [stop for stop in self._stops if stop.entry_s > front]
+        for stop in self._stops[:1]:
+            stop.could_stop = can_stop(stop.entry_s - front, speed)
+        ways = (way for p in self._passages if p.exit_s > s for way in ways_over(self._simulation, p))
+        self._ways = sorted((w for w in ways if can_stop(w.begin_s - front, speed)), key=lambda way: way.begin_s)
+        self._over_mps = max(speed - self._limit(line, s), 0.0)
+
+    # --- lines and ways ---------------------------------------------------------------------------------------------
+
+    def _approach(self, front: float, speed: float) -> None:
+        stop = self._stops[0]
+        passage, room = stop.passage, stop.entry_s - front
+        tls, link = passage.movement.tls, passage.movement.link
+        red = False
+        if tls is not None and link >= 0:
+            red = stop.see(self._simulation.world.signals.colour(tls, link), room, speed)
+        if stop.must_stop:
+            stop.slow(room, speed)
+        if room > 0:
+            return
+        self._stops.pop(0)
+        if not stop.could_stop:
+            return
+        if red:
+            self._note(Rule.RED, passage.junction)
+        if stop.must_stop and stop.slowest_mps > STOPPED_MPS:
+            self._note(Rule.STOP, passage.junction, value=stop.slowest_mps)
+
+    def _enter(self, way: Way) -> None:
+        way.entered_s = self._simulation.time_s
+        coming = contenders(self._simulation, self._actor, way)
+        way.contenders = [contender for contender in coming if self._could_yield(way, contender)]
+        if way.contenders:
+            self._inside.append(way)
+
+    def _could_yield(self, way: Way, contender: Contender) -> bool:
+        """Return whether the actor could still stop when a pedestrian was about to use the crossing."""
+        if math.isinf(contender.since_s):
+            return True
+        front, speed = self._fronts[max(len(self._fronts) - 1 - round(contender.since_s / STEP_S), 0)]
+        return can_stop(way.begin_s - front, speed)
+
+    def _leave(self, rear: float, speed: float) -> None:
+        left = [way for way in self._inside if rear >= way.end_s]
+        for way in left:
+            self._inside.remove(way)
+            for other in way.taken_from(self._simulation.time_s, speed):
+                self._take(way, other)
+
+    def _take(self, way: Way, other: str) -> None:
+        self._note(way.rule, way.junction, other=other, time_s=way.entered_s)
+
+    def _note(
+        self, rule: Rule, place: str, *, other: str = "", value: float | None = None, time_s: float | None = None
+    ) -> None:
+        at_s = self._simulation.time_s if time_s is None else time_s
+        infraction = Infraction(rule, self._actor.id, at_s, place, at_s, other, value)
+        self.infractions.append(infraction)
+        self.now.append(infraction)
+
+    # --- what lasts -------------------------------------------------------------------------------------------------
+
+    def _follow(self, line: RouteLine, s: float, left_m: float, speed: float) -> None:
+        """Judge what lasts for a time: nearly always a comparison of two numbers shows that nothing is wrong."""
+        rules = self._open
+        if speed > self._slowest_limit + FASTER_MPS or Rule.SPEED in rules or self._over_mps > 0.0:
+            self._speed(line, s, speed)
+        if left_m * self._sign > self._least_side or Rule.SIDE in rules:
+            self._span(Rule.SIDE, self._on_wrong_side(line, s, left_m), line, s)
+        if speed < STOPPED_MPS or Rule.BLOCKED in rules:
+            blocked = self._blocked(s) if speed < STOPPED_MPS else ""
+            self._span(Rule.BLOCKED, bool(blocked), line, s, place=blocked)
+
+    def _limit(self, line: RouteLine, s: float) -> float:
+        """Return the speed limit at a place of a line, m/s."""
+        return line.limits[max(bisect_right(line.marks, s) - 1, 0)]
+
+    def _speed(self, line: RouteLine, s: float, speed: float) -> None:
+        excess = speed - self._limit(line, s)
+        self._over_mps = max(min(self._over_mps - SLOWS_MPS2 * STEP_S, excess), 0.0)
+        faster = excess > FASTER_MPS + self._over_mps
+        self._span(Rule.SPEED, faster, line, s, value=excess)
+
+    def _on_wrong_side(self, line: RouteLine, s: float, left_m: float) -> bool:
+        """Return whether the actor's middle is in a lane that leads against its way, without anything to pass."""
+        side = self._side[max(bisect_right(line.marks, s) - 1, 0)]
+        if left_m * self._sign <= side or any(p.entry_s <= s <= p.exit_s for p in line.passages):
+            return False
+        actor, heading = self._actor, line.at(s)[2]
+        near = self._simulation.network.nearest_lane(actor.x, actor.y)
+        if near is None or near.lane.internal or abs(near.lateral_m) > near.lane.width_m / 2:
+            return False
+        if abs(wrap(near.lane.line.at(near.pos_m)[2] - heading)) < AGAINST_RAD:
+            return False
+        return not self._passes(line, s)
+
+    def _passes(self, line: RouteLine, s: float) -> bool:
+        """Return whether an actor stands in the right lanes, beside the actor or close before it."""
+        for other in self._simulation.others(self._actor):
+            if other.speed < STOPPED_MPS:
+                at, left_m = line.project(other.x, other.y)
+                near = PASSES_M + (self._actor.length + other.length) / 2
+                if abs(at - s) <= near and left_m * self._sign < self._least_side + other.width:
+                    return True
+        return False
+
+    def _blocked(self, s: float) -> str:
+        """Return the junction in which the actor stands in the way of others; "" for none."""
+        rear = s - self._half
+        for passage in self._passages:
+            inside = passage.entry_s < s + self._half and rear < passage.exit_s
+            if inside and stands_in_the_way(self._simulation, self._actor, passage, rear):
+                return passage.junction
+        return ""
+
+    def _span(
+        self, rule: Rule, holds: bool, line: RouteLine, s: float, *, place: str = "", value: float | None = None
+    ) -> None:
+        """Note that a rule is broken at this frame, or not any more."""
+        begun, time_s = self._open.get(rule), self._simulation.time_s
+        if not holds:
+            if begun is not None:
+                self._close(rule)
+            return
+        if begun is None:
+            place = place or self._simulation.network.lanes[line.lane_at(s)].edge
+            begun = Infraction(rule, self._actor.id, time_s, place, time_s, value=value)
+        largest = None if value is None else max(value, begun.value or 0.0)
+        self._open[rule] = replace(begun, until_s=time_s, value=largest)
+
+    def _close(self, rule: Rule) -> None:
+        begun = self._open.pop(rule)
+        if begun.until_s - begun.time_s >= _LONG_SPANS[rule] - STEP_S / 2:
+            self.infractions.append(begun)
