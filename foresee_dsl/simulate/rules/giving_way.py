@@ -111,7 +111,7 @@ def ways_over(simulation: Simulation, passage: Passage) -> Sequence[Way]:
     ways = [
         Way(passage.junction, passage.entry_s + c.own[0], passage.entry_s + c.own[1], c, movement)
         for c in conflicts_of(network, movement)
-        if c.yields and not (all_stop and not c.pedestrian)  # there whoever comes first goes first
+        if c.yields and not (all_stop and not c.pedestrian)  # there the first to come goes first
     ]
     return sorted(ways, key=lambda way: way.begin_s)
 
@@ -121,9 +121,9 @@ def contenders(simulation: Simulation, actor: SimulatedActor, way: Way) -> Itera
     if not _has_priority(simulation, way):
         return
     for other in simulation.others(actor):
-        found = _on_crossing(other, way, actor) if way.conflict.pedestrian else _coming(simulation, other, way)
-        if found is not None:
-            yield found
+        contender = _on_crossing(other, way, actor) if way.conflict.pedestrian else _coming(simulation, other, way)
+        if contender is not None:
+            yield contender
 
 
 def _has_priority(simulation: Simulation, way: Way) -> bool:
