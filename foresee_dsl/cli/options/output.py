@@ -118,8 +118,8 @@ def report_results(
 ) -> None:
     """Print a command's results in the requested format, and write JUnit XML to the file of `--junit`.
 
-    The human-readable report goes to standard output if that format was requested or `--output` takes the other one;
-    GitHub annotations use standard output, so there the report goes to standard error.
+    The human-readable report goes to standard output if it is the requested format, or if `--output` names a file for
+    the other format. GitHub annotations use standard output, so with them the report goes to standard error.
 
     Args:
         people: prints the human-readable report.

@@ -131,7 +131,7 @@ class MissesSmall(Fault):
 
     what = "misses actors that appear small: pedestrians and cyclists far away, cars farther away"
     cause = "the detector needs more pixels than the object has"
-    scale = "least angle of what is seen, 0 to 8 degrees of the larger of length and width"
+    scale = "smallest angle at which an actor is seen, 0 to 8 degrees of the larger of length and width"
 
     def change_actors(self, actors: Actors, observation: Observation) -> Actors:
         """Leave out actors that cover too small an angle."""
