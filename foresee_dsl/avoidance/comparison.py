@@ -1,75 +1,201 @@
-"""Describes how a run avoids the failure of another: compares two drivers in one test case where the first failed."""
+"""Compares two drivers in one test case: whether the passing one met what the other failed with, and how it avoided it.
+
+A driver avoids a failure if it meets the same situation and reacts to it. The comparison is made at the moment from
+which the failing driver could foresee the conflict (`avoidance.anticipating.foresight`). Both drivers are in the same
+situation if the same actor is at the same place then, and if both egos, each at its speed of that moment, would come to
+the place of the failure at about the same time. A passing driver that was ahead, behind or elsewhere before that
+moment, for whatever reason, is not comparable.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.avoidance.anticipating.foresight import onset, priority_ways
+from foresee_dsl.avoidance.anticipating.way import Way
+from foresee_dsl.avoidance.replay import RecordedPath
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.simulate.mission import mission_of
+from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
+from foresee_dsl.simulate.sensing.line_of_sight import sight_of
+from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y
 from foresee_dsl.story.ego import BRAKES_FOR_S, EASES_S, EGO_BRAKES_MPS2
 from foresee_dsl.story.facts import spans
 from foresee_dsl.story.wording import metres
 
 SAME_PLACE_M = 3.0
-"""Distance of the other ego to the place of the failure up to which the two are compared there, m. Ours: a lane's
-width."""
+"""Two places that are at most this far apart are the same, m. Ours: a lane's width."""
+SAME_TIME_S = 1.0
+"""Two egos that would come to the place of the failure within this time of each other meet the same situation, s. Ours:
+about R157's time for perceiving and beginning to brake, 1.15 s: more than that is not made up by reacting."""
+LOOKS_ON_S = 3.0
+"""A reaction is looked for up to this long after the failure, s. Ours: a car stops from 50 km/h in 2 s."""
 EARLIER_S = 0.2
 """The smallest difference in time that is mentioned, s. Ours: two decisions of a driver that plans at 10 Hz."""
 SLOWER_MPS = 0.5
 """The smallest difference in speed that is mentioned. Ours: 2 km/h."""
+HARDER_MPS2 = 1.0
+"""The smallest difference in braking that is mentioned, m/s^2. Ours: releasing the accelerator makes as much."""
 ASIDE_M = 0.3
-"""The smallest lateral difference that is mentioned, m. Ours: twice the sensors' error in position."""
+"""The smallest lateral difference that counts as evading. Ours: twice the sensors' error in position."""
 
 
-def how_avoided(failed: Trace, passed: Trace) -> tuple[str, ...]:
-    """Return the differences of a passing run's ego in phrases, in the order: braking, place and speed, side.
+@dataclass(frozen=True)
+class Comparison:
+    """The comparison of a passing run with a failing one.
+
+    Attributes:
+        how: how the driver reacts, in phrases: `brakes 0.8 s earlier`, `passes 0.7 m farther left`.
+        apart: why the two cannot be compared, in words; "" if the passing driver avoids the failure.
+    """
+
+    how: tuple[str, ...] = ()
+    apart: str = ""
+
+
+def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSettings = STANDARD) -> Comparison:
+    """Return whether a passing run avoids the failure of another, and how.
 
     Args:
         failed: a run that ended with a failure, its last frame. passed: another driver's run of the same test case.
-
-    Returns:
-        Phrases such as `brakes 0.8 s earlier`, `is 6 km/h slower there`, `passes 0.7 m farther left`; empty where
-        no difference exceeds its threshold.
+        bundle: the compiled test case. sensors: of the passing driver, which decide when it could foresee the conflict.
     """
-    return tuple(text for text in (_braking(failed, passed), *_at_the_place(failed, passed)) if text)
+    impact = contact_of(failed)
+    if impact is None:
+        return Comparison(("drives on",))  # without another actor every driver meets the same situation
+    if impact.with_ not in {info.id for info in passed.actors}:
+        return Comparison(apart=f"{impact.with_} is not there")
+    return _Compared(failed, passed, bundle, impact.with_, sensors).result()
 
 
-def _braking(failed: Trace, passed: Trace) -> str:
-    """Return in words when the two egos began their last braking before the failure; "" if that is about equal."""
-    end = failed.frames - 1
-    own, other = _braking_from(failed, end), _braking_from(passed, min(end, passed.frames - 1))
-    if other is None:
-        return ""
-    if own is None:
-        return f"brakes {(end - other) * STEP_S:.1f} s before it"
-    earlier_s = (own - other) * STEP_S
-    return f"brakes {earlier_s:.1f} s earlier" if earlier_s > EARLIER_S else ""
+class _Compared:
+    """The comparison for a contact with the actor `name`."""
 
+    def __init__(self, failed: Trace, passed: Trace, bundle: SumoBundle, name: str, sensors: SensorSettings) -> None:
+        self._failed, self._passed, self._bundle, self._name, self._sensors = failed, passed, bundle, name, sensors
+        self._end = failed.frames - 1
+        self._path = RecordedPath(failed)
 
-def _braking_from(trace: Trace, end: int) -> int | None:
-    """Return the first frame of the ego's last braking up to a frame; None if it does not brake."""
-    braking = spans(trace.states[: end + 1, 0, ACCELERATION] < -EGO_BRAKES_MPS2, BRAKES_FOR_S, EASES_S)
-    return braking[-1][0] if braking else None
+    def result(self) -> Comparison:
+        other = self._failed.index(self._name)
+        if self._stands(other):
+            return Comparison(self._past(0)) if self._comes_there() else Comparison(apart="it takes another way")
+        onset_frame = self._onset_frame(other)
+        if onset_frame is None:
+            return Comparison(apart="the conflict could not be foreseen before the contact")
+        if apart := self._apart(other, onset_frame):
+            return Comparison(apart=apart)
+        earlier_s = self._passes_earlier_s()
+        if earlier_s > EARLIER_S:
+            return Comparison(apart=f"it passes the place {earlier_s:.1f} s earlier")
+        how = self._past(onset_frame)
+        return Comparison(how) if how else Comparison(apart="it drives nearly the same way")
 
+    def _stands(self, other: int) -> bool:
+        recent = self._failed.states[max(0, self._end - round(1 / STEP_S)) :, other, SPEED]
+        return bool((np.nan_to_num(recent) < STUCK_SPEED_MPS).all())
 
-def _at_the_place(failed: Trace, passed: Trace) -> tuple[str, ...]:
-    """Return in words the differences in speed, time and side at the place where the first ego ended."""
-    x, y, heading, speed = (float(failed.states[-1, 0, column]) for column in (X, Y, HEADING, SPEED))
-    ego = passed.states[:, 0]
-    far = np.hypot(ego[:, X] - x, ego[:, Y] - y)
-    frame = int(np.nanargmin(far))
-    if far[frame] > SAME_PLACE_M:
-        here = min(failed.frames, passed.frames) - 1
-        slower = speed - float(ego[here, SPEED])
-        at_once = f"is {slower * 3.6:.0f} km/h slower then" if slower > SLOWER_MPS else ""
-        return f"stays {metres(float(far[frame]))} away from the place", at_once
-    slower, later_s = speed - float(ego[frame, SPEED]), (frame - failed.frames + 1) * STEP_S
-    left = (ego[frame, Y] - y) * math.cos(heading) - (ego[frame, X] - x) * math.sin(heading)
-    return (
-        f"is {abs(slower) * 3.6:.0f} km/h {'slower' if slower > 0 else 'faster'} there"
-        if abs(slower) > SLOWER_MPS
-        else "",
-        f"comes there {abs(later_s):.1f} s {'later' if later_s > 0 else 'earlier'}" if abs(later_s) > EARLIER_S else "",
-        f"passes {abs(left):.1f} m farther {'left' if left > 0 else 'right'}" if abs(left) > ASIDE_M else "",
-    )
+    def _comes_there(self) -> bool:
+        return bool(np.nanmin(self._distances()) <= 2 * SAME_PLACE_M)
+
+    def _distances(self) -> FloatArray:
+        """Return the passing ego's distance to the place of the failure at each frame, m."""
+        x, y = self._failed.states[-1, 0, [X, Y]]
+        apart: FloatArray = np.hypot(self._passed.states[:, 0, X] - x, self._passed.states[:, 0, Y] - y)
+        return apart
+
+    def _passes_earlier_s(self) -> float:
+        """Return how much earlier the passing ego is at the place of the failure, s; 0 if it comes later or not."""
+        far = self._distances()
+        frame = int(np.nanargmin(far))
+        return max(self._end - frame, 0) * STEP_S if far[frame] <= SAME_PLACE_M else 0.0
+
+    def _onset_frame(self, other: int) -> int | None:
+        """Return the first frame of the failing run at which these sensors show the conflict; None if none."""
+        failed, bundle = self._failed, self._bundle
+        way = Way(failed, bundle.scene.ego.line)
+        seen_s = onset(failed, way, other, sight_of(failed, bundle, self._sensors), priority_ways(mission_of(bundle)))
+        return None if seen_s is None else round(seen_s / STEP_S)
+
+    def _apart(self, other: int, onset_frame: int) -> str:
+        """Return why the passing driver is not in the same situation at a frame, in words; "" if it is."""
+        if onset_frame >= self._passed.frames:
+            return "it has arrived by then"
+        mine, its = self._failed.states[onset_frame], self._passed.states[onset_frame]
+        there = self._passed.index(self._name)
+        if not np.hypot(*(its[there, [X, Y]] - mine[other, [X, Y]])) <= SAME_PLACE_M:
+            return f"{self._name} is elsewhere when the conflict can be foreseen"
+        along_m, aside_m = self._place(its[0])
+        if abs(aside_m) > SAME_PLACE_M:
+            return "it is on another way when the conflict can be foreseen"
+        left_s = (self._end - onset_frame) * STEP_S
+        ahead_m = along_m - self._path.along[onset_frame] + (its[0, SPEED] - mine[0, SPEED]) * left_s
+        ahead_s = float(ahead_m) / max(float(mine[0, SPEED]), float(its[0, SPEED]), 1.0)
+        if abs(ahead_s) <= SAME_TIME_S:
+            return ""
+        return f"it would come there {abs(ahead_s):.1f} s {'earlier' if ahead_s > 0 else 'later'} anyhow"
+
+    def _place(self, ego: FloatArray) -> tuple[float, float]:
+        """Return how far along the failing ego's path a position is, and how far to its left, m."""
+        way = self._failed.states[:, 0]
+        far = np.hypot(way[:, X] - ego[X], way[:, Y] - ego[Y])
+        frame = int(np.nanargmin(far))
+        x, y, heading = (float(way[frame, column]) for column in (X, Y, HEADING))
+        dx, dy = float(ego[X]) - x, float(ego[Y]) - y
+        ahead, left = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)
+        return float(self._path.along[frame]) + ahead, left
+
+    def _past(self, onset_frame: int) -> tuple[str, ...]:
+        """Return in words how the passing driver reacts from a frame on: braking or waiting, speed, side; () if it does
+        not react."""
+        braking, there = self._braking(onset_frame), self._there(onset_frame)
+        return tuple(text for text in (braking, *there) if text) if braking or (there and there[-1]) else ()
+
+    def _braking(self, onset_frame: int) -> str:
+        """Return in words how the passing ego brakes or waits where the failing one does so later, less or not."""
+        own, its = self._brakes(self._failed, onset_frame), self._brakes(self._passed, onset_frame)
+        if its is None:
+            waits = self._passed.states[onset_frame : self._end + 1, 0, SPEED]
+            return "waits" if waits.size and bool((waits < STANDS_MPS).all()) else ""
+        if own is None:
+            return f"brakes {(self._end - its[0]) * STEP_S:.1f} s before it" if its[0] < self._end else "brakes"
+        earlier_s, harder = (own[0] - its[0]) * STEP_S, its[1] - own[1]
+        if earlier_s > EARLIER_S:
+            return f"brakes {earlier_s:.1f} s earlier"
+        slower = self._speed_lost(self._passed, onset_frame) - self._speed_lost(self._failed, onset_frame)
+        if harder > HARDER_MPS2:
+            return f"brakes with {its[1]:.1f} instead of {own[1]:.1f} m/s^2"
+        return "brakes longer" if slower > SLOWER_MPS else ""
+
+    def _brakes(self, trace: Trace, onset_frame: int) -> tuple[int, float] | None:
+        """Return the first frame, not before `onset_frame`, of an ego's braking, and its strongest braking, m/s^2."""
+        last = min(trace.frames - 1, self._end + round(LOOKS_ON_S / STEP_S))
+        part = trace.states[onset_frame : last + 1, 0, ACCELERATION]
+        braking = [s for s in spans(part < -EGO_BRAKES_MPS2, BRAKES_FOR_S, EASES_S) if onset_frame + s[0] <= self._end]
+        return (onset_frame + braking[0][0], -float(part[braking[0][0] :].min())) if braking else None
+
+    def _speed_lost(self, trace: Trace, onset_frame: int) -> float:
+        speed = trace.states[onset_frame : min(trace.frames, self._end + 1), 0, SPEED]
+        return float(speed[0] - speed.min()) if speed.size else 0.0
+
+    def _there(self, onset_frame: int) -> tuple[str, str]:
+        """Return in words how much slower the passing ego is at the place of the failure, and how far it has evaded
+        since a frame."""
+        x, y, heading, speed = (float(self._failed.states[-1, 0, column]) for column in (X, Y, HEADING, SPEED))
+        ego, far = self._passed.states[:, 0], self._distances()
+        frame = int(np.nanargmin(far))
+        if far[frame] > SAME_PLACE_M:
+            return f"stays {metres(float(far[frame]))} away from the place", ""
+        slower = speed - float(ego[frame, SPEED])
+        left = (ego[frame, Y] - y) * math.cos(heading) - (ego[frame, X] - x) * math.sin(heading)
+        evaded = abs(left - self._place(ego[onset_frame])[1]) > ASIDE_M and abs(left) > ASIDE_M
+        return (
+            f"is {slower * 3.6:.0f} km/h slower there" if slower > SLOWER_MPS else "",
+            f"passes {abs(left):.1f} m farther {'left' if left > 0 else 'right'}" if evaded else "",
+        )

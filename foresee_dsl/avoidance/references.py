@@ -6,9 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from foresee_dsl.avoidance.comparison import how_avoided
+from foresee_dsl.avoidance.comparison import Comparison, compared
 from foresee_dsl.avoidance.judge import Failure
+from foresee_dsl.documents import or_null
+from foresee_dsl.drivers.registry import sees_all
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,9 @@ class ReferenceRun:
         driver: the driver's address. verdict, reason, duration_s: the outcome of its run.
         before: verdict of the unmutated clip with the same driver; None if the child did not pass, so that the clip
             was not run, or for a test case, which has no clip.
-        how: differences from the failing driver, in phrases.
+        how: how it reacts where the failing driver failed, in phrases.
+        apart: why a passing run does not show that the failure could be avoided: it did not meet the same situation
+            (`avoidance.comparison`); "" if it did.
     """
 
     driver: str
@@ -28,6 +33,7 @@ class ReferenceRun:
     duration_s: float
     before: Verdict | None = None
     how: tuple[str, ...] = ()
+    apart: str = ""
 
     @property
     def passes(self) -> bool:
@@ -36,8 +42,9 @@ class ReferenceRun:
 
     @property
     def avoids(self) -> bool:
-        """Whether it shows that the failure could be avoided: the driver passes, and passes unmutated as well."""
-        return self.passes and self.before in (None, Verdict.PASS)
+        """Whether it shows that the failure could be avoided: the driver meets the same situation, reacts and passes,
+        and passes unmutated as well."""
+        return self.passes and not self.apart and self.before in (None, Verdict.PASS)
 
     @property
     def name(self) -> str:
@@ -68,8 +75,10 @@ class ReferenceRun:
 
     @property
     def sentence(self) -> str:
-        """The driver and its differences, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
-        text = f"{self.driver} {', '.join(self.how) or 'passes, driving nearly the same way'}"
+        """The driver and its reaction, or why it is not comparable: `idm brakes 0.8 s earlier`."""
+        if self.apart:
+            return f"{self.driver} passes, but is not comparable: {self.apart}"
+        text = f"{self.driver} {', '.join(self.how) or 'passes'}"
         return text if self.before in (None, Verdict.PASS) else f"{text} (but fails before the mutation: {self.before})"
 
     def as_document(self) -> dict[str, object]:
@@ -79,8 +88,9 @@ class ReferenceRun:
             "verdict": self.verdict,
             "reason": self.reason,
             "before_mutation": self.before,
-            "avoids": self.passes,
+            "avoids": self.avoids,
             "how": self.how,
+            "apart": or_null(self.apart),
         }
 
 
@@ -103,5 +113,11 @@ class ReferenceDriver:
         if result.verdict is not Verdict.PASS:
             return ReferenceRun(self.driver, result.verdict, result.reason, result.duration_s)
         before = self.before() if self.before is not None else None
-        how = how_avoided(failure.trace, result.trace) if failure.trace is not None else ()
-        return ReferenceRun(self.driver, result.verdict, result.reason, result.duration_s, before, how)
+        comparison = Comparison()
+        if failure.trace is not None and failure.compiled is not None:
+            comparison = compared(
+                failure.trace, result.trace, failure.compiled, IDEAL if sees_all(self.driver) else STANDARD
+            )
+        return ReferenceRun(
+            self.driver, result.verdict, result.reason, result.duration_s, before, comparison.how, comparison.apart
+        )

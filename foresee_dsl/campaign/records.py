@@ -14,6 +14,7 @@ from foresee_dsl.avoidance.anticipating import Anticipation
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
 from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.files import unpacked_within
@@ -28,6 +29,15 @@ class Judged:
 
     judgements: tuple[AnyJudgement, ...]
     references: tuple[ReferenceRun, ...]
+    story: Story | None
+    verdict: Verdict
+
+    @property
+    def responsibility(self) -> Responsibility | None:
+        """Whose failure it is, and why in a line; None if the run did not fail."""
+        if self.story is None or not self.verdict.is_failure:
+            return None
+        return responsibility_of(self.story, self.verdict, self.judgements, self.references)
 
     @property
     def preventability(self) -> Preventability | None:

@@ -10,7 +10,8 @@ from functools import cached_property
 
 from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.r157.assessing import Preventable
-from foresee_dsl.campaign.findings.grouping import Finding, findings_of
+from foresee_dsl.avoidance.responsibility import Whose
+from foresee_dsl.campaign.findings.grouping import Finding, findings_of, in_order
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
@@ -157,8 +158,8 @@ class CampaignResult:
     def to_open_first(self, count: int = 5) -> tuple[ChildOutcome, ...]:
         """Return the failing mutants to inspect first.
 
-        Avoidable failures come first, unavoidable ones last. Among equals, neighbours steered into the ego come last,
-        and late failures before early ones; at most one mutant per clip until every clip has had its turn.
+        The driver's failures come first (`avoidance.responsibility`). Among equals, neighbours steered into the ego
+        come last, and late failures before early ones; at most one mutant per clip until every clip has had its turn.
         """
         turns = ((k, child) for clip in self.clips for k, child in enumerate(sorted(clip.failing, key=_interest)))
         ordered = sorted(turns, key=lambda turn: (_avoidable(turn[1]), turn[0], _interest(turn[1])))
@@ -213,9 +214,10 @@ class CampaignResult:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """Findings (failures with the same story), completed by their minimised representatives."""
+        """Findings (failures with the same story), completed by their minimised representatives, in the order of
+        reports."""
         small = {record.child.name: record for record in self.minimised}
-        return tuple(replace(finding, minimised=small.get(finding.name)) for finding in findings_of(self))
+        return in_order(replace(finding, minimised=small.get(finding.name)) for finding in findings_of(self))
 
     @property
     def open_first(self) -> tuple[str, ...]:
@@ -232,10 +234,11 @@ def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
 
 
 def _avoidable(child: ChildOutcome) -> int:
-    """Return the rank in triage: 0 avoidable, 1 undecided, 2 unavoidable."""
-    if child.avoidable:
-        return 0
-    return 2 if child.preventable is Preventable.NO else 1
+    """Return the rank by whose failure it is, the driver's first; without a story by the judges' answers."""
+    if (judgement := child.responsibility) is not None:
+        return judgement.whose.rank
+    return (Whose.DRIVER if child.avoidable else Whose.UNAVOIDABLE if child.preventable is Preventable.NO
+            else Whose.ARGUABLE).rank  # fmt: skip
 
 
 def _interest(child: ChildOutcome) -> tuple[int, bool, bool, float, str]:

@@ -16,6 +16,7 @@ from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
     CPUS,
     Flags,
+    HelpAllOption,
     Jobs,
     Paths,
     Request,
@@ -93,6 +94,7 @@ def campaign(
     junit: JunitOption = None,
     json: JsonOption = False,
     profile: common.ProfileOption = False,
+    help_all: HelpAllOption = False,  # noqa: ARG001 - its callback prints the help
 ) -> None:
     """Run a whole campaign: test cases, forecasts, clips, mutants; keep the failures and write a report.
 
@@ -312,6 +314,7 @@ def plan(
     paths: Paths,
     flags: Flags,
     format: Annotated[str, format_option("text, dot (for Graphviz), or json.", "text", "dot", "json")] = "text",
+    help_all: HelpAllOption = False,  # noqa: ARG001 - its callback prints the help
 ) -> None:
     """Show what a campaign with the same options would run, what is already done, and how long the rest takes.
 

@@ -32,7 +32,9 @@ PAIR = 2
 def keep(
     what: Annotated[
         list[str] | None,
-        typer.Argument(metavar="FINDING|MUTANT", help="Findings by name, or mutants, clips, test cases (FILE::CASE)."),
+        typer.Argument(
+            metavar="FINDING|MUTANT", help="Findings by number or name, or mutants, clips, test cases (FILE::CASE)."
+        ),
     ] = None,
     to: Annotated[Path, typer.Option("--to", help="The suite: a folder.")] = Path("regressions"),
     campaign: Annotated[
@@ -52,7 +54,7 @@ def keep(
     Each test states the expected result of the driver; `foresee verify` checks it.
     The folder's README.md lists the tests. Keeping a test again changes nothing.
 
-    [dim]foresee keep behind_the_bus_commuter_p1_m1 --to regressions
+    [dim]foresee keep 3 --to regressions
     foresee keep out/children/behind_the_bus/behind_the_bus_commuter_p1_m1.foresee
     foresee keep --prune[/dim]
     """

@@ -12,7 +12,9 @@ from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, conso
 if TYPE_CHECKING:
     from foresee_dsl.campaign.records import Minimised
 
-Finding = Annotated[str, typer.Argument(metavar="FINDING|MUTANT", help="A finding's name, or a mutant's file.")]
+Finding = Annotated[
+    str, typer.Argument(metavar="FINDING|MUTANT", help="A finding's number or name, or a mutant's file.")
+]
 CampaignOption = Annotated[
     Path, typer.Option("--campaign", help="The campaign's folder, in which findings are looked up.")
 ]
@@ -90,16 +92,25 @@ def _print_minimised(minimised: Minimised, runs: int, files: tuple[Path, Path]) 
         screen.print(str(file), soft_wrap=True, markup=False)
 
 
-def review(finding: Finding, campaign: CampaignOption = Path("out"), json: JsonOption = False) -> None:
-    """Show a finding for review: what happens, the smallest difference, the failure boundary, what the driver
-    withstood.
+def review(
+    finding: Annotated[
+        str | None, typer.Argument(metavar="FINDING|MUTANT", help="A finding's number or name; without it, list all.")
+    ] = None,
+    campaign: CampaignOption = Path("out"),
+    json: JsonOption = False,
+) -> None:
+    """Show a finding for review: whose failure it is and why, the smallest difference, the failure boundary, what the
+    driver withstood. Without a finding, list all of the campaign.
 
-    [dim]foresee review red_light_runner_r02_p1_m3
+    [dim]foresee review 3
     foresee review red_light_runner_r02_p1_m3 --campaign nightly --json[/dim]
     """
     from foresee_dsl.campaign.findings.named_failure import find_failure
     from foresee_dsl.campaign.findings.review import review_of
 
+    if finding is None:
+        _list_findings(campaign, json=json)
+        return
     finding_review = review_of(find_failure(finding, campaign, tests=True))
     if json:
         print_json(finding_review)
@@ -107,3 +118,18 @@ def review(finding: Finding, campaign: CampaignOption = Path("out"), json: JsonO
     from foresee_dsl.report.terminal.review import review_text
 
     typer.echo(review_text(finding_review), nl=False)
+
+
+def _list_findings(campaign: Path, *, json: bool) -> None:
+    from foresee_dsl.campaign.findings.written import read_written
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.report.terminal.campaign import print_findings
+
+    data = read_written(campaign)
+    if not data:
+        raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one, "
+                           "`--campaign OUT` names another folder")  # fmt: skip
+    if json:
+        print_json({"findings": data["findings"]})
+    else:
+        print_findings(console(), data["findings"], campaign)

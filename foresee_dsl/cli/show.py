@@ -47,7 +47,7 @@ def show(
         list[str],
         typer.Argument(
             metavar="ADDRESS|TRACE|MUTANT|FINDING",
-            help="FILE::CASE, a clip, a mutant, a trace (.npz), or a finding's name in --campaign.",
+            help="FILE::CASE, a clip, a mutant, a trace (.npz), or a finding's number or name in --campaign.",
         ),
     ],
     driver: Annotated[

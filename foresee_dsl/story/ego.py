@@ -52,6 +52,7 @@ class EgoMotion:
         fastest_mps: its highest speed within the last second, or since its last braking began if that is earlier.
         braking_mps2: the strongest deceleration of that last braking; 0 if it did not brake.
         stood_s: how long it has stood at the end; 0 if it moves.
+        braked_s: how long before the end that braking began; 0 if it did not brake.
     """
 
     state: str
@@ -59,6 +60,7 @@ class EgoMotion:
     fastest_mps: float
     braking_mps2: float
     stood_s: float
+    braked_s: float
 
     def manoeuvre(self, *, steered: bool) -> str:
         """Return the manoeuvre in words that are the same in equal stories.
@@ -87,6 +89,7 @@ def ego_of(facts: Facts, place: StoryPlace) -> EgoMotion:
         fastest_mps=float(speed[first:].max()),
         braking_mps2=_strongest(facts, final) if final else 0.0,
         stood_s=(stand[1] - stand[0]) * STEP_S if stand else 0.0,
+        braked_s=(last - final[0]) * STEP_S if final else 0.0,
     )
 
 

@@ -296,6 +296,15 @@ class Opponent:
         how = f"the ego at {kmh(speed)}" if speed >= STANDS_MPS else "the standing ego"
         return f"{metres(gap)} {'ahead of' if along > gap / 2 else 'from'} {how}"
 
+    @cached_property
+    def began(self) -> int | None:
+        """The frame at which it began what led to the end: it was steered, or of several moments the earliest at which
+        it moved off, came onto the road or entered the junction; None if it only went on."""
+        if self.steered:
+            return self._onset
+        standing = self._moved_off if self.follows_path else 0
+        return standing if standing else self._onset
+
     @property
     def _onset(self) -> int | None:
         """The frame at which its manoeuvre began: it was steered, came onto the road or moved off; None if none did."""

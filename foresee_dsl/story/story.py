@@ -48,6 +48,34 @@ class Moment:
 
 
 @dataclass(frozen=True)
+class Grounds:
+    """What a judgement of a failure needs to know; the times count back from the end of the run.
+
+    Attributes:
+        stood_s: how long the ego had stood, s. braked_s: how long it had been braking, s; 0 if it did not brake.
+        seen_s: how long its sensors had seen the opponent without a break, s; 0 if they did not see it.
+        acts_s: how long ago the opponent's last manoeuvre began (it moved off, came onto the road, entered the
+            junction, was steered), s; None if it only went on as before.
+        steered: the mutation steered the opponent into the ego. stands: the opponent stands.
+        breaks_rule: the rule that the opponent breaks, in words; "" if none.
+        gives_way: the rule by which the ego had to give way to the opponent, in words; "" if none.
+        hidden_by: what hid the opponent from the ego just before it came into sight, in words; "" if nothing did.
+        signal: the junction with a signal that the ego entered last, and its colour then: `king_elm green`; "" if none.
+    """
+
+    stood_s: float = 0.0
+    braked_s: float = 0.0
+    seen_s: float = 0.0
+    acts_s: float | None = None
+    steered: bool = False
+    stands: bool = False
+    breaks_rule: str = ""
+    gives_way: str = ""
+    hidden_by: str = ""
+    signal: str = ""
+
+
+@dataclass(frozen=True)
 class Story:
     """The story of a run.
 
@@ -60,6 +88,7 @@ class Story:
         place: where in the road layout the run ended, in such words.
         touch: the side of the ego that was touched first; "" without a contact, or if the side is a matter of chance.
         mutation: what the mutation changed, in words; "" without a mutation.
+        title: the story in at most twelve words. grounds: the facts by which a failure is judged.
     """
 
     moments: tuple[Moment, ...]
@@ -72,6 +101,8 @@ class Story:
     place: str
     touch: str = ""
     mutation: str = ""
+    title: str = ""
+    grounds: Grounds = Grounds()
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""

@@ -18,6 +18,7 @@ from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 from foresee_dsl.story.contact import contact_class
 from foresee_dsl.story.ego import EgoMotion, ego_moments, ego_of
 from foresee_dsl.story.facts import Facts
+from foresee_dsl.story.grounds import grounds_of
 from foresee_dsl.story.opponent import Opponent
 from foresee_dsl.story.place import StoryPlace, kind_of, place_of
 from foresee_dsl.story.story import ContactClass, Moment, Story
@@ -61,6 +62,8 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
         place=place.name,
         touch=_touch(contact, impact),
         mutation="; ".join(_changed(change) for change in facts.changes),
+        title=_title(facts, ego, other, contact, place),
+        grounds=grounds_of(facts, ego, other, place),
     )
 
 
@@ -101,6 +104,42 @@ def _sentence(facts: Facts, ego: EgoMotion, other: Opponent | None, place: Story
         return _alone(facts, ego, place)
     where = f" {place.text}" if place.text and place.kind != "crossing" else ""
     return f"{other.clause()}; {_ego_clause(facts, ego, other, impact)}{where}"
+
+
+_ENDS = {
+    ContactClass.HIT_WHILE_STANDING: "hits the standing ego",
+    ContactClass.STRUCK_BY_STEERED: "",
+    ContactClass.EGO_DROVE_INTO: "the ego drives into it",
+    ContactClass.BOTH_MOVING: "they collide",
+}
+_NOUNS = {"bicycle": "cyclist"}
+
+
+def _title(facts: Facts, ego: EgoMotion, other: Opponent | None, contact: ContactClass, place: StoryPlace) -> str:
+    """Return the story as a title of at most twelve words: the opponent's act, where the ego was going, the end."""
+    if other is None or facts.impact is None:
+        going = f" {ego.going}" if ego.going else ""
+        if facts.verdict is Verdict.F1:
+            return f"the ego{going} leaves the road"
+        return f"the ego{going} {'stands' if ego.state == 'stands' else 'drives'} {place.text}".rstrip()
+    going = f"ego {ego.going}" if ego.going else ""
+    parts = (f"{_NOUNS.get(other.kind, other.kind)} {_act(other)}", going, _ENDS.get(contact, ""))
+    return ", ".join(part for part in parts if part)
+
+
+def _act(other: Opponent) -> str:
+    """Return what the opponent did in at most five words."""
+    if other.stands:
+        return "stands in the way"
+    if other.steered:
+        return "steered into the ego"
+    if other.sudden:
+        return "comes out of hiding"
+    if other.pulls_out:
+        return "pulls out"
+    if other.breaks_rule:
+        return f"comes {other.breaks_rule}"
+    return other.relation.replace(" the ego on its ", " it on the ")
 
 
 def _ego_clause(facts: Facts, ego: EgoMotion, other: Opponent, impact: Impact | None) -> str:

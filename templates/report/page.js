@@ -103,6 +103,8 @@ const selects = all('[data-filter]');
 const clear = document.getElementById('clear');
 const filter = () => {
   const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
+  const folded = document.querySelector('.folded');
+  if (folded && (words.length || selects.some((select) => select.value))) folded.open = true;
   let count = 0;
   for (const item of items) {
     const fits = selects.every((select) => !select.value || item.node.dataset[select.dataset.filter] === select.value);

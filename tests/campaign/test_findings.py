@@ -97,12 +97,13 @@ def test_the_order_of_what_finished_does_not_matter() -> None:
 def test_campaign_json_lists_them() -> None:
     listed = plain(campaign(SEEDS, CLIPS))["findings"]
     assert [(f["name"], f["class"], f["count"]) for f in listed] == [
+        ("s_d", "ego drove into", 2),
         ("b_p1_m1", "ego drove into", 3),
         ("b_p1_m2", "ego drove into", 1),
-        ("s_d", "ego drove into", 2),
     ]
-    assert listed[0]["sibling_files"] == ["children/a_p1_m1.foresee", "children/a_p1_m2.foresee"]
-    assert listed[0]["sentence"] == "walker steps onto the road"
+    assert [f["number"] for f in listed] == [1, 2, 3]
+    assert listed[1]["sibling_files"] == ["children/a_p1_m1.foresee", "children/a_p1_m2.foresee"]
+    assert listed[1]["sentence"] == "walker steps onto the road"
 
 
 @pytest.mark.parametrize("sentence", ["walker steps out", 'a "b" # c\nd { }', "</script>"])

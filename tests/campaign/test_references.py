@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from foresee_dsl.avoidance.comparison import how_avoided
+from foresee_dsl.avoidance.comparison import SAME_PLACE_M, Comparison, compared
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
@@ -16,12 +17,15 @@ from foresee_dsl.campaign.settings import Allocation
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.referring import driven
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.drivers.registry import name_in, recorded_address, recorded_driver, reference_drivers, sees_all
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
+from foresee_dsl.simulate.trace import HEADING, SPEED, X, Y
 from tests.support.small_campaign import SETTINGS, TEXT, Heard, campaign, published, write_project
 
 AGAINST = replace(SETTINGS, against=("pdm", "idm+ideal"))
@@ -51,16 +55,38 @@ def test_an_answer_is_that_of_the_same_child_with_that_driver(
     done: tuple[Path, Path, CampaignResult, Heard],
 ) -> None:
     _, out, result, _ = done
-    child = next(child for clip in result.clips for child in clip.failing if child.avoided)
+    child = next(child for clip in result.clips for child in clip.failing)
     case = load_test_case(str(out / child.file))
+    failing, bundle = run_test_case(case, "idm", AGAINST.seed).trace, compile_test_case(case)
+    assert compared(failing, failing, bundle).apart == "it drives nearly the same way"
     for run in child.references:
-        assert run_test_case(case, run.driver, AGAINST.seed).verdict is run.verdict
+        result_again = run_test_case(case, run.driver, AGAINST.seed)
+        assert result_again.verdict is run.verdict
         assert (run.before is not None) == run.passes
-    avoided = child.avoided[0]
-    passing, failing = (run_test_case(case, driver, AGAINST.seed).trace for driver in (avoided.driver, "idm"))
-    assert avoided.how == how_avoided(failing, passing)
-    assert avoided.how
-    assert how_avoided(failing, failing) == ()
+        assert compared(failing, result_again.trace, bundle) == Comparison(run.how, run.apart) != Comparison()
+        assert run.avoids == (run.passes and not run.apart)
+
+
+def struck_case(folder: Path) -> TestCase:
+    """Return a test case that `pdm` fails and `idm` passes, because it brakes earlier."""
+    file = write_project(folder)
+    file.write_text(TEXT.replace("case after { gap = -0.8 s }", "case struck { gap = 0 s }"))
+    return next(case for case in load_test_cases([file]) if case.id.endswith("::struck"))
+
+
+def test_a_driver_that_is_elsewhere_or_comes_later_anyhow_is_not_comparable(tmp_path: Path) -> None:
+    case = struck_case(tmp_path / "project")
+    failing, passing = (run_test_case(case, driver, 0).trace for driver in ("pdm", "idm"))
+    bundle, opponent = compile_test_case(case), failing.index("other")
+    assert compared(failing, passing, bundle).how
+    for actor, words in ((0, ("anyhow", "another way")), (opponent, ("elsewhere",))):
+        states = passing.states.copy()
+        heading = states[0, 0, HEADING]
+        back_m = 4 * SAME_PLACE_M + 4 * failing.states[:, 0, SPEED].max()
+        states[:, actor, X] -= back_m * np.cos(heading)
+        states[:, actor, Y] -= back_m * np.sin(heading)
+        apart = compared(failing, replace(passing, states=states), bundle).apart
+        assert any(word in apart for word in words), apart
 
 
 def test_the_mutant_says_it_and_means_the_same(done: tuple[Path, Path, CampaignResult, Heard]) -> None:
@@ -93,9 +119,7 @@ def test_a_minimised_child_is_asked_again(done: tuple[Path, Path, CampaignResult
 
 
 def test_a_failing_test_case_is_driven_too(tmp_path: Path) -> None:
-    file = write_project(tmp_path / "project")
-    file.write_text(TEXT.replace("case after { gap = -0.8 s }", "case struck { gap = 0 s }"))
-    struck = [case for case in load_test_cases([file]) if case.id.endswith("::struck")]
+    struck = [struck_case(tmp_path / "project")]
     with Store(tmp_path / "store") as store:
         result = run_campaign(struck, replace(SETTINGS, driver="pdm", against=("idm",)), out=tmp_path, store=store)
     (seed,) = result.seeds
@@ -112,8 +136,8 @@ def test_a_driver_that_fails_before_the_mutation_shows_nothing(
     done: tuple[Path, Path, CampaignResult, Heard],
 ) -> None:
     _, out, result, _ = done
-    child = next(child for clip in result.clips for child in clip.failing if child.avoided)
-    case, address = load_test_case(str(out / child.file)), child.avoided[0].driver
+    child = next(child for clip in result.clips for child in clip.failing if child.references[0].passes)
+    case, address = load_test_case(str(out / child.file)), child.references[0].driver
     runs = {}
     for verdict in (Verdict.PASS, *FAILURES, Verdict.TIMEOUT, Verdict.CRASH):
         runs[verdict] = driven(address, case, lambda verdict=verdict: verdict, None, seed=0, deadlines=DEADLINES)
@@ -129,7 +153,7 @@ def test_a_finding_counts_what_is_avoided(done: tuple[Path, Path, CampaignResult
     _, out, result, _ = done
     avoided = sum(bool(child.avoided) for clip in result.clips for child in clip.failing)
     found = published(out)["json"]["findings"]
-    assert sum(finding["avoided"] or 0 for finding in found) == avoided > 0
+    assert sum(finding["avoided"] for finding in found) == avoided
 
 
 def test_workers_and_a_second_time_give_the_same(

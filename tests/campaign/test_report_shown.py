@@ -8,12 +8,16 @@ from pathlib import Path
 
 from rich.console import Console
 
+from foresee_dsl.avoidance.responsibility import Whose
+from foresee_dsl.campaign.findings.grouping import TELLING_WORDS, TITLE_WORDS
 from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.report.terminal.campaign import print_campaign
+from foresee_dsl.documents import plain
+from foresee_dsl.report.terminal.campaign import SCREEN_LINES, print_campaign, print_findings
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.story.story import ContactClass, Grounds, Story
 
 PASSED = CaseRunOutcome("a.foresee::r01", "7", "a", Verdict.PASS, "arrived", 10.0, 1.0)
 CRASH = "the driver raised ValueError: \x1b[31mno\u202e, at mine.py:12 (Mine.step)"
@@ -29,17 +33,17 @@ def shown(result: CampaignResult, width: int = 10_000) -> str:
 def test_a_driver_that_crashes_everywhere_is_the_headline() -> None:
     seeds = tuple(replace(PASSED, id=f"a.foresee::r{k}", verdict=Verdict.CRASH, reason=CRASH) for k in range(120))
     text = shown(CampaignResult(CampaignSettings(driver="mine"), seeds, (), 1.0))
-    headline = text.split("\n")[1]
+    headline = text.split("\n")[-3]
     assert headline.startswith("the driver crashed in 120 of 120 test cases: ValueError: \\x1b[31mno")
     assert headline.endswith("at mine.py:12 (Mine.step)")
-    assert "... and 115 more" in text and "foresee run a.foresee::r0 --driver mine" in text
+    assert "... and 117 more" in text and "foresee run a.foresee::r0 --driver mine" in text
     assert "no failures" not in text and "What to try next" not in text
 
 
 def test_late_and_hanging_test_cases_are_counted_first() -> None:
     seeds = (PASSED, replace(PASSED, verdict=Verdict.TIMEOUT, reason="timeout: did not arrive within 45.00 s"))
     lines = shown(CampaignResult(CampaignSettings(), seeds, (), 1.0)).split("\n")
-    assert lines[1] == "1 of 2 test cases failed: 1 timeout"
+    assert lines[-3] == "1 of 2 test cases failed: 1 timeout"
 
 
 def test_without_failures_it_tells_the_nearest_misses_and_what_to_try_next() -> None:
@@ -55,3 +59,57 @@ def test_paths_stay_whole_on_a_narrow_terminal() -> None:
     name = f"{'folder/' * 30}a.foresee::r01"
     failed = replace(PASSED, id=name, verdict=Verdict.F2, reason="F2 collision with walker (pedestrian) at 1.00 s")
     assert name in shown(CampaignResult(CampaignSettings(), (failed,), (), 1.0), width=80)
+
+
+def failing(number: int, grounds: Grounds, kind: str = "van", speed_mps: float = 5.0) -> CaseRunOutcome:
+    """Return a failing test case with a story and a contact of this speed."""
+    story = Story((), f"the story of {number}", "other", kind, ContactClass.BOTH_MOVING, f"manoeuvre {number}", "comes",
+                  "the road", title=f"{kind} comes, ego turning left, they collide", grounds=grounds)  # fmt: skip
+    impact = Impact("other", "left", "front", 0.0, 0.0, 0.0, "both", speed_mps, 1.0, 1.0, 1.0)
+    return replace(PASSED, id=f"folder/a.foresee::a_long_name_of_case_{number:02}", verdict=Verdict.F4,
+                   reason="F4 lateral collision", story=story, impact=impact)  # fmt: skip
+
+
+def is_row(line: str) -> bool:
+    """Return whether a line is a row of the table of findings."""
+    return line[:3].strip().isdecimal() and line[3:5] == "  "
+
+
+MANY = (
+    *(failing(k, Grounds(seen_s=5.0, acts_s=5.0, steered=k % 2 == 0)) for k in range(60)),
+    failing(60, Grounds(seen_s=5.0, acts_s=5.0), "pedestrian", 1.0),
+    failing(61, Grounds(seen_s=5.0, acts_s=5.0), speed_mps=9.0),
+    failing(62, Grounds(seen_s=5.0, breaks_rule="on red"), "pedestrian", 9.0),
+)
+
+
+def test_many_findings_fit_one_screen_in_order() -> None:
+    late = (
+        replace(PASSED, id=f"b.foresee::r{k}", verdict=Verdict.TIMEOUT, reason=f"timeout {k} " * 9) for k in range(9)
+    )
+    result = CampaignResult(CampaignSettings(), (*MANY, *late), (), 1.0)
+    for width in (80, 160):
+        lines = shown(result, width).split("\n")
+        assert sum(max(1, -(-len(line) // width)) for line in lines) <= SCREEN_LINES - 2
+        assert all(len(line) <= width for line in lines if is_row(line))
+    table = [line.split()[:3] for line in lines if is_row(line)]
+    assert table[0] == ["1", "driver", "F4"] and len(table) > 8
+    assert "that no driver could have avoided" in lines[-4] and "foresee keep 1" in "\n".join(lines)
+    ordered = result.findings
+    assert [finding.number for finding in ordered] == list(range(1, 64))
+    assert [f.story.sentence for f in ordered[:2]] == ["the story of 60", "the story of 61"]  # a person, then speed
+    ranks = [finding.responsibility.whose for finding in ordered]
+    assert ranks == sorted(ranks, key=lambda whose: whose.rank) and ranks.count(Whose.UNAVOIDABLE) == 30
+
+
+def test_titles_are_short_and_differ_in_their_first_words() -> None:
+    titles = [finding.title for finding in CampaignResult(CampaignSettings(), MANY, (), 1.0).findings]
+    assert all(len(title.split()) <= TITLE_WORDS for title in titles)
+    assert len({tuple(title.split()[:TELLING_WORDS]) for title in titles}) == len(titles)
+
+
+def test_all_findings_can_be_listed() -> None:
+    data = plain(CampaignResult(CampaignSettings(), MANY, (), 1.0))
+    text = io.StringIO()
+    print_findings(Console(file=text, width=80, highlight=False), data["findings"], Path("out"))
+    assert sum(is_row(line) for line in text.getvalue().split("\n")) == len(MANY)

@@ -11,8 +11,10 @@ import pytest
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.steps.minimise import judge_of
 from foresee_dsl.derive.clipping.clip import clip
+from foresee_dsl.derive.minimise.boundary import stable_edge
 from foresee_dsl.derive.minimise.candidate import Subject, without_actors
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError, Minimal, minimise
+from foresee_dsl.derive.minimise.outcome import Boundary, Ended, ValueTrial
 from foresee_dsl.derive.minimise.reductions import drop_most
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language import model as m
@@ -197,3 +199,28 @@ def test_triggers_lose_what_they_do_with_actors_that_are_left_out() -> None:
     assert without_actors(when, frozenset({"walker"})) is None
     left = without_actors(when, frozenset({"bus"}))
     assert left is not None and [action.kind for action in left.actions] == ["starts"]
+
+
+def test_a_boundary_says_that_its_region_is_broken() -> None:
+    ends: tuple[tuple[float, Ended], ...] = ((1.06, "passes"), (1.07, "fails"), (1.12, "passes"), (1.16, "fails"))
+    trials = tuple(ValueTrial(value, ended, "") for value, ended in ends)
+    edge = Boundary("walker.timing", "", 0.01, 1.0, 1.36, fails=1.16, also_fails=1.07, passes=1.06, tried=trials)
+    assert edge.broken and edge.sharp
+    assert edge.sentence == (
+        "walker.timing fails at 1.16 (also at 1.07), passes at 1.06; the failing region is broken: 1.12 passes again"
+    )
+    whole = replace(edge, fails=1.07, tried=trials[:2])
+    assert not whole.broken and whole.sentence == "walker.timing fails at 1.07, passes at 1.06"
+
+
+@pytest.mark.parametrize(
+    ("failing", "edge"),
+    [
+        (set(range(30)), 29),
+        (set(range(12)), 11),
+        ({*range(13), 15, 16}, 12),  # bisection meets 15 and 16 first; they have too few neighbours
+        ({0}, 0),
+    ],
+)
+def test_the_edge_is_that_of_a_stable_region(failing: set[int], edge: int) -> None:
+    assert stable_edge(30, lambda k: k in failing) == edge

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePosixPath
 from typing import Protocol
 
 from foresee_dsl.avoidance.anticipating import Anticipation
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability
 from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised
 from foresee_dsl.documents import or_null
 from foresee_dsl.language.model import Mutant, Quantity
@@ -50,6 +53,8 @@ class Finding:
         minimised: the minimised representative, if any.
         avoided: number of failures that a reference driver avoids which also passes the unmutated clip; None without
             reference drivers.
+        title: its story in at most twelve words, which differ from those of the others in the first six.
+        number: its place in the campaign's order, from 1, by which commands address it; 0 before it is sorted.
     """
 
     name: str
@@ -63,11 +68,16 @@ class Finding:
     clip: str = ""
     minimised: Minimised | None = None
     avoided: int | None = None
+    title: str = ""
+    number: int = 0
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
         return {
+            "number": self.number,
             "name": self.name,
+            "title": self.title,
+            "judgement": self.responsibility,
             "sentence": self.story.sentence,
             "class": self.story.contact,
             "verdict": self.verdict,
@@ -118,6 +128,20 @@ class Finding:
         return self.run.verdict
 
     @property
+    def responsibility(self) -> Responsibility:
+        """Whose failure `run` is, and why in a line."""
+        return responsibility_of(self.story, self.verdict, self.judgements, self.references)
+
+    @property
+    def order(self) -> tuple[int, bool, float, tuple[int, bool, float], str]:
+        """Sort key of reports: whose failure it is; people on foot or on two wheels first; the hardest contact; the
+        smallest change, steering and other models last; the name."""
+        unprotected = self.story.opponent_kind in ("pedestrian", "bicycle", "motorcycle")
+        speed_mps = self.run.impact.relative_mps if self.run.impact is not None else 0.0
+        change = _simplicity(self.run) if isinstance(self.run, ChildOutcome) else (0, False, 0.0)
+        return self.responsibility.whose.rank, not unprotected, -round(speed_mps, 1), change, self.name
+
+    @property
     def judgements(self) -> tuple[AnyJudgement, ...]:
         """The judges' answers about `run`."""
         return self.run.judgements
@@ -159,7 +183,7 @@ class _FailureStory:
     family: str
     file: str
     clip: str
-    simplicity: tuple[int, float]
+    simplicity: tuple[int, bool, float]
 
 
 def findings_of(result: Outcomes) -> tuple[Finding, ...]:
@@ -171,6 +195,50 @@ def findings_of(result: Outcomes) -> tuple[Finding, ...]:
         _finding(sorted(group, key=lambda failure: (failure.simplicity, failure.name))) for group in groups.values()
     )
     return tuple(sorted(findings, key=lambda f: (_family_order(f.family), -f.count, f.name)))
+
+
+def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return findings in the order of reports (`Finding.order`), numbered from 1 and with their titles."""
+    ordered = sorted(findings, key=lambda finding: finding.order)
+    titles = _titles(ordered)
+    return tuple(replace(finding, number=k + 1, title=titles[k]) for k, finding in enumerate(ordered))
+
+
+TITLE_WORDS, TELLING_WORDS = 12, 6
+"""Maximum number of words of a title, and of those by which a reader tells titles apart."""
+
+
+def _titles(findings: Sequence[Finding]) -> list[str]:
+    """Return a title for each finding; where the first words of several are equal, the test case goes first, and where
+    that is equal too, the mutant."""
+    stories = [finding.story.title for finding in findings]
+    cases = [" ".join(_case_words(finding)) for finding in findings]
+    ways = (
+        stories,
+        [f"{case}: {story}" for case, story in zip(cases, stories, strict=True)],
+        [
+            f"{f.name.rpartition('_p')[2]} {case}: {story}"
+            for f, case, story in zip(findings, cases, stories, strict=True)
+        ],
+        [f"{f.name} {story}" for f, story in zip(findings, stories, strict=True)],
+    )
+    titles = [""] * len(findings)
+    left = list(range(len(findings)))
+    for way in ways:
+        words = [_beginning(titles[k] if k not in left else way[k]) for k in range(len(findings))]
+        titles = [way[k] if k in left else titles[k] for k in range(len(findings))]
+        left = [k for k in left if words.count(words[k]) > 1]
+    return [" ".join(title.split()[:TITLE_WORDS]).rstrip(",:") for title in titles]
+
+
+def _beginning(title: str) -> tuple[str, ...]:
+    return tuple(title.lower().split()[:TELLING_WORDS])
+
+
+def _case_words(finding: Finding) -> list[str]:
+    """Return at most four words for a finding's test case: the name of the case, or of its file."""
+    path, _, case = finding.test_case.partition("::")
+    return (case or PurePosixPath(path).stem).replace("_", " ").split()[:4]
 
 
 def _family_order(family: str) -> tuple[bool, int, str]:
@@ -201,7 +269,7 @@ def _avoided(failures: list[Failure]) -> int | None:
 
 def _failure_stories(result: Outcomes) -> list[_FailureStory]:
     failures = [
-        _FailureStory(case_file_name(s.id, s.scenario), s, s.story, s.id, s.family, s.id, "", (0, 0.0))
+        _FailureStory(case_file_name(s.id, s.scenario), s, s.story, s.id, s.family, s.id, "", (0, False, 0.0))
         for s in result.seeds
         if s.story is not None
     ]
@@ -223,10 +291,11 @@ def case_file_name(address: str, scenario: str) -> str:
     return f"{scenario}_{case}" if case else scenario
 
 
-def _simplicity(child: ChildOutcome) -> tuple[int, float]:
-    """Return how many lines a mutant changes, and the sum of the differences between its numbers and the original
-    ones."""
+def _simplicity(child: ChildOutcome) -> tuple[int, bool, float]:
+    """Return how many lines a mutant changes, whether one of them steers an actor or replaces its model, and the sum of
+    the differences between its numbers and the original ones."""
     model = parse(child.text, child.name).model
     changes = model.changes if isinstance(model, Mutant) else ()
     far = sum(abs(c.now.si - c.was.si) for c in changes if isinstance(c.now, Quantity) and isinstance(c.was, Quantity))
-    return len(changes), round(far, 9)
+    implausible = any(c.property in ("steer", "model") for c in changes)
+    return len(changes), implausible, round(far, 9)

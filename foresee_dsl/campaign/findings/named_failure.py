@@ -75,7 +75,7 @@ class NamedFailure:
 
 
 def find_failure(wanted: str, campaign: Path, *, tests: bool = False) -> NamedFailure:
-    """Return the failure of this name or file.
+    """Return the failure of this name, number of a finding, or file.
 
     Args:
         campaign: folder in which names are looked up. tests: also accept a test case that fails without mutation.
@@ -87,6 +87,8 @@ def find_failure(wanted: str, campaign: Path, *, tests: bool = False) -> NamedFa
     if is_file(path):
         return _by_file(path)
     data = read_written(campaign)
+    if wanted.isdecimal():
+        wanted = _name_of(int(wanted), data, campaign)
     children = {str(child["mutant"]): child for child in _children(data) if child.get("file")}
     if wanted in children:
         return NamedFailure(wanted, campaign / str(children[wanted]["file"]), campaign, data)
@@ -103,6 +105,18 @@ def find_failure(wanted: str, campaign: Path, *, tests: bool = False) -> NamedFa
     names = sorted({*children, *others})
     hint = did_you_mean(wanted, names) if names else "that campaign found no failure"
     raise ForeseeError(f"there is no file {wanted!r}, and no finding of that name in {campaign}: {Help.of(hint).text}")
+
+
+def _name_of(number: int, data: Mapping[str, Any], campaign: Path) -> str:
+    """Return the name of the finding with a number."""
+    findings = data.get("findings", ())
+    name = next((str(finding["name"]) for finding in findings if finding["number"] == number), None)
+    if name is not None:
+        return name
+    has = (
+        f"has findings 1 to {len(findings)}" if findings else "has no findings (`--campaign OUT` names another folder)"
+    )
+    raise ForeseeError(f"there is no finding {number}: the campaign in {campaign} {has}")
 
 
 def _by_file(path: Path) -> NamedFailure:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.avoidance.judges import judged
+from foresee_dsl.avoidance.responsibility import responsibility_of
 from foresee_dsl.campaign.driving import relative_path, run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, Reduced
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
@@ -142,8 +143,10 @@ def judge_of(driver: str, seed: int, rules: RulesMode = RULES_MODE) -> TrialJudg
 
     def sign(case: TestCase, result: RunResult) -> tuple[str, ...]:
         story = tell(result.trace, case)
-        rule = story.ego_manoeuvre if result.verdict is Verdict.RULE else ""
-        return result.verdict.value, result.with_, story.contact.value, rule
+        grounds = story.grounds
+        whose = responsibility_of(story, result.verdict, (), ()).whose.value
+        situation = grounds.gives_way, grounds.breaks_rule, grounds.hidden_by, grounds.signal
+        return (result.verdict.value, result.with_, *story.signature, whose, *situation)
 
     def avoided(case: TestCase, result: RunResult) -> str:
         return ", ".join(str(judgement.answer) for judgement in judged(Failure.of(result, case)))

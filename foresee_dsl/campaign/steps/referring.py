@@ -12,6 +12,7 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import Record
 from foresee_dsl.campaign.steps.clip_text import clip_case
 from foresee_dsl.campaign.steps.inputs import CaseRef
+from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part, reference_driver
@@ -57,7 +58,7 @@ def driven(
         with reference_driver():
             return run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
 
-    return ReferenceDriver(driver, drive, before).judge(Failure(failed))
+    return ReferenceDriver(driver, drive, before).judge(Failure(failed, compiled=compile_test_case(case)))
 
 
 _MOST_KNOWN = 64

@@ -6,12 +6,14 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import asdict, dataclass, fields
 from functools import update_wrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
+from typer.models import OptionInfo
 
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.cli.completion import case_addresses
@@ -112,10 +114,40 @@ class Flags:
         return self.store or self.out / "store"
 
 
+USUAL = ("driver", "children", "jobs", "out", "fail_fast", "json", "format", "help_all")
+"""The options that `--help` shows; `--help-all` shows all. Ours: what a first campaign needs, on 40 lines."""
+
+
+def _show_all(ctx: typer.Context, value: bool) -> None:
+    """Print the help with all options."""
+    if value:
+        for parameter in ctx.command.params:
+            setattr(parameter, "hidden", False)  # noqa: B010 - an option's attribute, which arguments lack in the types
+        typer.echo(ctx.get_help())
+        raise typer.Exit
+
+
+HelpAllOption = Annotated[
+    bool, typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show all options.", show_default=False)
+]
+
+
+def _hidden(option: inspect.Parameter) -> inspect.Parameter:
+    """Return an option of a command that `--help` does not show, unless it is a usual one."""
+    kind = option.annotation
+    infos = [info for info in getattr(kind, "__metadata__", ()) if isinstance(info, OptionInfo)]
+    if not infos or option.name in USUAL:
+        return option
+    info = copy(infos[0])
+    info.hidden = True
+    return option.replace(annotation=Annotated[get_args(kind)[0], info])
+
+
 def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command in which one typer option per field of `Flags` replaces the parameter `flags`.
 
-    Typer reads a function's signature, so the new command carries a signature of its own.
+    Typer reads a function's signature, so the new command carries a signature of its own. Its help shows the usual
+    options.
     """
     own = inspect.signature(command, eval_str=True).parameters
     kinds = get_type_hints(Flags, include_extras=True)
@@ -128,7 +160,7 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
 
     update_wrapper(run, command)
     every = [option for name in own for option in (shared if name == "flags" else [own[name]])]
-    every = [option.replace(kind=keyword) for option in every]
+    every = [_hidden(option.replace(kind=keyword)) for option in every]
     run.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]  # functions may have one
     run.__annotations__ = {option.name: option.annotation for option in every}
     return run

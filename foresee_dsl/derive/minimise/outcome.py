@@ -46,7 +46,7 @@ class Boundary:
         change: actor and property, such as `runner.timing`. unit: unit of the values, "" for a ratio.
         step: distance between two values.
         was: the unmutated value. first: the value of the unreduced mutant.
-        fails: the value nearest to `was` that shows the same failure.
+        fails: the value nearest to `was` that shows the same failure and is the edge of a stable region.
         also_fails: the value nearest to `was` that shows any failure.
         passes: the passing value nearest to `also_fails`; `was` if no run passed.
         tried: the values that were run, from `was` outwards.
@@ -64,7 +64,7 @@ class Boundary:
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return {**every_field(self), "sharp": self.sharp, "sentence": self.sentence}
+        return {**every_field(self), "sharp": self.sharp, "broken": self.broken, "sentence": self.sentence}
 
     @property
     def sharp(self) -> bool:
@@ -74,8 +74,33 @@ class Boundary:
     @property
     def sentence(self) -> str:
         """The boundary in words: `runner.timing fails at 1.12, passes at 1.11`."""
-        other = f" (in another way from {self.text(self.also_fails)} on)" if self.also_fails != self.fails else ""
-        return f"{self.change} fails at {self.text(self.fails)}{other}, passes at {self.text(self.passes)}"
+        other = ""
+        if self.also_fails != self.fails:
+            same = any(run.value == self.also_fails and run.ended == "fails" for run in self.tried)
+            other = (
+                f" (also at {self.text(self.also_fails)})"
+                if same
+                else (f" (in another way from {self.text(self.also_fails)} on)")
+            )
+        text = f"{self.change} fails at {self.text(self.fails)}{other}, passes at {self.text(self.passes)}"
+        return f"{text}; the failing region is broken: {self._pass_again}" if self.broken else text
+
+    @property
+    def broken(self) -> bool:
+        """Whether a value that is farther from `was` than a failing one passes."""
+        return bool(self._gaps)
+
+    @property
+    def _gaps(self) -> list[float]:
+        nearest = min(abs(self.also_fails - self.was), abs(self.fails - self.was))
+        return [run.value for run in self.tried if run.ended == "passes" and abs(run.value - self.was) > nearest]
+
+    @property
+    def _pass_again(self) -> str:
+        """Which larger changes pass again, in words."""
+        gaps = self._gaps
+        first, last = self.text(gaps[0]), self.text(gaps[-1])
+        return f"{first} passes again" if len(gaps) == 1 else f"values from {first} to {last} pass again"
 
     def text(self, value: float) -> str:
         """Return a value as files write it."""

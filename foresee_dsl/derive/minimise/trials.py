@@ -23,7 +23,8 @@ class TrialJudge:
 
     Attributes:
         drive: runs a test case.
-        sign: returns the signature of a failure (verdict, actor, class of contact); equal ones are the same failure.
+        sign: returns the signature of a failure (verdict, actor, story, whose failure, right of way, signal, who hid
+            whom); equal ones are the same failure in the same situation.
         avoided: returns, in words, whether the careful drivers would have avoided a failure.
     """
 

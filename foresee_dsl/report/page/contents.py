@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.avoidance.r157.assessing import Preventable
+from foresee_dsl.avoidance.responsibility import FOLDED
 from foresee_dsl.campaign.findings.grouping import case_file_name
 from foresee_dsl.report.page.entries import FindingEntry, Source
 from foresee_dsl.report.page.recorded import (
@@ -52,6 +53,17 @@ class Contents:
     notes: tuple[str, ...]
     overview: tuple[Table, ...] = ()
     numbers: tuple[Table, ...] = ()
+
+    @property
+    def folded(self) -> tuple[FindingEntry, ...]:
+        """The findings that are only counted at first."""
+        return tuple(finding for finding in self.findings if finding.folded)
+
+    @property
+    def folded_text(self) -> str:
+        """How many there are, by judgement: `11 that no driver could have avoided`."""
+        counts = Counter(finding.judgement.word for finding in self.folded)
+        return ", ".join(f"{counts[whose.value]} {whose.counted}" for whose in FOLDED if counts[whose.value])
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -157,6 +169,8 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
             test_case=record.test_case,
             runs=runs,
             more=tuple(names[most:]),
+            number=record.number,
+            judgement=record.judgement,
         )
 
 

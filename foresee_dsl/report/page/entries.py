@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee_dsl.report.page.recorded import Campaign
+from foresee_dsl.avoidance.responsibility import FOLDED
+from foresee_dsl.report.page.recorded import NO_JUDGEMENT, Campaign, Judgement
 from foresee_dsl.report.page.runs import Run
 from foresee_dsl.report.terminal.raw_numbers import FAMILY_TITLES
 
@@ -44,11 +45,17 @@ class FindingEntry:
     runs: tuple[Run, ...]
     more: tuple[str, ...] = ()
     """Names of further runs, which are not shown."""
+    number: int = 0
+    """By which commands address it; 0 for none."""
+    judgement: Judgement = NO_JUDGEMENT
+    """Whose failure it is; empty if the campaign's version did not say so."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
         return {
+            "number": self.number,
             "name": self.name,
+            "judgement": {"word": self.judgement.word, "text": self.judgement.text, "reason": self.judgement.reason},
             "sentence": self.title,
             "class": self.class_,
             "verdict": self.verdict,
@@ -65,6 +72,11 @@ class FindingEntry:
     def count(self) -> int:
         """Number of failing runs with this story, without the minimised copy of the representative."""
         return sum(run.outcome.minimised is None for run in self.runs) + len(self.more)
+
+    @property
+    def folded(self) -> bool:
+        """Whether reports only count it, as nothing follows from it for the driver."""
+        return self.judgement.word in FOLDED
 
     @property
     def anchor(self) -> str:

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.files import data_folder, templates, write_whole
 from foresee_dsl.report.drawing.data import LIMITS
 from foresee_dsl.report.drawing.ground import Layer
@@ -61,6 +62,7 @@ def rendered(contents: Contents, reader: Reader) -> str:
     script = f"(() => {{\n'use strict';\n{script}\n}})();\n"
     findings = contents.findings
     filters = {
+        "judgement": [(j.value, j.text) for j in Whose if any(f.judgement.word == j.value for f in findings)],
         "family": [(f, family_title(f)) for f in options_of(findings, lambda finding: finding.family)],
         "class": [(c, c) for c in options_of(findings, lambda finding: finding.class_)],
         "verdict": [(v, v) for v in options_of(findings, lambda finding: finding.verdict)],

@@ -62,7 +62,8 @@ def as_markdown(contents: Contents, strips: Sequence[str]) -> str:
     Args:
         contents: the contents of the report. strips: for each finding the address of its picture, or "".
     """
-    sections = list(zip(contents.findings, (Marked(strip) for strip in strips), strict=True))
+    pairs = zip(contents.findings, (Marked(strip) for strip in strips), strict=True)
+    sections = [(finding, strip) for finding, strip in pairs if not finding.folded]
     low, high = 0, len(sections)
     while low < high:  # searches the largest number of sections that fit
         middle = (low + high + 1) // 2

@@ -123,8 +123,22 @@ class Minimised(_Part):
     boundary: tuple[Boundary, ...] = ()
 
 
+class Judgement(_Part):
+    """Whose failure a finding is: in a word, in words, and why."""
+
+    word: str = ""
+    text: str = ""
+    reason: str = ""
+
+
+NO_JUDGEMENT = Judgement()
+
+
 class Finding(_Part):
-    """Failures with the same story."""
+    """Failures with the same story; older versions wrote no number and no judgement."""
+
+    number: int = 0
+    judgement: Judgement = NO_JUDGEMENT
 
     name: str
     sentence: str

@@ -1,4 +1,4 @@
-"""The terminal report of a campaign: a block for each finding, then what broke; without either, the nearest misses."""
+"""The terminal report of a campaign on one screen: its findings, what broke, what to type next, and the summary."""
 
 from __future__ import annotations
 
@@ -7,17 +7,15 @@ import math
 import os
 import shlex
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
-from foresee_dsl.avoidance.judge import R157
-from foresee_dsl.avoidance.judges import AnyJudgement
-from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
+from foresee_dsl.avoidance.responsibility import FOLDED, Whose
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
@@ -29,12 +27,15 @@ from foresee_dsl.report.verdicts import WHOLE, changed_lines, counted, verdicts_
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
-SHOWN = 30
-"""Maximum number of findings that are printed. Ours: three screens; the page and `campaign.json` have all."""
+SCREEN_LINES, RESERVED_LINES = 40, 4
+"""Lines of a screen, and those of them that the command prints after the report: the page, notes on the store. Ours: a
+terminal of 40 lines, as windows of terminals are opened today."""
+LEAST_ROWS = 10
+"""Findings are listed up to this number even where much broke."""
 NEAREST = 5
 """Maximum number of near misses that are printed."""
-NAMED = 5
-"""Maximum number of test cases that are named if many broke in the same way."""
+NAMED = 3
+"""Maximum number of test cases, reasons or expectations that are named. Ours: the screen holds no more."""
 
 
 def save_campaign(file: Path, result: CampaignResult, out: Path, *, raw: bool = True) -> None:
@@ -49,59 +50,155 @@ def save_campaign(file: Path, result: CampaignResult, out: Path, *, raw: bool = 
 
 
 def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: bool = False) -> None:
-    """Print the report of a campaign: headline, findings, what broke; with `raw` also the raw numbers.
+    """Print the report of a campaign on one screen: findings, what broke, what to type next, the summary last.
 
-    Each path is on a line of its own, which is never wrapped.
+    With `raw` also the raw numbers. Each path is on a line of its own, which is never wrapped.
     """
-    findings = sorted(result.findings, key=_triage)
+    findings = result.findings
+    end = [
+        *_broken_lines(result),
+        *_breaking_lines(result),
+        *_others_lines(result, findings, out),
+        *_changed_lines(result),
+        *(_next_lines(findings, out) if findings else ()),
+        *(_nearest_lines(result, out) if not result.failed and not result.broken else ()),
+        Text(),
+        *_summary(result, findings),
+    ]
+    if result.interrupted:
+        end.append(Text(f"Interrupted: what was finished is kept in {safe(out, WHOLE)}.", style="yellow"))
+    used = sum(_height(line, console.width) for line in end)
     console.print()
-    for line in _headline(result, findings):
-        console.print(line)
-    for number, finding in enumerate(findings[:SHOWN], start=1):
-        console.print()
-        _print_finding(console, number, finding, out)
-    if len(findings) > SHOWN:
-        console.print(
-            f"\n... and {counted(len(findings) - SHOWN, 'more finding')}: campaign.json and the page have all"
-        )
-    _print_others(console, result, findings, out)
-    _print_broken(console, result)
-    _print_breaking(console, result)
-    notes = [seed.notes for seed in result.seeds]
-    notes += [clip.notes for clip in result.clips]
-    notes += [child.notes for clip in result.clips for child in clip.children]
-    for changed in changed_lines(notes):
-        console.print(_indented(Text(changed, style="yellow")))
-    if not result.failed and not result.broken:
-        _print_nearest(console, result, out)
+    for line in _table(findings, console.width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_ROWS), out):
+        console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
+    for line in end:
+        console.print(line, soft_wrap=True)
     if raw:
         console.print()
         for part in raw_numbers(result):
             console.print(part)
-    if result.interrupted:
-        console.print()
-        console.print(Text(f"Interrupted: what was finished is kept in {safe(out, WHOLE)}.", style="yellow"))
 
 
-def _triage(finding: Finding) -> tuple[int, int, str]:
-    """Return the sort key of findings: avoidable, undecided, unavoidable; within these, many failures first."""
-    answer = finding.preventability.verdict if finding.preventability else Preventable.UNKNOWN
-    order = 0 if finding.avoidable else 2 if answer is Preventable.NO else 1
-    return order, -finding.count, finding.name
+def print_findings(console: Console, findings: Sequence[Mapping[str, Any]], campaign: Path) -> None:
+    """Print all findings of a written campaign in its order, one line each, also those that the report folds."""
+    rows = [_Row.of_written(finding) for finding in findings]
+    for line in _lines(rows, console.width):
+        console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
+    if rows:
+        console.print(Text(f"foresee review 1{_in(campaign)} shows one of them with its reasons.", style="dim"))
+    else:
+        console.print("no findings")
 
 
-def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]:
+@dataclass(frozen=True)
+class _Row:
+    """A line of the table of findings."""
+
+    number: int
+    whose: str
+    code: str
+    title: str
+    change: str
+
+    @classmethod
+    def of(cls, finding: Finding) -> _Row:
+        """Return the row of a finding."""
+        changes = finding.run.changes if isinstance(finding.run, ChildOutcome) else []
+        whose = finding.responsibility.whose.value
+        return cls(finding.number, whose, finding.verdict.value, finding.title, _change(changes))
+
+    @classmethod
+    def of_written(cls, finding: Mapping[str, Any]) -> _Row:
+        """Return the row of a finding of `campaign.json`."""
+        small = finding.get("minimised")
+        change = _change(small["changed"]) if small else "" if finding.get("clip") else _change(())
+        return cls(finding["number"], finding["judgement"]["word"], finding["verdict"], finding["title"], change)
+
+
+def _change(changes: Sequence[str]) -> str:
+    """Return the first of a mutant's changes, shortened: `walker.timing 1.23`."""
+    if not changes:
+        return "as written"
+    what, _, values = changes[0].partition(": ")
+    now = values.partition("=> ")[2].split(" from ")[0]
+    return f"{what} {now}" + (f" +{len(changes) - 1}" if len(changes) > 1 else "")
+
+
+def _table(findings: Sequence[Finding], width: int, room: int, out: Path) -> Iterator[Text]:
+    """Yield the table of the findings that a reader acts on, and how many others there are."""
+    if not findings:
+        return
+    folded = [finding for finding in findings if finding.responsibility.whose in FOLDED]
+    rows = [_Row.of(finding) for finding in findings if finding.responsibility.whose not in FOLDED]
+    most = room - 1 - bool(folded)
+    yield from _lines(rows if len(rows) <= most else rows[: most - 1], width)
+    counts = Counter(finding.responsibility.whose for finding in folded)
+    if len(rows) > most:
+        yield Text(f"     and {len(rows) - most + 1} more: foresee review{_in(out)} lists all", style="dim")
+    if folded:
+        kinds = ", ".join(f"{counts[whose]} {whose.counted}" for whose in FOLDED if counts[whose])
+        yield Text(f"     not listed: {kinds}", style="dim")
+
+
+def _lines(rows: Sequence[_Row], width: int) -> Iterator[Text]:
+    """Yield the lines of the table, each as wide as the terminal at most."""
+    if not rows:
+        return
+    whose = max(len("judgement"), *(len(row.whose) for row in rows))
+    change = min(max(len("smallest change"), *(len(row.change) for row in rows)), width // 4)
+    title = max(min(max(len(row.title) for row in rows), width - whose - change - 16), 10)
+
+    def line(number: str, judgement: str, code: str, what: str, how: str, style: str = "") -> Text:
+        text = Text(f"{number:>3}  {judgement:<{whose}}  ")
+        text.append(f"{code:<5}  ", style)
+        text.append(f"{_cut(what, title):<{title}}  ", "bold" if style else "")
+        text.append(_cut(how, change))
+        text.rstrip()
+        return text
+
+    head = line("#", "judgement", "code", "what happens", "smallest change")
+    head.stylize("dim")
+    yield head
+    for row in rows:
+        yield line(str(row.number), row.whose, row.code, safe(row.title), safe(row.change), "red")
+
+
+def _cut(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 3].rstrip()}..."
+
+
+def _height(line: Text, width: int) -> int:
+    return sum(max(1, math.ceil(part.cell_len / max(width, 1))) for part in line.split("\n", allow_blank=True))
+
+
+def _in(out: Path) -> str:
+    return "" if out == Path("out") else f" --campaign {shlex.quote(str(out))}"
+
+
+def _next_lines(findings: Sequence[Finding], out: Path) -> Iterator[Text]:
+    """Yield what to type next."""
+    first, where = findings[0].number, _in(out)
+    commands = (
+        (f"foresee show {first}{where}", "what happens, in pictures"),
+        (f"foresee review {first}{where}", "why, how near, what was withstood"),
+        (f"foresee keep {first}{where}", "make it a regression test"),
+        (f"foresee review{where}", "list all findings"),
+    )
+    width = max(len(command) for command, _ in commands)
+    yield Text("\nNext:", style="bold")
+    for command, why in commands:
+        yield Text.assemble("  ", (f"{safe(command, WHOLE):<{width}}", "cyan"), f"  {why}")
+
+
+def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Text]:
+    """Yield the counts: findings by whose they are, failed test cases and mutants, settings."""
     settings, total = result.settings, result.row()
-    failing = sum(finding.count for finding in findings)
-    bad = any(_triage(finding)[0] == 0 for finding in findings)
     if findings:
-        text = Text(f"{counted(len(findings), 'finding')} from {counted(failing, 'failure')}", style="bold red")
-        for name, counts in _answers(findings):
-            text.append(f"; {name}: {counts}", "bold red" if bad else "bold")
-        avoided = [finding.avoided for finding in findings if finding.avoided is not None]
-        if avoided:
-            text.append(f"; {sum(map(bool, avoided))} of {len(avoided)} avoided by another driver", "bold")
-        yield text
+        failing = sum(finding.count for finding in findings)
+        counts = Counter(finding.responsibility.whose for finding in findings)
+        kinds = ", ".join(f"{counts[whose]} {whose.counted}" for whose in Whose if counts[whose])
+        style = "bold red" if counts[Whose.DRIVER] else "bold"
+        yield Text(f"{counted(len(findings), 'finding')} from {counted(failing, 'failure')}: {kinds}", style=style)
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
     elif not result.failed and not result.broken:
@@ -128,17 +225,6 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
     )
 
 
-def _answers(findings: list[Finding]) -> Iterator[tuple[str, str]]:
-    """Yield each judge's name with the counts of its answers."""
-    by_name: dict[str, list[AnyJudgement]] = {}
-    for judgement in (judgement for finding in findings for judgement in finding.judgements):
-        by_name.setdefault(judgement.name, []).append(judgement)
-    for name, judgements in by_name.items():
-        counts = Counter(str(judgement.answer) for judgement in judgements)
-        order = dict.fromkeys((*judgements[0].answers, *counts))
-        yield name, ", ".join(f"{counts[answer]} {answer}" for answer in order if counts[answer])
-
-
 def _allocated(result: CampaignResult) -> str:
     """Return in words how many children the mutated clips got, and how many children were drawn near another."""
     clips = [clip for clip in result.clips if clip.children]
@@ -150,28 +236,6 @@ def _allocated(result: CampaignResult) -> str:
     return f"adaptive allocation of mutants: {allocation}; {near} vary an earlier mutant"
 
 
-def _print_finding(console: Console, number: int, finding: Finding, out: Path) -> None:
-    siblings = f"; {counted(len(finding.siblings), 'sibling')}" if finding.siblings else ""
-    console.print(_indented(Text(safe(finding.story.sentence, WHOLE), style="bold"), f"{number:>3} "))
-    console.print(_indented(Text(f"{finding.verdict.value}, {finding.story.contact.value}{siblings}")))
-    for judgement in finding.judgements:
-        words = f"{judgement.name}: ", (str(judgement.answer), "bold"), f": {safe(judgement.why, WHOLE)}"
-        console.print(_indented(Text.assemble(*words)))
-    if finding.references:
-        console.print(_indented(Text(_who_avoids(finding))))
-    _print_path(console, "    ", file_of(finding, out))
-
-
-def _who_avoids(finding: Finding) -> str:
-    """Return in words which other drivers avoid the failure of the finding's run, and how."""
-    runs = finding.references
-    avoiding = [run.sentence for run in runs if run.passes]
-    if not avoiding:
-        others = f"; {counted(finding.avoided, 'sibling')} avoided" if finding.avoided else ""
-        return f"fails with {', '.join(run.driver for run in runs)} too{others}"
-    return f"avoided: {'; '.join(avoiding)}"
-
-
 def file_of(finding: Finding, out: Path) -> Path | str:
     """Return the file of a finding's run; for a test case its address."""
     if isinstance(finding.representative, CaseRunOutcome):
@@ -179,67 +243,81 @@ def file_of(finding: Finding, out: Path) -> Path | str:
     return out / finding.run_file
 
 
-def _print_others(console: Console, result: CampaignResult, findings: list[Finding], out: Path) -> None:
-    """Print failures without a story, which only results of older versions hold."""
+def _others_lines(result: CampaignResult, findings: Sequence[Finding], out: Path) -> Iterator[Text]:
+    """Yield failures without a story, which only results of older versions hold."""
     listed = {name for finding in findings for name in (finding.name, *finding.siblings)}
-    children = (child for child in result.to_open_first(SHOWN) if child.name not in listed)
-    others: list[tuple[str, Preventability | None, Path | str]] = [
-        *((child.reason, child.preventability, out / child.file) for child in children),
-        *((s.reason, s.preventability, s.id) for s in result.seeds if s.verdict.is_failure and s.story is None),
+    children = [child for child in result.to_open_first(len(listed) + NAMED) if child.name not in listed]
+    others: list[tuple[str, Path | str]] = [
+        *((s.reason, s.id) for s in result.seeds if s.verdict.is_failure and s.story is None),
+        *((child.reason, out / child.file) for child in children),
     ]
-    for reason, preventability, path in others:
-        console.print()
-        console.print(_indented(Text(safe(reason, WHOLE))))
-        if preventability is not None:
-            console.print(_indented(Text(f"{R157}: {preventability.verdict.value}: {safe(preventability.why, WHOLE)}")))
-        _print_path(console, "    ", path)
+    for reason, path in others[:NAMED]:
+        yield Text(f"\n    {safe(reason, WHOLE)}")
+        yield _path("    ", path)
 
 
-def _print_broken(console: Console, result: CampaignResult) -> None:
-    """Print runs that neither passed nor failed by their driving: crashes, hangs, late and invalid runs."""
+def _broken_lines(result: CampaignResult) -> Iterator[Text]:
+    """Yield runs that neither passed nor failed by their driving: crashes, hangs, late and invalid runs."""
     driver = shlex.quote(result.settings.driver)
     cases = [seed for seed in result.seeds if not _passed(seed) and not seed.verdict.is_failure]
     if cases:
-        console.print(Text("\nTest cases that broke or did not arrive (nothing was derived from them):", style="bold"))
-    for verdict, reason in dict.fromkeys((seed.verdict, seed.reason) for seed in cases):
+        yield Text("\nTest cases that broke or did not arrive (nothing was derived from them):", style="bold")
+    reasons = list(dict.fromkeys((seed.verdict, seed.reason) for seed in cases))
+    most = NAMED if len(reasons) == 1 else 1
+    for verdict, reason in reasons[:NAMED]:
         names = [seed.id for seed in cases if (seed.verdict, seed.reason) == (verdict, reason)]
-        console.print(_indented(Text(f"{verdict.value}: {safe(without_verdict(verdict, reason), WHOLE)}")))
-        for name in names[:NAMED]:
-            _print_path(console, "      ", name)
-        if len(names) > NAMED:
-            console.print(f"      ... and {len(names) - NAMED} more")
+        yield Text(f"  {verdict.value}: {safe(without_verdict(verdict, reason), WHOLE)}")
+        for name in names[:most]:
+            yield _path("    ", name)
+        if len(names) > most:
+            yield Text(f"    ... and {len(names) - most} more")
         if verdict is Verdict.CRASH:
-            _print_path(console, "      more: ", f"foresee run {shlex.quote(names[0])} --driver {driver}")
+            yield _path("    more: ", f"foresee run {shlex.quote(names[0])} --driver {driver}")
+    if len(reasons) > NAMED:
+        yield Text(f"  ... and {len(reasons) - NAMED} other reasons: campaign.json has all")
     broke = [child for clip in result.clips for child in clip.children if _broke(child)]
     if broke:
-        console.print(Text(f"\nChildren that broke the driver ({len(broke)}):", style="bold"))
-    for reason in dict.fromkeys(child.reason for child in broke):
+        yield Text(f"\nChildren that broke the driver ({len(broke)}):", style="bold")
+    for reason in list(dict.fromkeys(child.reason for child in broke))[:NAMED]:
         names = [child.name for child in broke if child.reason == reason]
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        console.print(_indented(Text(f"{safe(reason, WHOLE)}: {names[0]}{more}")))
-    for what in result.broken:
-        console.print(_indented(Text(f"could not be done: {safe(what, WHOLE)}", style="red")))
+        yield Text(f"  {safe(reason, WHOLE)}: {names[0]}{more}")
+    for what in result.broken[:NAMED]:
+        yield Text(f"  could not be done: {safe(what, WHOLE)}", style="red")
 
 
-def _print_breaking(console: Console, result: CampaignResult) -> None:
-    """Print the broken expectations of runs with the verdict `pass`, each with these runs."""
+def _breaking_lines(result: CampaignResult) -> Iterator[Text]:
+    """Yield the broken expectations of runs with the verdict `pass`, each with these runs."""
     names: dict[str, list[str]] = {}
     for run in result.breaking:
         for sentence in run.broken_expectations:
             names.setdefault(sentence, []).append(run.id if isinstance(run, CaseRunOutcome) else run.name)
     if names:
         runs = counted(len(result.breaking), "run")
-        console.print(Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold"))
-    for sentence, of in names.items():
-        console.print(_indented(Text(safe(sentence, WHOLE))))
-        for name in of[:NAMED]:
-            _print_path(console, "      ", name)
-        if len(of) > NAMED:
-            console.print(f"      ... and {len(of) - NAMED} more")
+        yield Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold")
+    for sentence, of in list(names.items())[:NAMED]:
+        yield Text(f"  {safe(sentence, WHOLE)}")
+        yield _path("    ", of[0])
+        if len(of) > 1:
+            yield Text(f"    ... and {len(of) - 1} more")
+    if len(names) > NAMED:
+        yield Text(f"  ... and {len(names) - NAMED} more: campaign.json has all")
 
 
-def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:
-    """Print the runs that came nearest to a failure, and what to try next."""
+def _changed_lines(result: CampaignResult) -> Iterator[Text]:
+    """Yield what the driver changed in its process."""
+    notes = [seed.notes for seed in result.seeds]
+    notes += [clip.notes for clip in result.clips]
+    notes += [child.notes for clip in result.clips for child in clip.children]
+    changed = changed_lines(notes)
+    for line in changed[:NAMED]:
+        yield Text(f"  {line}", style="yellow")
+    if len(changed) > NAMED:
+        yield Text(f"  ... and {len(changed) - NAMED} more changes of the driver's process", style="yellow")
+
+
+def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
+    """Yield the runs that came nearest to a failure, and what to try next."""
     runs: list[tuple[float, str, str]] = [
         (*_nearest(seed.near), seed.id) for seed in result.seeds if seed.near is not None and _passed(seed)
     ]
@@ -251,9 +329,9 @@ def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:
         ]
     nearest = sorted(run for run in runs if math.isfinite(run[0]))[:NEAREST]
     if nearest:
-        console.print(Text("\nThe nearest misses:", style="bold"))
+        yield Text("\nThe nearest misses:", style="bold")
     for _, how, name in nearest:
-        _print_path(console, "    ", f"{how}  {name}")
+        yield _path("    ", f"{how}  {name}")
     settings = result.settings
     paths = sorted({seed.id.partition("::")[0] for seed in result.seeds})
     if not paths:
@@ -267,7 +345,7 @@ def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:
         and getattr(settings, field.name) != field.default
     )
     again = f"foresee campaign {named} --driver {shlex.quote(settings.driver)} --out {shlex.quote(str(out))}{chosen}"
-    console.print(Text("\nWhat to try next (what is known is not run again):", style="bold"))
+    yield Text("\nWhat to try next (what is known is not run again):", style="bold")
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
     preset = "paper" if settings.preset != "paper" else "focused"
     for why, more in (
@@ -278,7 +356,7 @@ def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:
         ("other moments", f"--ranker {ranker}"),
         ("other mutations", f"--preset {preset} --repeat 2"),
     ):
-        _print_path(console, "    ", f"{again} {more}   # {why}")
+        yield _path("    ", f"{again} {more}   # {why}")
 
 
 def _nearest(near: NearMisses) -> tuple[float, str]:
@@ -298,14 +376,5 @@ def _broke(child: ChildOutcome) -> bool:
     return is_problem(child.verdict, child.notes) and not child.verdict.is_failure
 
 
-def _indented(text: Text, first: str = "    ") -> Table:
-    """Return a text whose second and later lines, on a narrow terminal, begin below its first word."""
-    grid = Table.grid()
-    grid.add_column(width=len(first), no_wrap=True, style="dim")
-    grid.add_column(overflow="fold")
-    grid.add_row(first, text)
-    return grid
-
-
-def _print_path(console: Console, before: str, path: Path | str) -> None:
-    console.print(Text.assemble(before, (safe(path, WHOLE), "cyan")), soft_wrap=True)
+def _path(before: str, path: Path | str) -> Text:
+    return Text.assemble(before, (safe(path, WHOLE), "cyan"))

@@ -40,6 +40,11 @@ TITLES = {step.kind: step.title for step in RUNS}
 """Title of each kind of run; progress shows only these steps."""
 
 
+LONGEST_LINE = 99
+"""Maximum length of a line of progress in a pipe, characters: it stays one line of a build's log. The report and
+`campaign.json` have the whole reasons."""
+
+
 class Figures(Listener):
     """Counts of a campaign's planned and finished runs by kind, and of its children's verdicts."""
 
@@ -84,17 +89,21 @@ class Figures(Listener):
         return {kind.value: self.verdicts[kind.value] for kind in kinds if self.verdicts[kind.value]}
 
     def line(self) -> str:
-        """Return the counts, the rate and the time left in one line."""
-        there = [kind for kind in TITLES if self.total[kind]]
-        parts = [f"{TITLES[kind]} {self.finished[kind]}/{self.total[kind]}" for kind in there]
-        if self.last_round is not None:
-            parts.append(f"round {self.last_round.number}/{self.last_round.of}")
-        failures = ", ".join(f"{count} {kind}" for kind, count in self.failures.items())
-        parts.append(f"failures {failures}" if failures else "no failures")
+        """Return the time left, the failures, and the counts of what is not finished, in at most `LONGEST_LINE`
+        characters: those of the last stages are left out first."""
         took_s = self._clock() - self._began
         rate = sum(self.run_here[kind] for kind in TITLES) / took_s if took_s > 0 else 0.0
-        parts.append(f"{rate:.1f} runs/s")
-        return "; ".join((*parts, *([ahead] if (ahead := self.ahead()) else ())))
+        failures = ", ".join(f"{count} {kind}" for kind, count in self.failures.items())
+        parts = [self.ahead(), f"failures {failures}" if failures else "no failures"]
+        parts += [f"round {self.last_round.number}/{self.last_round.of}"] if self.last_round is not None else []
+        there = [kind for kind in TITLES if self.total[kind]]
+        open_kinds = [kind for kind in there if self.finished[kind] < self.total[kind]] or there
+        parts += [f"{TITLES[kind]} {self.finished[kind]}/{self.total[kind]}" for kind in open_kinds]
+        line, more = "", f"{rate:.1f} runs/s"
+        for part in filter(None, parts):
+            longer = f"{line}; {part}" if line else part
+            line = longer if len(longer) + len(more) + 2 <= LONGEST_LINE else line
+        return f"{line}; {more}"
 
     def ahead(self) -> str:
         """Return the share that is done and the time left in words, "" while they cannot be estimated."""
@@ -275,6 +284,7 @@ def progress(
     elif not quiet:
 
         def say(line: str) -> None:
+            line = line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3]}..."
             console.print(line, highlight=False, markup=False, soft_wrap=True)
 
         listeners.append(PlainProgress(say, settings=settings))

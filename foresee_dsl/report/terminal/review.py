@@ -34,8 +34,11 @@ def review_text(review: Review) -> str:
 def _lines(review: Review) -> Iterator[str]:
     finding, small = review.finding, review.minimised
     answer = finding.get("preventability")
+    yield from _wrapped(f"{finding['number']}. {finding['title']}")
     yield safe(finding["name"])
-    yield from _wrapped(f"{finding['verdict']}, {finding['class']}" + (f", {answer}" if answer else ""))
+    yield from _wrapped(f"{finding['verdict']}, {finding['class']}")
+    judgement = finding["judgement"]
+    yield from _wrapped(f"Judgement: {judgement['text']}: {judgement['reason']}")
     yield ""
     yield from _wrapped(str((small or {}).get("sentence") or finding["sentence"]))
     if review.asked != finding["name"]:
@@ -59,7 +62,10 @@ def _lines(review: Review) -> Iterator[str]:
         yield from ("", "Do other drivers avoid it?")
         for run in finding["references"]:
             how = ", ".join(run["how"]) or "it drives nearly the same way"
-            answer = f"yes, {how}" if run["avoids"] else f"no, {run['reason']}"
+            passes = run["verdict"] == "pass"
+            apart = run["apart"] or "it fails before the mutation"
+            no = f"not comparable, {apart}" if passes else f"no, {run['reason']}"
+            answer = f"yes, {how}" if run["avoids"] else no
             yield from _wrapped(f"{run['driver']}: {answer}", "  ")
     yield from ("", "Files")
     yield from _files(review)

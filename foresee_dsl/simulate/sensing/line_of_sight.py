@@ -11,7 +11,7 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
-from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges
+from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges, SensorSettings
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.weather import Air
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
@@ -57,15 +57,15 @@ class LinesOfSight:
         return frozenset(int(k) + (int(k) >= eye) for k in seen)
 
 
-def sight_of(trace: Trace, bundle: SumoBundle | None = None) -> Sight:
-    """Return the lines of sight from a run's ego, with the standard sensors but without their noise.
+def sight_of(trace: Trace, bundle: SumoBundle | None = None, sensors: SensorSettings = STANDARD) -> Sight:
+    """Return the lines of sight from a run's ego, with the standard or other sensors but without their noise.
 
     Without the bundle there are no buildings and no weather, and every actor has the usual height of its class.
     """
     if bundle is not None:
         scene = bundle.scene
         bodies = Bodies.of([actor.model for actor in scene.actors[1:]])
-        return Sight(bodies, bundle.network.buildings, STANDARD, Air(scene.rain, scene.fog, scene.sun))
+        return Sight(bodies, bundle.network.buildings, sensors, Air(scene.rain, scene.fog, scene.sun))
     others = trace.actors[1:]
     heights = {str(kind): defaults.height_m for kind, defaults in CLASS_DEFAULTS.items()}
     sizes = np.array([(info.length_m, info.width_m) for info in others], dtype=np.float64).reshape(-1, 2)

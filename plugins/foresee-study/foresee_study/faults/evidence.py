@@ -10,6 +10,8 @@ from typing import Any
 R157, AHEAD, DIFFERENTIAL, ANY = "R157", "anticipating", "differential", "any of them"
 """The judges that are not a single driver: two models, whether any judging driver avoids the failure, and whether any
 judge says so."""
+DRIVERS, NOT_EXCUSED = "the driver's fault", "the driver's fault or arguable"
+"""The one judgement of a failure (`avoidance.responsibility`), with and without what is arguable."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.keys import driver_identity, step_code
@@ -23,7 +24,17 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_study.faults import in_order
 from foresee_study.faults.approaches import Approach
-from foresee_study.faults.evidence import AHEAD, ANY, DIFFERENTIAL, R157, Evidence, Failure, Ran
+from foresee_study.faults.evidence import (
+    AHEAD,
+    ANY,
+    DIFFERENTIAL,
+    DRIVERS,
+    NOT_EXCUSED,
+    R157,
+    Evidence,
+    Failure,
+    Ran,
+)
 from foresee_study.faults.evidence import load as load_evidence
 from foresee_study.faults.evidence import save as save_evidence
 from foresee_study.faults.plug_in_path import address, healthy
@@ -153,4 +164,8 @@ def _verdicts(run: CaseRunOutcome | ChildOutcome, others: Mapping[str, Reference
     if others:
         verdicts[DIFFERENTIAL] = any(reference.avoids for reference in others.values())
     verdicts[ANY] = any(verdicts.values())
+    judgement = replace(run, references=tuple(others.values())).responsibility  # not by the healthy driver's run
+    if judgement is not None:
+        verdicts[DRIVERS] = judgement.whose is Whose.DRIVER
+        verdicts[NOT_EXCUSED] = judgement.whose in (Whose.DRIVER, Whose.ARGUABLE)
     return verdicts

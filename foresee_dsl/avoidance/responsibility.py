@@ -1,0 +1,185 @@
+"""One judgement of a failure: whose it is, and why in a line; the rules in the order in which they are tried.
+
+docs/guide/findings.md states them for readers, with the measured error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Self
+
+from foresee_dsl.avoidance.anticipating import Anticipation
+from foresee_dsl.avoidance.judges import AnyJudgement
+from foresee_dsl.avoidance.r157.assessing import Preventability
+from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S
+from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.drivers.registry import sees_all
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.story.story import ContactClass, Story
+
+REACTION_S = EVALUATION_S + DELAY_S
+"""Time that a driver needs from the first sign of a conflict until it brakes, 1.15 s: R157's evaluation and delay."""
+STOOD_S = 0.5
+"""An ego that had stood for at least this long has not run into an actor on foot or on a bicycle, s. Ours: a shorter
+stop is not a stop to a passenger either (`story.ego`)."""
+LOOKED_S = 2.0
+"""An actor that breaks a rule or is steered into the ego leaves nothing to decide if it is in sight for less than this,
+s. R157's critical time to collision."""
+
+
+class Whose(StrEnum):
+    """Whose failure it is."""
+
+    text: str
+    """The same in words."""
+    counted: str
+    """The same after a number."""
+
+    def __new__(cls, value: str, text: str, counted: str = "") -> Self:
+        """Make a member."""
+        member = str.__new__(cls, value)
+        member._value_, member.text, member.counted = value, text, counted or text
+        return member
+
+    DRIVER = "driver", "the driver's fault"
+    ARGUABLE = "arguable", "arguable"
+    UNAVOIDABLE = "unavoidable", "no driver could have avoided it", "that no driver could have avoided"
+    TOOL = "tool", "the tool's or the scenario's own"
+
+    @property
+    def rank(self) -> int:
+        """Its place in the order of reports, 0 first."""
+        return list(Whose).index(self)
+
+
+FOLDED = (Whose.UNAVOIDABLE, Whose.TOOL)
+"""Failures that reports only count at first: nothing follows from them for the driver."""
+
+
+@dataclass(frozen=True)
+class Responsibility:
+    """The judgement of a failure: whose it is, and the reason in one line."""
+
+    whose: Whose
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """The judgement with its reason: `the driver's fault: skip stands, and the ego drives into it`."""
+        return f"{self.whose.text}: {self.reason}"
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"word": self.whose, "text": self.whose.text, "reason": self.reason}
+
+
+def responsibility_of(
+    story: Story, verdict: Verdict, judgements: Iterable[AnyJudgement], references: Iterable[ReferenceRun]
+) -> Responsibility:
+    """Return whose failure a run is.
+
+    Args:
+        story: of the run. verdict: of the run, a failure. judgements: of the judges. references: runs of other drivers.
+    """
+    answers, runs = tuple(judgements), tuple(references)
+    return next(_rules(story, verdict, answers, runs))
+
+
+def _rules(
+    story: Story, verdict: Verdict, judgements: tuple[AnyJudgement, ...], references: tuple[ReferenceRun, ...]
+) -> Iterator[Responsibility]:
+    """Yield the answer of each rule that applies, the first rule's first; the last one always applies."""
+    if verdict is not Verdict.RULE:
+        yield from _not_driving(story)
+    yield from _alone(verdict, story.ego_manoeuvre, references)
+    by_braking = next((j for j in judgements if isinstance(j, Preventability) and j.avoids), None)
+    ahead = next((j for j in judgements if isinstance(j, Anticipation) and j.avoids), None)
+    reacting = next((run for run in references if run.avoids and run.how and not sees_all(run.driver)), None)
+    avoided = f"{reacting.sentence}, in the same situation" if reacting is not None else ""
+    if by_braking is not None:
+        avoided = avoided or "UN Regulation 157's driver avoids it by braking"
+    yield from _steered(story, avoided)
+    yield from _by_rule(story)
+    if avoided:
+        yield Responsibility(Whose.DRIVER, avoided)
+    yield from _late(story)
+    if ahead is not None:
+        yield Responsibility(
+            Whose.ARGUABLE, f"an anticipating driver avoids it: {ahead.answer.removeprefix('preventable ')}"
+        )
+    yield from _unseen(story)
+
+
+def _alone(verdict: Verdict, rule: str, references: tuple[ReferenceRun, ...]) -> Iterator[Responsibility]:
+    """Failures without another actor."""
+    if verdict is Verdict.STUCK:
+        if references and not any(run.passes for run in references):
+            yield Responsibility(Whose.TOOL, "no driver gets through: the way may be blocked")
+        yield Responsibility(Whose.DRIVER, "it stands although nothing is in its way")
+    if verdict is Verdict.RULE:
+        yield Responsibility(Whose.DRIVER, f"it breaks a traffic rule: {rule}")
+    if verdict is Verdict.F1:
+        yield Responsibility(Whose.DRIVER, "it leaves the road")
+
+
+def _not_driving(story: Story) -> Iterator[Responsibility]:
+    """Contacts with an ego that stands, and with an actor that stands."""
+    grounds = story.grounds
+    if grounds.stands:
+        yield Responsibility(Whose.DRIVER, f"{story.opponent} stands, and the ego drives into it")
+    if not story.opponent or grounds.stood_s < STOOD_S or grounds.steered or grounds.gives_way:
+        return
+    if story.opponent_kind in ("pedestrian", "bicycle"):
+        yield Responsibility(
+            Whose.TOOL, f"{story.opponent} follows its path into an ego that has stood for {grounds.stood_s:.1f} s"
+        )
+    yield Responsibility(Whose.UNAVOIDABLE, f"the ego has stood for {grounds.stood_s:.1f} s")
+
+
+def _steered(story: Story, avoided: str) -> Iterator[Responsibility]:
+    """An actor that the mutation steers into the ego: unavoidable unless it is seen early and a driver reacts to it."""
+    acts_s = story.grounds.acts_s
+    if story.grounds.steered:
+        when = "" if acts_s is None else f" {acts_s:.1f} s before the contact"
+        what = f"{story.opponent} is steered into the ego{when}"
+        if avoided and acts_s is not None and acts_s >= LOOKED_S:
+            yield Responsibility(Whose.ARGUABLE, f"{what}; {avoided}")
+        yield Responsibility(Whose.UNAVOIDABLE, what)
+
+
+def _by_rule(story: Story) -> Iterator[Responsibility]:
+    """Right of way: a rule that the ego breaks, or that the other breaks."""
+    grounds = story.grounds
+    if grounds.gives_way and grounds.seen_s >= REACTION_S:
+        yield Responsibility(Whose.DRIVER, f"{grounds.gives_way}, in sight for {grounds.seen_s:.1f} s")
+    if grounds.breaks_rule:
+        broken = f"{story.opponent} comes {grounds.breaks_rule}, in sight for {grounds.seen_s:.1f} s"
+        yield Responsibility(Whose.ARGUABLE if grounds.seen_s >= LOOKED_S else Whose.UNAVOIDABLE, broken)
+
+
+def _late(story: Story) -> Iterator[Responsibility]:
+    """An ego that begins to brake later than a driver who reacts."""
+    grounds = story.grounds
+    if grounds.acts_s is not None and story.contact is not ContactClass.HIT_WHILE_STANDING:
+        could_s = min(grounds.acts_s, grounds.seen_s)
+        if could_s - grounds.braked_s > REACTION_S:
+            brakes = f"brakes {could_s - grounds.braked_s:.1f} s later" if grounds.braked_s else "does not brake"
+            what = f"{story.opponent} is in sight and on its way {could_s:.1f} s before the contact"
+            yield Responsibility(Whose.DRIVER, f"{what}, and the ego {brakes}")
+
+
+def _unseen(story: Story) -> Iterator[Responsibility]:
+    """What is left: the other was seen or began too late; only a slower ego could have avoided it."""
+    grounds, other = story.grounds, story.opponent or "the other"
+    if grounds.seen_s < REACTION_S:
+        seen = f"{other} is in sight only {grounds.seen_s:.1f} s before the contact"
+        if story.opponent_kind == "pedestrian":
+            yield Responsibility(Whose.ARGUABLE, f"{seen}: only a slower ego avoids it")
+        yield Responsibility(Whose.UNAVOIDABLE, seen)
+    if grounds.acts_s is not None and grounds.acts_s < REACTION_S:
+        yield Responsibility(
+            Whose.UNAVOIDABLE, f"{other} begins only {grounds.acts_s:.1f} s before the contact, sooner than a reaction"
+        )
+    yield Responsibility(Whose.ARGUABLE, f"{other} is in sight for {grounds.seen_s:.1f} s, but no driver avoids it")
