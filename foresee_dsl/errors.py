@@ -25,10 +25,12 @@ class Message:
     Attributes:
         text: the text that people read.
         about: the text without these numbers; errors at one place with the same `about` count as one.
+        names: the names that the message is about, in its order.
     """
 
     text: str
     about: str
+    names: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, message: MessageText) -> Message:
@@ -37,10 +39,10 @@ class Message:
 
     def __add__(self, other: MessageText) -> Message:
         added = Message.of(other)
-        return Message(self.text + added.text, self.about + added.about)
+        return Message(self.text + added.text, self.about + added.about, self.names + added.names)
 
     def __radd__(self, other: str) -> Message:
-        return Message(other + self.text, other + self.about)
+        return Message(other + self.text, other + self.about, self.names)
 
     def __format__(self, spec: str) -> NoReturn:
         """Raise, because formatting into a text would lose which numbers are measured.
@@ -60,6 +62,11 @@ def measured(number: str) -> Message:
     return Message(number, "")
 
 
+def subject(name: str) -> Message:
+    """Return a name that a message is about, such as an unknown one: code finds it in `Diagnostic.names`."""
+    return Message(name, name, (name,))
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One error (or warning) in a file: where, what, and what to write instead.
@@ -74,6 +81,7 @@ class Diagnostic:
         severity: "error" or "warning".
         about: the message without numbers that differ between test cases; empty if it has none.
         fixes: edits that carry out the help, the most likely ones first; an editor offers those that fix the error.
+        names: the names that the message is about, as far as code needs them.
     """
 
     code: str
@@ -85,6 +93,7 @@ class Diagnostic:
     severity: Literal["error", "warning"] = "error"
     fixes: tuple[Edit, ...] = field(default=(), compare=False)
     about: str = field(default="", compare=False)
+    names: tuple[str, ...] = field(default=(), compare=False)
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -110,7 +119,10 @@ class Diagnostic:
         """Return an error; the edits of its help become its fixes."""
         helped, worded = Help.of(help), Message.of(message)
         about = worded.about if worded.about != worded.text else ""
-        return cls(code, worded.text, helped.text, path, span, source_line, fixes=helped.edits, about=about)
+        names = worded.names
+        return cls(
+            code, worded.text, helped.text, path, span, source_line, fixes=helped.edits, about=about, names=names
+        )
 
     @property
     def key(self) -> tuple[str, str, Span | None, str]:

@@ -82,9 +82,14 @@ class Rename:
 @dataclass(frozen=True, slots=True)
 class Rewrite:
     """Rewrite the statement: close its block, move it into the block before, or turn it into a trigger, a comment, or a
-    trigger with the opposite of the condition before it."""
+    trigger with the opposite of the condition before it.
+
+    Attributes:
+        blocks: how many blocks the diagnostic reports as not closed.
+    """
 
     to: Literal["closed block", "inside", "trigger", "comment", "opposite"]
+    blocks: int = 1
 
 
 Edit = Write | Meant | Instead | OneOf | GoOn | InBlock | Remove | Rename | Rewrite
@@ -205,9 +210,9 @@ def rename(words: str, *, everywhere: bool = False) -> Help:
     return Help(words, (Rename(everywhere),))
 
 
-def close_block(words: str) -> Help:
-    """Return the help to close a block, in the given words."""
-    return Help(words, (Rewrite("closed block"),))
+def close_block(words: str, blocks: int = 1) -> Help:
+    """Return the help to close a block, or one of several, in the given words."""
+    return Help(words, (Rewrite("closed block", blocks),))
 
 
 def move_inside(words: str) -> Help:

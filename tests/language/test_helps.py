@@ -6,13 +6,14 @@ import re
 
 import pytest
 
-from foresee_dsl.errors import Diagnostic
+from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.helps import (  # fmt: skip
     Help,
     InBlock,
     Instead,
     OneOf,
     Remove,
+    Rewrite,
     Write,
     expanded,
     in_block,
@@ -23,6 +24,8 @@ from foresee_dsl.helps import (  # fmt: skip
     rename,
     write,
 )
+from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.parser import parse
 
 
 def test_a_help_is_added_up_with_its_edits() -> None:
@@ -53,3 +56,24 @@ def test_a_help_of_a_table_is_filled_in_with_its_edits() -> None:
     assert filled.text == "write `stops` in the block of 'lead' or `lead` instead of `stops` or did you mean `lead`?"
     assert filled.edits[:2] == (InBlock("stops", "lead"), Instead("lead", "stops"))
     assert expanded(r"only \g<a>", found.expand) == "only lead"
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "names"),
+    [
+        ("ego: car.sedan { route from south straight over j4; speed pace }", "FS031", ("pace",)),
+        ("when ego within 3 m of nobody { nobody stops }", "FS037", ("nobody",)),
+        ("vehicle once: car.compact", "FS049", ("once",)),
+    ],
+)
+def test_a_diagnostic_has_the_name_that_it_is_about_as_data(line: str, code: str, names: tuple[str, ...]):
+    diagnostics = check_document(parse(f"foresee 1\nscenario a {{\n  {line}\n}}\n", "x.foresee"))
+    assert names in [diagnostic.names for diagnostic in diagnostics if diagnostic.code == code]
+
+
+def test_the_help_for_open_blocks_counts_them():
+    text = "foresee 1\nscenario a {\n" + "".join(f"{'  ' * k}when time > {k} s {{\n" for k in range(1, 7))
+    with pytest.raises(InputError) as refused:
+        parse(text, "x.foresee")
+    blocks = [fix.blocks for d in refused.value.diagnostics for fix in d.fixes if isinstance(fix, Rewrite)]
+    assert sum(blocks) == 7

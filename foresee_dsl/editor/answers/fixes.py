@@ -13,6 +13,8 @@ from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.helps import Rewrite
+from foresee_dsl.language.codes.names import STALE_PIN
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.syntax.scan import Lines
@@ -29,8 +31,6 @@ _SURE = frozenset({"meant", "closed block"})
 _NAMES: tuple[SymbolKind, ...] = ("actor", "junction", "road", "parameter", "thing")
 _MEANT_BY: Mapping[str, str] = {"gap": "time", "pace": "speed", "speed": "speed", "width": "length", "share": "ratio"}
 """The types of the parameters that examples name."""
-
-_PINS = re.compile(r" is (sha256:\w+) now, but (sha256:\w+) is pinned")
 
 Check = Callable[[str], tuple[Diagnostic, ...]]
 """Returns the diagnostics of a text of the file."""
@@ -127,10 +127,10 @@ def _of_the_parent(diagnostics: tuple[Diagnostic, ...], fix: Fix) -> Fix | None:
     """Return the edit with the parent's actual pin in place of an example's; None if the edit does not write a wrong
     pin."""
     for diagnostic in diagnostics:
-        pins = _PINS.search(diagnostic.message)
-        if pins is not None and pins[2] in fix.text:
-            text = fix.text.replace(pins[2], pins[1])
-            return replace(fix, title=fix.title.replace(pins[2], pins[1]), text=text)
+        if diagnostic.code == STALE_PIN and diagnostic.names:
+            now, pinned = diagnostic.names
+            if pinned in fix.text:
+                return replace(fix, title=fix.title.replace(pinned, now), text=fix.text.replace(pinned, now))
     return None
 
 
@@ -140,10 +140,8 @@ def _counted(diagnostics: tuple[Diagnostic, ...]) -> Counter[tuple[str, str]]:
 
 def _unclosed(diagnostics: tuple[Diagnostic, ...]) -> int:
     """Return the number of blocks that are not closed; of many, the last are reported together with their number."""
-    more = (
-        re.match(r"(\d+) more block", diagnostic.message) for diagnostic in diagnostics if diagnostic.code == "FS007"
-    )
-    return sum(int(count[1]) if count is not None else 1 for count in more)
+    of_blocks = (diagnostic.fixes for diagnostic in diagnostics if diagnostic.code == "FS007")
+    return sum(next((fix.blocks for fix in fixes if isinstance(fix, Rewrite)), 1) for fixes in of_blocks)
 
 
 # ---- the file's names in an example ----------------------------------------------------------------------------------

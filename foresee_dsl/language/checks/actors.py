@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
+from foresee_dsl.errors import subject
 from foresee_dsl.helps import HelpText, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
@@ -29,7 +30,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
         findings.add(other, "name", "FS030", "only the ego is called 'ego'", rename("give this actor another name"))
     for other in named:
         if other.name in m.TAKEN or other.name in m.OWNERS:
-            message = f"'{other.name}' is a word of the language"
+            message = "'" + subject(other.name) + "' is a word of the language"
             findings.add(other, "name", "FS049", message, rename("give this actor another name", everywhere=True))
     findings.unique([*((a, "name", a.name) for a in named), *((g, "name", g.name) for g in groups)], "actors")
     cases = [item for item in body if isinstance(item, m.Case)]
@@ -235,4 +236,4 @@ def _check_mentions(
                 help: HelpText = did_you_mean(name, sorted(actors))
                 if name in groups:
                     help = "name one of its actors: " + write(f"{name}_01")
-                findings.add(item, field, "FS037", f"unknown actor '{name}'", help)
+                findings.add(item, field, "FS037", "unknown actor '" + subject(name) + "'", help)

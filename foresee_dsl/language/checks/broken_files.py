@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.errors import Diagnostic, InputError, Span, subject
 from foresee_dsl.helps import Meant, meant_word
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
@@ -41,8 +41,6 @@ _TAKEN = "FS049"
 _USES = 2
 _OF_THE_NETWORK = tuple([word] for word in ("road", "junction", "roundabout", "on_ramp", "off_ramp", "zebra", "bump"))
 """First words of a network's statements, each of which is read only together with its block."""
-_CALLED = re.compile(r"called (\S+)$")
-_QUOTED = re.compile(r"'([^']+)'")
 
 
 def with_certain(
@@ -72,7 +70,7 @@ def with_certain(
         if not any(_around(d, statements, lines) is raw for raw in broken) and (certain := _certain(d, unread))
     ]
     # A name that is a word of the language causes further errors at or right behind it: those are dropped.
-    taken = {name[1] for d in more if d.code == _TAKEN and (name := _QUOTED.search(d.message))}
+    taken = {name for d in more if d.code == _TAKEN for name in d.names}
     diagnostics = tuple(d for d in diagnostics if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
     first = Span(0, 0, 0, 0)
     return tuple(sorted((*diagnostics, *more), key=lambda d: ((d.span or first).line, (d.span or first).column)))
@@ -89,14 +87,14 @@ def _is_at(diagnostic: Diagnostic, name: str) -> bool:
 def _certain(diagnostic: Diagnostic, unread: frozenset[str]) -> Diagnostic | None:
     if diagnostic.code in _OF_WHAT_IS_THERE:
         return diagnostic
-    name = _QUOTED.search(diagnostic.message) or _CALLED.search(diagnostic.message)
-    if diagnostic.code not in _OF_NAMES or name is None or {name[1], name[1].rpartition("_")[0]} & unread:
+    name = next(iter(diagnostic.names), None)
+    if diagnostic.code not in _OF_NAMES or name is None or {name, name.rpartition("_")[0]} & unread:
         return None
     guessed = any(isinstance(edit, Meant) for edit in diagnostic.fixes)
-    meant = closest(name[1], sorted(unread - KEYWORDS.keys())) if not guessed else None
+    meant = closest(name, sorted(unread - KEYWORDS.keys())) if not guessed else None
     if meant is None:
         return diagnostic
-    helped = meant_word(meant, name[1])
+    helped = meant_word(meant, name)
     return replace(diagnostic, help=helped.text, fixes=helped.edits)
 
 
@@ -181,10 +179,10 @@ def unknown_names(document: Document, load: Callable[[Path], Document]) -> Itera
         for item, field, kind, name in _named(statement):
             if kind == "junction" and name not in junctions and not name.startswith(parts):
                 help = did_you_mean(name, junctions)
-                findings.add(item, field, UNKNOWN_JUNCTION, f"there is no junction called {name}", help)
+                findings.add(item, field, UNKNOWN_JUNCTION, "there is no junction called " + subject(name), help)
             elif kind == "road" and name.partition("#")[0] not in edges:
                 help = did_you_mean(name, roads)
-                findings.add(item, field, UNKNOWN_ROAD, f"there is no road or edge called {name}", help)
+                findings.add(item, field, UNKNOWN_ROAD, "there is no road or edge called " + subject(name), help)
     yield from findings.sorted()
 
 

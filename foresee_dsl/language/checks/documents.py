@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import assert_never
 
-from foresee_dsl.errors import Diagnostic
+from foresee_dsl.errors import Diagnostic, subject
 from foresee_dsl.helps import HelpText, meant_code, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.actors import check_actors
@@ -282,7 +282,7 @@ def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], road
     for field, name, other in (("start", road.start, road.end), ("end", road.end, road.start)):
         if name not in junctions:
             help: HelpText = did_you_mean(name, [junction for junction in junctions if junction != other])
-            findings.add(road, field, "FS040", f"unknown junction '{name}'", help)
+            findings.add(road, field, "FS040", "unknown junction '" + subject(name) + "'", help)
     others = [name for name in dict.fromkeys(junctions) if name != road.start]
     if road.start == road.end:
         add = "add " + write("junction b at (100 m, 0 m)")

@@ -7,6 +7,7 @@ import re
 from decimal import Decimal
 from typing import get_args
 
+from foresee_dsl.errors import subject
 from foresee_dsl.helps import Help, HelpText, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
@@ -50,7 +51,7 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
                 other = closest(assignment.name, [name for name in names if name in by_name])
                 if closest(assignment.name, left) is None and other is not None:
                     help = f"'{other}' already has a value in this case: " + remove("remove it")
-                findings.add(assignment, "name", "FS031", f"unknown parameter '{assignment.name}'", help)
+                findings.add(assignment, "name", "FS031", "unknown parameter '" + subject(assignment.name) + "'", help)
             else:
                 _check_assignment(findings, declared, assignment, by_name)
         if len(findings) == before:
@@ -122,7 +123,7 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
 
 def _check_parameter(findings: Findings, parameter: m.Param) -> None:
     if parameter.name in RESERVED:
-        message = f"'{parameter.name}' is a word of the language"
+        message = "'" + subject(parameter.name) + "' is a word of the language"
         findings.add(parameter, "name", "FS049", message, rename("give the parameter another name", everywhere=True))
     limits, sound = parameter.range, True
     if limits is not None:

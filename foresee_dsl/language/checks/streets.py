@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
+from foresee_dsl.errors import MessageText, subject
 from foresee_dsl.helps import HelpText, in_block, leave_out, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
@@ -45,7 +46,8 @@ def check_touching(
     for item, field, name in named:
         if name not in touching:
             exists = any(name == other for other, *_ in ends)
-            message = f"road '{name}' does not touch '{junction}'" if exists else f"unknown road '{name}'"
+            touches_not = "road '" + subject(name) + f"' does not touch '{junction}'"
+            message = touches_not if exists else "unknown road '" + subject(name) + "'"
             findings.add(item, field, "FS041", message, did_you_mean(name, touching))
 
 
@@ -88,7 +90,7 @@ class Streets:
                 if not self._in_a_bay(edge):
                     self._along(edge)
 
-    def _add(self, item: m.Item, field: str, message: str, help: HelpText, code: str = "FS270") -> None:
+    def _add(self, item: m.Item, field: str, message: MessageText, help: HelpText, code: str = "FS270") -> None:
         self._placed = False
         self._findings.add(item, field, code, message, help)
 
@@ -203,7 +205,7 @@ class Streets:
     def _ramp(self, item: m.OnRamp | m.OffRamp) -> None:
         if item.junction not in self._junctions:
             help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
-            self._findings.add(item, "junction", "FS040", f"unknown junction '{item.junction}'", help)
+            self._findings.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
             self._placed = False
         edge = self._edges.get(item.edge)
         if edge is None:
@@ -263,16 +265,16 @@ class Streets:
     def _unknown_edge(self, item: m.Item, field: str, name: str, roads: Sequence[str]) -> None:
         help: HelpText
         if name in self._ramps:
-            message = f"'{name}' is a ramp, not a road"
+            message = "'" + subject(name) + "' is a ramp, not a road"
             help = "roads are " + one_of(roads)
         elif name.removesuffix(BACK) in roads and name.endswith(BACK):
-            message = f"'{name}' is one direction of a road"
+            message = "'" + subject(name) + "' is one direction of a road"
             help = "it lies across both directions: write " + write(name.removesuffix(BACK))
             if name.removesuffix(BACK) in self._edges and not isinstance(item, m.Zebra | m.Bump):
-                message = f"road '{name.removesuffix(BACK)}' has only one direction"
+                message = "road '" + subject(name.removesuffix(BACK)) + "' has only one direction"
                 help = "write " + write(name.removesuffix(BACK))
         else:
-            message, help = f"unknown road '{name}'", did_you_mean(name, roads)
+            message, help = "unknown road '" + subject(name) + "'", did_you_mean(name, roads)
             help = help or ("" if isinstance(item, Ramp) else "roads are " + one_of(roads))
             if not help and isinstance(item, Ramp):
                 help = "a ramp joins or leaves a road: add " + write("road a1 from a to b { lanes 2; speed 130 km/h }")
@@ -386,7 +388,7 @@ class Streets:
             return
         if item.junction not in self._plain_junctions:
             help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
-            self._findings.add(item, "junction", "FS040", f"unknown junction '{item.junction}'", help)
+            self._findings.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
             return
         named: list[tuple[m.Item, str, str]] = [(item, f"roads.{k}", name) for k, name in enumerate(item.roads)]
         check_touching(self._findings, item.junction, named, self._network)

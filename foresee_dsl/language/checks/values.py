@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 
+from foresee_dsl.errors import subject
 from foresee_dsl.helps import meant_code, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values
@@ -153,7 +154,7 @@ def _check_reference(
             help = _A_MODEL.get(reference.name, "models are called class.variant, such as " + write("car.compact"))
         if not help and (dimension := form_of(type(item), field).dimension) is not None:
             help = "write " + findings.example(dimension)
-        findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)
+        findings.add(item, field, "FS031", "unknown parameter '" + subject(reference.name) + "'", help)
         return
     word = word_of(type(item), field.partition(".")[0])
     if word is not None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
-from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.errors import Diagnostic, InputError, MessageText, Span
 from foresee_dsl.helps import Help, HelpText, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
@@ -26,7 +26,14 @@ class Findings:
         self._diagnostics: list[Diagnostic] = []
 
     def add(
-        self, item: m.Item | None, field: str, code: str, message: str, help: HelpText = "", *, head_only: bool = False
+        self,
+        item: m.Item | None,
+        field: str,
+        code: str,
+        message: MessageText,
+        help: HelpText = "",
+        *,
+        head_only: bool = False,
     ) -> None:
         """Report something about a field of an item ("": all of it; None: the file); `head_only` underlines no more
         than its first line."""

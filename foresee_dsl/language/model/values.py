@@ -156,6 +156,15 @@ def _adapter(also: tuple[type[Item], ...]) -> TypeAdapter[Any]:
     return TypeAdapter(union)
 
 
+class WrongDimensionError(ValueError):
+    """Raised for a value of another dimension than the needed one."""
+
+    def __init__(self, value: Quantity, needed: Dimension) -> None:
+        written = f"{value.value:f} {value.unit or '(no unit)'}"
+        super().__init__(f"needs {needed}, but {written} is {value.dimension}")
+        self.needed = needed
+
+
 @dataclass(frozen=True)
 class OfDimension:
     """Marks a type of values: they have this dimension (None: any), and a count is a whole number.
@@ -189,7 +198,7 @@ class OfDimension:
     def _fitting(self, value: Quantity) -> Quantity:
         dimension, needed = value.dimension, self.dimension
         if needed is not None and dimension != needed and not (needed == "count" and dimension == "ratio"):
-            raise ValueError(f"needs {needed}, but {value.value:f} {value.unit or '(no unit)'} is {dimension}")
+            raise WrongDimensionError(value, needed)
         if needed == "count" and (value.value != value.value.to_integral_value() or value.value < 0):
             raise ValueError(f"needs a whole number, but {value.value:f} is not")
         return value

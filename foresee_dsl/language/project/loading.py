@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
-from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.errors import Diagnostic, ForeseeError, InputError, MessageText, subject
 from foresee_dsl.files import data_folder
 from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
@@ -104,7 +104,7 @@ class _Use:
     def display_path(self) -> str:
         return display_path(Path(self.file.document.path).parent / self.written)
 
-    def fail(self, code: str, message: str, help: HelpText = "", *, field: str | None = None) -> NoReturn:
+    def fail(self, code: str, message: MessageText, help: HelpText = "", *, field: str | None = None) -> NoReturn:
         name = self.field if field is None else field
         raise InputError((self.file.document.diagnostic(self.item, name, code, message, help),))
 
@@ -348,7 +348,9 @@ class Project:
         parent = self._load(use.path, use.display_path, case, use, chain)
         now = pin_of(parent)
         if self._check_pin and now != pin:
-            message = f"the parent '{parent.id}' has the hash {now} now, but {pin} is pinned"
+            message = (
+                f"the parent '{parent.id}' has the hash " + subject(now) + " now, but " + subject(pin) + " is pinned"
+            )
             help = "the parent has changed: run `foresee repin` to see the effect on this file"
             use.fail(c.STALE_PIN, message, help, field="pin")
         return parent

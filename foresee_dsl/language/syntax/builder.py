@@ -15,11 +15,9 @@ from foresee_dsl.language.messages.suggest import closest, did_you_mean, unit_hi
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.node import Node, TextError
-from foresee_dsl.language.units import Dimension
 
 _SHOWN = 40
 """Maximum number of characters of a value that a message repeats."""
-_NEEDS = re.compile(r"needs (\w+), but")
 
 
 class Builder:
@@ -137,10 +135,10 @@ def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
 def _wrong_dimension(detail: ErrorDetails, text: str, place: Span) -> TextError:
     if "whole number" in detail["msg"]:
         return TextError("FS010", f"`{text}` is not a whole number", "write one such as " + write("2"), place)
-    match = _NEEDS.search(detail["msg"])
-    if match is None:
+    error = detail.get("ctx", {}).get("error")
+    if not isinstance(error, m.WrongDimensionError):
         return TextError("FS010", detail["msg"].removeprefix("Value error, "), "", place)
-    needed: Dimension = next((d for d in NOUNS if d == match[1]), "count")
+    needed = error.needed
     value = detail["input"]
     help = f"write {NOUNS[needed]} such as " + write(EXAMPLES[needed])
     unit = EXAMPLES[needed].partition(" ")[2]

@@ -262,7 +262,7 @@ class _Scanner:
         more = len(unclosed) - _SHOWN
         if more > 0:
             what = "1 more block is" if more == 1 else f"{more} more blocks are"
-            help = close_block("close the outermost ones first")
+            help = close_block("close the outermost ones first", more)
             self.errors.append(TextError("FS007", f"{what} not closed", help, unclosed[_SHOWN].span))
 
     def _indent(self, at: int) -> int | None:
