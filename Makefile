@@ -42,7 +42,7 @@ imports: $(VENV)/.installed-dev
 	@for plugin in $(PLUGINS); do $(BIN)/lint-imports --no-logo --config plugins/$$plugin/pyproject.toml || exit 1; done
 
 unit: $(VENV)/.installed-dev  ## the tests alone (ARGS="-k name")
-	@$(BIN)/pytest -n $$(( $(JOBS) + 1 )) $(ARGS)  # one more: tests wait for processes, browsers and servers
+	@$(BIN)/pytest -n $$(( $(JOBS) * 2 )) $(ARGS)  # two a core: tests wait for processes, browsers and servers a third of the time
 
 bench: $(VENV)/.installed-dev  ## measure: speed against its targets (ARGS="language")
 	@$(BIN)/python -m benchmarks.run $(ARGS)
