@@ -62,7 +62,7 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
         place=place.name,
         touch=_touch(contact, impact),
         mutation="; ".join(_changed(change) for change in facts.changes),
-        title=_title(facts, ego, other, contact, place),
+        title=_title(facts, ego, other, contact, place) if broken is None else f"the ego {broken.clause}",
         grounds=grounds_of(facts, ego, other, place),
     )
 

@@ -75,6 +75,9 @@ def test_without_another_actor() -> None:
     assert responsibility_of(alone, Verdict.STUCK, (), (REACTS,)).whose is Whose.DRIVER
     assert responsibility_of(alone, Verdict.STUCK, (), (stuck,)).whose is Whose.TOOL
     assert responsibility_of(alone, Verdict.F1, (), ()).whose is Whose.DRIVER
+    rule = replace(alone, ego_manoeuvre="runs red")
+    judgement = responsibility_of(rule, Verdict.RULE, (), ())
+    assert (judgement.whose, judgement.reason) == (Whose.DRIVER, "it breaks a traffic rule: runs red")
 
 
 def test_the_order() -> None:
