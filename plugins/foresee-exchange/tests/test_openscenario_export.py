@@ -30,7 +30,7 @@ from tests.support.openscenario_files import XODR
 
 CROSSING = """foresee 1
 
-scenario crossing {
+scenario crossroads {
   network {
     junction middle at (0 m, 0 m) signals {
       stage through for 20 s green [west]
@@ -110,7 +110,7 @@ scenario on_a_map {
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("export") / "crossing.foresee"
+    file = tmp_path_factory.mktemp("export") / "crossroads.foresee"
     file.write_text(CROSSING)
     return file
 
@@ -123,7 +123,7 @@ def trace(scenario: Path) -> Trace:
 @pytest.fixture(scope="module")
 def exported(scenario: Path) -> Path:
     openscenario_export.run(str(scenario), out=scenario.parent / "out", driver="idm")
-    return scenario.parent / "out" / "crossing.xosc"
+    return scenario.parent / "out" / "crossroads.xosc"
 
 
 def test_the_checker_finds_nothing_and_would_find_something(exported: Path, tmp_path: Path) -> None:
@@ -191,7 +191,7 @@ def test_signals_show_what_they_showed(exported: Path) -> None:
 
 def test_the_same_run_gives_the_same_bytes(scenario: Path, exported: Path, tmp_path: Path) -> None:
     openscenario_export.run(str(scenario), out=tmp_path, driver="idm")
-    for name in ("crossing.xosc", "crossing.xodr"):
+    for name in ("crossroads.xosc", "crossroads.xodr"):
         assert (tmp_path / name).read_bytes() == (exported.parent / name).read_bytes()
 
 
@@ -200,7 +200,7 @@ def test_the_way_back_keeps_entities_times_and_places(scenario: Path, exported: 
     done = openscenario_import.run(exported, out=out)
     assert done.left_out == {"programs of signals": 1}
     before = compile_test_case(load_test_case(scenario)).scene
-    back = load_test_case(out / "crossing.foresee")
+    back = load_test_case(out / "crossroads.foresee")
     scene = compile_test_case(back).scene
     assert [(a.id, a.model) for a in scene.actors] == [(a.id, a.model) for a in before.actors]
     assert (scene.rain, scene.friction, scene.end_s) == pytest.approx((before.rain, before.friction, trace.duration_s))
@@ -239,10 +239,10 @@ def test_lanes_for_buses_and_bicycles_have_opendrives_types_and_bus_stops_are_co
     road = "road west from west_end to middle { lanes 2; "
     text = CROSSING.replace(road, road + "bus_lane 3 m; cycle_track 2 m; ")
     text = text.replace("  }\n\n  weather", "    stop market on west at 90 m length 12 m bay 3 m\n  }\n\n  weather")
-    (file := tmp_path / "crossing.foresee").write_text(text)
+    (file := tmp_path / "crossroads.foresee").write_text(text)
     done = openscenario_export.run(str(file), out=tmp_path, driver="idm")
     assert done.left_out == {"bus stops (of a bay, its lane for buses is there)": 1, "expectations": 1}
-    lanes = list(ElementTree.parse(tmp_path / "crossing.xodr").getroot().iter("lane"))
+    lanes = list(ElementTree.parse(tmp_path / "crossroads.xodr").getroot().iter("lane"))
     assert {lane.get("type") for lane in lanes} == {"none", "driving", "bus", "biking", "sidewalk", "restricted"}
     bays = [lane for lane in lanes if lane.get("type") == "bus" and lane.find("width").get("a") == "3.0000"]
     assert len(bays) == 5, "a bus lane on three pieces and on the way back, and a bay"
@@ -250,7 +250,7 @@ def test_lanes_for_buses_and_bicycles_have_opendrives_types_and_bus_stops_are_co
 
 def test_behaviour_is_told_as_far_as_it_goes(scenario: Path, tmp_path: Path) -> None:
     done = openscenario_export.run(str(scenario), out=tmp_path, driver="idm", behaviour=True)
-    file = tmp_path / "crossing.xosc"
+    file = tmp_path / "crossroads.xosc"
     assert issues(file, tmp_path) == []
     assert done.left_out == {
         "conditions: eta to a junction (timed as in the run)": 1,
@@ -275,7 +275,7 @@ def test_behaviour_is_told_as_far_as_it_goes(scenario: Path, tmp_path: Path) -> 
     assert 0 < float(starts.get("value")) < 7
 
     back = openscenario_import.run(file, out=tmp_path / "back")
-    trace = run_test_case(load_test_case(tmp_path / "back" / "crossing.foresee"), "idm", 0).trace
+    trace = run_test_case(load_test_case(tmp_path / "back" / "crossroads.foresee"), "idm", 0).trace
     assert back.cases == 1
     walker = trace.states[:, trace.index("walker"), Y]
     assert walker[0] == -8
