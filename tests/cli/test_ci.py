@@ -14,7 +14,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from foresee_dsl.report.builds.case_results import CaseOutcome, CaseResult, ReportPlace
+from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, ReportPlace
 from foresee_dsl.report.builds.junit import to_junit
 from tests.support.first_project import FOUND, checked, foresee, sarif_schema
 
@@ -126,7 +126,7 @@ def test_junit_of_a_campaign_has_every_test_case_and_child(root: Path) -> None:
 def test_hostile_texts_are_valid_xml(root: Path) -> None:
     text = "\x1b[31m<script>&\"'\x00\ufffe]]>"
     made = CaseResult(
-        f"a/{text}", text, CaseOutcome.FAILED, text, text, ReportPlace(text), (text,), attachments=(text,)
+        f"a/{text}", text, BuildOutcome.FAILED, text, text, ReportPlace(text), (text,), attachments=(text,)
     )
     tree = junit(to_junit(text, [made], properties=[(text, text)]), root)
     assert "\\x1b[31m<script>&\"'\\x00\\xfffe]]>" in tree.find(".//failure").text

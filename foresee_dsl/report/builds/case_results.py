@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from foresee_dsl.language.project.document import Document
 
 
-class CaseOutcome(StrEnum):
+class BuildOutcome(StrEnum):
     """How a test result counts: `failed`: the software under test failed; `error`: it could not be tested."""
 
     PASSED = "passed"
@@ -60,7 +60,7 @@ class CaseResult:
 
     suite: str
     name: str
-    outcome: CaseOutcome
+    outcome: BuildOutcome
     rule: str
     message: str
     place: ReportPlace
@@ -79,11 +79,11 @@ class CaseResult:
         return "\n".join((self.message, *self.details, where, *again))
 
 
-def outcome_of(verdict: Verdict) -> CaseOutcome:
+def outcome_of(verdict: Verdict) -> BuildOutcome:
     """Return how a verdict counts."""
     if verdict is Verdict.PASS:
-        return CaseOutcome.PASSED
-    return CaseOutcome.ERROR if verdict in (Verdict.CRASH, Verdict.INVALID) else CaseOutcome.FAILED
+        return BuildOutcome.PASSED
+    return BuildOutcome.ERROR if verdict in (Verdict.CRASH, Verdict.INVALID) else BuildOutcome.FAILED
 
 
 def _of(
@@ -101,7 +101,7 @@ def _of(
     """
     suite, reason = address.partition("::")[0], reason or verdict.label
     if verdict is Verdict.PASS and broken:
-        return CaseResult(suite, name, CaseOutcome.FAILED, EXPECTATION, reason, place, **more)
+        return CaseResult(suite, name, BuildOutcome.FAILED, EXPECTATION, reason, place, **more)
     more["details"] = (*broken, *more.get("details", ()))
     return CaseResult(suite, name, outcome_of(verdict), verdict.value, reason, place, **more)
 
@@ -178,13 +178,13 @@ def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResu
     """Return a result for each test that `foresee verify` ran; a test that ends otherwise than expected has failed."""
     from foresee_dsl.campaign.regression.expectations import Status
 
-    broke = dict.fromkeys((Status.CRASHED, Status.TIMED_OUT, Status.STALE), CaseOutcome.ERROR)
-    outcomes = {Status.AS_EXPECTED: CaseOutcome.PASSED, **broke}
+    broke = dict.fromkeys((Status.CRASHED, Status.TIMED_OUT, Status.STALE), BuildOutcome.ERROR)
+    outcomes = {Status.AS_EXPECTED: BuildOutcome.PASSED, **broke}
     return tuple(
         CaseResult(
             suite=recheck.path.parent.as_posix(),
             name=recheck.path.stem + (f"::{recheck.case}" if recheck.case else ""),
-            outcome=outcomes.get(recheck.status, CaseOutcome.FAILED),
+            outcome=outcomes.get(recheck.status, BuildOutcome.FAILED),
             rule=recheck.status.value,
             message=f"{recheck.status.label}: {recheck.now or recheck.status.meaning}",
             place=_at_line(place_of(recheck.file), recheck.line),
@@ -236,7 +236,7 @@ def _at_line(place: ReportPlace, line: int | None) -> ReportPlace:
 def as_diagnostics(results: Iterable[CaseResult]) -> Iterator[Diagnostic]:
     """Yield a diagnostic for each result that did not pass, except siblings of a finding; for SARIF and GitHub."""
     for result in results:
-        if result.outcome is not CaseOutcome.PASSED and not result.sibling_of:
+        if result.outcome is not BuildOutcome.PASSED and not result.sibling_of:
             more = [*result.details, *((f"reproduce: {result.reproduce}",) if result.reproduce else ())]
             yield Diagnostic(
                 code=result.rule,
@@ -278,7 +278,7 @@ def _loaded(path: str) -> Document:
 def _could_not_run(what: str) -> CaseResult:
     address, _, reason = what.partition(": ")
     suite, _, name = address.partition("::")
-    return CaseResult(suite, name or address, CaseOutcome.ERROR, "not-run", reason or what, ReportPlace(suite))
+    return CaseResult(suite, name or address, BuildOutcome.ERROR, "not-run", reason or what, ReportPlace(suite))
 
 
 def _details(run: CaseRunOutcome | ChildOutcome) -> tuple[str, ...]:

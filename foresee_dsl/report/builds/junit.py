@@ -13,7 +13,7 @@ from itertools import groupby
 from pathlib import PurePath
 
 from foresee_dsl.files import rendered
-from foresee_dsl.report.builds.case_results import CaseOutcome, CaseResult
+from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
 """Characters that XML 1.0 forbids (section 2.2), even escaped."""
@@ -29,11 +29,11 @@ class _Suite:
 
     @property
     def failures(self) -> int:
-        return sum(result.outcome is CaseOutcome.FAILED for result in self.results)
+        return sum(result.outcome is BuildOutcome.FAILED for result in self.results)
 
     @property
     def errors(self) -> int:
-        return sum(result.outcome is CaseOutcome.ERROR for result in self.results)
+        return sum(result.outcome is BuildOutcome.ERROR for result in self.results)
 
     @property
     def time_s(self) -> float:

@@ -16,7 +16,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
-from foresee_dsl.report.builds.case_results import CaseOutcome, CaseResult, of_run
+from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, of_run
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import tell
 
@@ -85,7 +85,7 @@ def drive(test: SuiteTest, options: DriveOptions) -> tuple[CaseResult, Sections]
     seed = options.seed or test.seed
     result = run_test_case(case, driver, seed)
     case_result = _judged(test, of_run(case.id, driver, seed, result), result, driver)
-    failed = case_result.outcome is not CaseOutcome.PASSED
+    failed = case_result.outcome is not BuildOutcome.PASSED
     story = tell(result.trace, case) if failed else None
     sections: list[tuple[str, str]] = []
     if story is not None and story.sentence not in ("", result.reason):
@@ -121,11 +121,11 @@ def _judged(test: SuiteTest, case_result: CaseResult, result: RunResult, driver:
         return case_result
     status = judge(expected, Ending.of(result))
     if status is Status.AS_EXPECTED:
-        return replace(case_result, outcome=CaseOutcome.PASSED, rule=status.value, details=())
+        return replace(case_result, outcome=BuildOutcome.PASSED, rule=status.value, details=())
     was = f"{driver} {in_words(expected)}" if expected is not None else f"nothing is recorded for {driver}"
     return replace(
         case_result,
-        outcome=CaseOutcome.ERROR if status is Status.CRASHED else CaseOutcome.FAILED,
+        outcome=BuildOutcome.ERROR if status is Status.CRASHED else BuildOutcome.FAILED,
         rule=status.value,
         message=f"{status.label}: {case_result.message}",
         details=(f"expected: {was}", *case_result.details),
