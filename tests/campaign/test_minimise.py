@@ -115,9 +115,11 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         (item,) = page.xpath(f"//li[a/@href='#finding-{entry.anchor}']")
         first, second, *_ = article.xpath(".//section")
         chips = [text(chip) for chip in article.xpath(".//p[@class='chips']/span")]
-        assert [text(article.xpath(".//h2")[0]), text(item.xpath(".//span[@class='what']")[0])] == [story.sentence] * 2
-        assert chips[0].startswith(finding.verdict.value) and chips[1] == story.contact.value
-        assert chips[2:4] == [f"R157: {answers[0][1]}", f"anticipating: {answers[1][1]}"]
+        assert text(article.xpath(".//h2")[0]) == story.sentence
+        assert text(item.xpath(".//span[@class='what']")[0]) == f"{finding.number}. {story.sentence}"
+        assert chips[0] == str(finding.number)
+        assert chips[1].startswith(finding.verdict.value) and chips[2] == story.contact.value
+        assert chips[3:5] == [f"R157: {answers[0][1]}", f"anticipating: {answers[1][1]}"]
         said = [text(node) for node in first.xpath(".//p|.//li")]
         assert [line for line in said if line.endswith(answers[0][2])] == [": ".join(answers[0])]
         assert [line.lower() for line in said if line.endswith(answers[1][2])] == [": ".join(answers[1]).lower()]
@@ -128,24 +130,30 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         assert changes == [f"change {change}" for change in listed[finding.name]["minimised"]["changed"]]
         references = [text(node) for node in first.xpath("./ul[@class='references']/li")]
         for line, run in zip(references, finding.references, strict=True):
-            assert line.startswith(run.driver) and (", ".join(run.how) if run.passes else run.reason) in line
+            assert (
+                line.startswith(run.driver) and (run.apart or ", ".join(run.how) if run.passes else run.reason) in line
+            )
         assert str(file) in unquote(text(first.xpath(".//div[@class='command']/code")[0]))
         (played,) = page.xpath(f"//script[@id='{first.get('data-run')}']")
         assert json.loads(played.text)["moments"] == [[round(m.time_s, 3), m.text] for m in story.moments]
         assert text(second.xpath("./p[@class='run-title']")[0]) == finding.story_as_found.sentence
         assert text(second.xpath("./p[@class='ended']")[0]) == finding.representative.reason
 
-        blocks = [block for block in terminal.split("\n\n") if story.sentence in block]
-        assert len(blocks) == 1 and f"{finding.verdict.value}, {story.contact.value}" in blocks[0]
-        sections = [part for part in markdown.split("### ")[1:] if f"`{finding.name}`" in part.split("\n\n")[1]]
-        assert len(sections) == 1 and sections[0].startswith(f"{finding.verdict.value} {story.sentence}")
+        rows = [line.split() for line in terminal.splitlines() if line.split()[:1] == [str(finding.number)]]
+        assert sum(finding.verdict.value in row for row in rows) == (not entry.folded)
+        sections = [part for part in markdown.split("### ")[1:] if f"`{finding.name}`, " in part]
+        assert len(sections) == (not entry.folded)  # those that no driver could have avoided are only named
+        for section in sections:
+            assert section.startswith(f"{finding.verdict.value} {story.sentence}")
+            assert all(f"{name}: **{answer}**: {why}" in section for name, answer, why in answers)
         review = " ".join(foresee("review", finding.name, "--campaign", out).stdout.split())
-        assert f"{finding.verdict.value}, {story.contact.value}, {answers[0][1]} {story.sentence} " in review
-        for answer in answers:
-            assert ": ".join(answer) in blocks[0] and ": ".join(answer) in review
-            assert f"{answer[0]}: **{answer[1]}**: {answer[2]}" in sections[0]
+        assert (
+            f"{finding.name} {finding.verdict.value}, {story.contact.value} " in review
+            and f" {story.sentence} " in review
+        )
+        assert all(": ".join(answer) in review for answer in answers)
         for run in finding.references:
-            assert run.reason in blocks[0] + review or run.sentence in blocks[0]
+            assert (run.apart or ", ".join(run.how) if run.passes else run.reason) in review
 
         written = file.read_text()
         assert re.findall(r"^  # (.*)\n  change ", written, re.MULTILINE) == [story.sentence]

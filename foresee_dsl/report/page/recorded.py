@@ -48,6 +48,7 @@ class Reference(_Part):
     before_mutation: str | None = None
     avoids: bool = False
     how: tuple[str, ...] = ()
+    apart: str | None = None
 
 
 class Child(_Part):
