@@ -227,7 +227,7 @@ class YieldsAtCrossing(Phrase):
     words = """
         yields (condition): an actor lets another one pass that goes first
             | expect always ego yields to walker at crossing
-        crossing (constant): any pedestrian crossing on an actor's way
+        crossing (condition): any pedestrian crossing on an actor's way
             | expect always ego yields to walker at crossing
     """
     never_bare = ("and", "or", "for")

@@ -71,16 +71,16 @@ def test_the_method_says_what_the_exhaustive_search_has_and_what_one_search_find
         f"{avoidable} of these are avoidable: another driver avoids {driver}, R157's driver would have avoided "
         f"{braking}, and the anticipating driver {anticipating}. One search by `foresee` has "
         f"{between(counts['foresee'])} avoidable findings in {between(hours['foresee'], '.1f')} hours, one by "
-        f"`careful` {between(counts['careful'])} in {between(hours['careful'], '.1f')} hours. Three times as many as "
+        f"`careful` {between(counts['careful'])} in {between(hours['careful'], '.1f')} hours. Three times "
         f"the mean of `foresee`, {found:.1f}, would be {3 * found:.0f}: four of five that the exhaustive search finds, "
         "in a fifteenth of its time."
-    ) in page("method")
+    ) in page("rankers")
     assert 3 * found / avoidable == pytest.approx(4 / 5, abs=0.02)
     assert everything.simulated_s / 3600 / mean(hours["foresee"]) == pytest.approx(15, abs=0.5)
 
 
 def test_the_method_counts_avoidable_findings_of_each_ranker_in_each_test_case(stored: dict[str, Results]) -> None:
-    text = page("method")
+    text = page("rankers")
     for name, driver in (("results", "pdm"), ("results-idm", "idm"), ("results", "frenetix")):
         campaigns = [stored[name].of_campaign(driver, ranker)
                      for ranker in ("careful", "foresee", "proximity", "selforacle", "random")]  # fmt: skip
