@@ -90,7 +90,7 @@ class _PerturbedEgo:
             yaw_bound = min(yaw_bound, 2 * s.lateral_error_m / (driven_m * span_s))
         since_s = np.arange(last - first + 1) * STEP_S
         turned = self.errors[:, 1:] * yaw_bound * since_s
-        # The recorded steps are turned and stretched, so that without errors the result is exactly the recorded
+        # The recorded steps are turned and stretched, so that errors of zero give exactly the recorded
         # trajectory.
         steps = np.diff(recorded[:, [X, Y]], axis=0)
         extra = self.errors[:, :1] * (s.longitudinal_error_m / span_s) * STEP_S

@@ -147,7 +147,8 @@ def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> F
 def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius: float) -> bool:
     """Return whether a box comes within `radius` (m) of another one on any of its paths.
 
-    `paths`: [N, T, 3] x, y, heading. `other`: [T, 3] the same of the other box, NaN where absent. `sizes`: [2, 2].
+    `paths`: [N, T, 3] x, y, heading. `other`: [T, 3] the same of the other box, NaN where absent. `sizes`: [2, 2]
+    length and width of the box and of the other one, m.
     """
     outer = radius + _reach(sizes[0], sizes[1])
     inside = radius + (min(sizes[0, 0], sizes[0, 1]) + min(sizes[1, 0], sizes[1, 1])) / 2

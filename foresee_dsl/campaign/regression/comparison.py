@@ -202,7 +202,7 @@ class Comparison:
 
     @property
     def new_failures(self) -> tuple[Pair, ...]:
-        """Pairs that only the base passed."""
+        """Pairs of results of which only that of the base passed."""
         return self.of(Change.NEW_FAILURE)
 
     @property

@@ -254,7 +254,7 @@ def _apart(islands: Sequence[tuple[tuple[float, float, float, float], float]], s
 
 
 def _cut_nodes(edge: Directed) -> Iterator[PlainNode]:
-    """Yield the nodes that divide an edge; a node that divides only one direction lies on the right side of it."""
+    """Yield the nodes that divide an edge; a node that divides only one direction lies to the right of its line."""
     two_way = lanes_of(edge.road)[1] > 0
     width = _width(_pieces_usual(edge))
     for cut in edge.cuts:

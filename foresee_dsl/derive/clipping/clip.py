@@ -165,7 +165,7 @@ class _Beginning:
                 case m.UseNetwork() | m.UseModels() | m.Network() | m.Weather() | m.Tags() | m.Expect():
                     pass  # taken from the parent (see `language.project.expand.expand_clip`)
                 case m.Doc() | m.Expected() | m.Param() | m.Require() | m.Case() | m.Cases():
-                    pass  # about the parent's text, and parameters, which have their values here
+                    pass  # statements about the parent's text; parameters, whose values are already put in
                 case _:
                     assert_never(item)
         self._triggers = triggers_at(case.scenario, trace, frame)

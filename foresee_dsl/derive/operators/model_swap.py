@@ -21,7 +21,7 @@ from foresee_dsl.simulate.trace import SPEED, Trace
 LEAST_GAP_M = 0.5
 """Smallest gap to a neighbour on the lane after a swap, m. Ours: SUMO's queues keep 2.5 m, real ones 1 m."""
 SAME_WAY_RAD = math.radians(45)
-"""Largest difference between the headings of neighbours on a lane. Ours: with more, their lanes cross."""
+"""Largest angle between two vehicles that count as following each other. Ours: with more, their lanes cross."""
 
 
 class ModelSwap(BuiltIn):

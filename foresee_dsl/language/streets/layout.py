@@ -105,7 +105,7 @@ class Ring:
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """The ids of the edges on it; the first begins at the first arm."""
+        """Ids of the roundabout's edges in driving order; the first one begins at the first arm."""
         return tuple(f"{self.item.name}#{k}" for k in range(1, len(self.arms) + 1))
 
     def place(self, angle_rad: float, radius_m: float | None = None) -> XY:

@@ -136,5 +136,5 @@ def _with_gaps(
         if text is not None:
             texts.append(text)
         previous = max(previous, line)
-    texts += [text for line, text in comments if not line]  # from inside the statement: right above it
+    texts += [text for line, text in comments if not line]  # comments from inside the statement go above it
     return tuple(texts), blank

@@ -41,7 +41,7 @@ story. Ours: the bundled library with `pdm`, 64 failures with 24 findings to be 
 _SHOWN_FROM = 0.02
 """Share of the work from which on an estimate is shown (ours)."""
 _SMOOTH = 0.1
-"""Weight of the newest estimate of the whole duration in the running average, each `_EVERY_S` (ours)."""
+"""Weight of the newest estimate of the whole duration in its average, which is updated every `_EVERY_S` (ours)."""
 _EVERY_S = 0.5
 """Wall time between two updates of that average, s (ours)."""
 _NEARLY = 0.9

@@ -154,7 +154,7 @@ class StandIn:
         self._standing: dict[str, LanePosition] = {}  # by the name of the stand-in
 
     def show(self, positions: Sequence[LanePosition]) -> None:
-        """Show a standing body at these positions, and at no other, in the next step."""
+        """Place one standing body at each of these positions in the next step, and remove those at other positions."""
         if positions is not self._positions:
             self._positions = positions
             self._standing = {f"~{self._name}~{position.lane}": position for position in positions}

@@ -1,6 +1,7 @@
 """Orders that set an actor's speed by another actor: a gap, the other's speed, or arrival at a place at the same time.
 
-The speed depends only on the positions and speeds of both: a clip that begins in between continues in the same way.
+The speed depends only on the positions and speeds of both, so a clip that begins while such an order is active
+continues as its parent did.
 """
 
 from __future__ import annotations

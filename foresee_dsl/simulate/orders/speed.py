@@ -105,7 +105,7 @@ class Stop:
         return True
 
     def complete(self) -> bool:
-        """Whether it drives again."""
+        """Whether the order is over: the actor drives again."""
         return self._resumed
 
     def _over(self, time_s: float) -> bool:
@@ -153,7 +153,7 @@ class Halt:
         return True
 
     def complete(self) -> bool:
-        """Whether it drives again."""
+        """Whether the order is over: the actor drives again."""
         return self._resumed
 
     def _room(self) -> float:

@@ -49,8 +49,8 @@ CONTACT_WITHIN_S = 0.1
 separate, they met by turning and not by their speed, and the least penetration determines the touching sides."""
 
 FLUSH_M = 0.05
-"""Difference of the distances of a side's two ends below which the whole side touches, m; otherwise one corner does.
-Ours: smaller than the deviation of a car's outline from a rectangle."""
+"""If the distances of a side's two ends from the other body differ by less than this, m, the whole side counts as
+touching; otherwise only one corner. Ours: smaller than the deviation of a car's outline from a rectangle."""
 
 
 def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:

@@ -137,8 +137,8 @@ class _Window:
         return (before is None) != (self.run is None)
 
     def outcome(self) -> ConditionOutcome | None:
-        """Return whether the condition has held for the duration; None while the run (or step) is younger than that,
-        unless the condition failed once."""
+        """Return whether the condition has held for the duration; None while the run (or the `do` step) is shorter than
+        the duration and the condition has held in it."""
         missing = len(self._seen) <= self._frames
         return every(self._seen, unknown=missing)
 

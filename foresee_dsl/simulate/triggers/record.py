@@ -37,7 +37,7 @@ class HoldingTime:
 
 
 Runs = dict[int, HoldingTime]
-"""The runs of a condition's `for`s that hold, by their place among the condition's `parts`."""
+"""For each `for` of a condition that holds at present, how long it has held; the key is its index in `parts`."""
 
 
 @dataclass(frozen=True, slots=True)

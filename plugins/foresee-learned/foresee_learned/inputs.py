@@ -125,7 +125,7 @@ class InputMaker:
         """Return the inputs with a given past.
 
         Args:
-            observation: not earlier than the observations before.
+            observation: the present one; its time is not before that of earlier calls.
             past: for each time of `PAST_S` the object list at that time; empty if there was none.
         """
         views, ego = observation.views, observation.ego

@@ -33,8 +33,8 @@ STOREY_M = 3.0
 """Difference in height that separates two storeys, m. Ours: less than the clearance of any bridge, and more than the
 heights of routes' places above the road (up to 2 m)."""
 INSIDE_M = 5.0
-"""Cost of a place on a lane inside a junction, in metres of route length (ours): at the border of a road and its
-junction, the road is preferred."""
+"""Extra cost of a lane inside a junction, in metres of route length (ours): where a road meets its junction, the road's
+lane is preferred."""
 DETOUR = 200.0
 """Cost of lateral distance to a lane, in metres of route length per metre. Ours: seven routes of Town03 start or end
 0.1 m to 0.4 m nearer to a lane that takes a detour of 350 m or more; with 200 these seven change, and none of the

@@ -171,8 +171,8 @@ _NEAR_M = 30.0
 
 @dataclass(frozen=True)
 class Drive:
-    """Result of a drive without traffic: whether it arrived, the reason in words, and otherwise the edges at its
-    end."""
+    """Result of a drive without traffic: whether the vehicle arrived and, if it did not, the reason in words and the
+    edges on which it ended."""
 
     arrived: bool
     reason: str

@@ -54,7 +54,7 @@ class _Graph:
         return outputs[0]
 
     def array(self, values: NDArray[Any] | np.generic) -> str:
-        """Add an array; return the name under which it is float32 (or of whole numbers)."""
+        """Add an array to the graph; return the name of its value as float32, or as integers if it has integers."""
         name, values = f"a{len(self.arrays)}", np.asarray(values)
         if values.size > LARGE and values.ndim == 2:
             scale = np.abs(values).max(long_axis(values.shape), keepdims=True) / 127

@@ -26,7 +26,7 @@ _EGO_NAMES = ("ego", "hero", "ego_vehicle", "egovehicle", "host", "subject", "su
 _SAME = 1e-4
 """Sizes that differ by less are equal, m: below the rounding of written values (ours)."""
 _LARGEST_M = 100.0
-"""Largest size of the language, m; larger things are reduced to it."""
+"""Largest size of a body that the language allows, m; larger bodies are reduced to it."""
 _WEAKEST = 0.01
 """A speed or acceleration below this counts as missing, m/s or m/s^2 (ours)."""
 _WIDEST_STEER_RAD = math.radians(79)

@@ -136,7 +136,7 @@ def _read_playable(file: Path, settings: _Settings, values: Values | None = None
 
 
 def _read(source: Source, settings: _Settings, name: str, without: Set[str]) -> _Reading:
-    """Read a file without some actors, given by their new names, which overlap others."""
+    """Read a file, but leave out the actors that overlap others; `without` has their new names."""
     network_path = network_file(source, settings.road, SUFFIXES)
     suffix = next(suffix for suffix in SUFFIXES if network_path.name.endswith(suffix))
     network_name = name_of(network_path.name.partition(".")[0], "map") + suffix

@@ -171,7 +171,8 @@ def _phases_in_order(signal: Signal, at: tuple[str, float] | None, until_s: floa
 
 
 STANDS_M = 1e-6
-"""An actor that moved less than this between two frames stands, m: its trajectory needs only the ends of that time."""
+"""An actor that moved less than this between two frames stands, m; its trajectory has only the first and the last frame
+of a standstill."""
 
 
 def recorded_groups(trace: Trace, specs: dict[str, ModelSpec]) -> list[Xosc]:
