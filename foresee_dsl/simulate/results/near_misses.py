@@ -252,7 +252,7 @@ def _with(
     row, column = np.nonzero(near)
 
     def touch(row: IntArray, tau: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
-        """Return per row whether the footprints overlap `tau` (s) after its frame, and their headings' difference, rad."""
+        """Return per row whether the footprints overlap `tau` (s) after its frame, and their headings' difference."""
         mine, theirs = ego.along[frames[row]] + speeds[0][row] * tau, path.along[frames[row]] + speeds[1][row] * tau
         a, b = _swept(ego, mine, run.size[0]), _swept(path, theirs, run.size[actor])
         return box_overlap(a, b), b[:, 2] - a[:, 2]
