@@ -18,6 +18,7 @@ from lxml import html
 from rich.console import Console
 from typer.testing import CliRunner
 
+from foresee_dsl.avoidance.responsibility import FOLDED
 from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.stages import Stages
@@ -117,6 +118,7 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         chips = [text(chip) for chip in article.xpath(".//p[@class='chips']/span")]
         assert text(article.xpath(".//h2")[0]) == story.sentence
         assert text(item.xpath(".//span[@class='what']")[0]) == f"{finding.number}. {story.sentence}"
+        assert text(article.xpath(".//p[@class='judgement']")[0]) == finding.responsibility.text
         assert chips[0] == str(finding.number)
         assert chips[1].startswith(finding.verdict.value) and chips[2] == story.contact.value
         assert chips[3:5] == [f"R157: {answers[0][1]}", f"anticipating: {answers[1][1]}"]
@@ -130,30 +132,33 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         assert changes == [f"change {change}" for change in listed[finding.name]["minimised"]["changed"]]
         references = [text(node) for node in first.xpath("./ul[@class='references']/li")]
         for line, run in zip(references, finding.references, strict=True):
-            assert (
-                line.startswith(run.driver) and (run.apart or ", ".join(run.how) if run.passes else run.reason) in line
-            )
+            assert line.startswith(run.driver)
+            assert (", ".join(run.how) if run.avoids else run.apart or run.before or run.reason) in line
         assert str(file) in unquote(text(first.xpath(".//div[@class='command']/code")[0]))
         (played,) = page.xpath(f"//script[@id='{first.get('data-run')}']")
         assert json.loads(played.text)["moments"] == [[round(m.time_s, 3), m.text] for m in story.moments]
         assert text(second.xpath("./p[@class='run-title']")[0]) == finding.story_as_found.sentence
         assert text(second.xpath("./p[@class='ended']")[0]) == finding.representative.reason
 
-        rows = [line.split() for line in terminal.splitlines() if line.split()[:1] == [str(finding.number)]]
-        assert sum(finding.verdict.value in row for row in rows) == (not entry.folded)
+        rows = [line for line in terminal.split("\n") if line[:3].strip() == str(finding.number)]
+        assert len(rows) == (finding.responsibility.whose not in FOLDED)
+        for row in rows:
+            assert row.split()[1:3] == [finding.responsibility.whose.value, finding.verdict.value]
+            assert finding.title in row
         sections = [part for part in markdown.split("### ")[1:] if f"`{finding.name}`, " in part]
-        assert len(sections) == (not entry.folded)  # those that no driver could have avoided are only named
+        assert len(sections) == len(rows) and f"`{finding.name}`" in markdown
         for section in sections:
             assert section.startswith(f"{finding.verdict.value} {story.sentence}")
-            assert all(f"{name}: **{answer}**: {why}" in section for name, answer, why in answers)
+            judgement = finding.responsibility
+            assert f"**{judgement.whose.text}**: {judgement.reason}" in section
         review = " ".join(foresee("review", finding.name, "--campaign", out).stdout.split())
-        assert (
-            f"{finding.name} {finding.verdict.value}, {story.contact.value} " in review
-            and f" {story.sentence} " in review
-        )
-        assert all(": ".join(answer) in review for answer in answers)
+        judged = f"Judgement: {finding.responsibility.text}"
+        assert f"{finding.verdict.value}, {story.contact.value} {judged} {story.sentence} " in review
+        for answer in answers:
+            assert ": ".join(answer) in review
+            assert all(f"{answer[0]}: **{answer[1]}**: {answer[2]}" in section for section in sections)
         for run in finding.references:
-            assert (run.apart or ", ".join(run.how) if run.passes else run.reason) in review
+            assert (", ".join(run.how) if run.avoids else run.apart or run.reason) in review
 
         written = file.read_text()
         assert re.findall(r"^  # (.*)\n  change ", written, re.MULTILINE) == [story.sentence]

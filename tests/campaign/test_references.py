@@ -70,7 +70,8 @@ def test_an_answer_is_that_of_the_same_child_with_that_driver(
 def struck_case(folder: Path) -> TestCase:
     """Return a test case that `pdm` fails and `idm` passes, because it brakes earlier."""
     file = write_project(folder)
-    file.write_text(TEXT.replace("case after { gap = -0.8 s }", "case struck { gap = 0 s }"))
+    text = TEXT.replace("case after { gap = -0.8 s }", "case struck { gap = 0 s }")
+    file.write_text(text.replace("end after 12 s", "end after 30 s"))  # time to arrive after braking
     return next(case for case in load_test_cases([file]) if case.id.endswith("::struck"))
 
 
@@ -140,7 +141,8 @@ def test_a_driver_that_fails_before_the_mutation_shows_nothing(
     case, address = load_test_case(str(out / child.file)), child.references[0].driver
     runs = {}
     for verdict in (Verdict.PASS, *FAILURES, Verdict.TIMEOUT, Verdict.CRASH):
-        runs[verdict] = driven(address, case, lambda verdict=verdict: verdict, None, seed=0, deadlines=DEADLINES)
+        runs[verdict] = driven(address, case, lambda verdict=verdict: verdict, None, seed=0, deadlines=DEADLINES,
+                               rules=AGAINST.rules)  # fmt: skip
         assert (runs[verdict].verdict, runs[verdict].before) == (Verdict.PASS, verdict)
     passes, fails = runs[Verdict.PASS], runs[Verdict.F4]
     assert [verdict for verdict, run in runs.items() if run.avoids] == [Verdict.PASS]
