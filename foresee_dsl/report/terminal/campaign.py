@@ -30,6 +30,9 @@ from foresee_dsl.simulate.results.verdict import Verdict
 SCREEN_LINES, RESERVED_LINES = 40, 4
 """Lines of a screen, and those of them that the command prints after the report: the page, notes on the store. Ours: a
 terminal of 40 lines, as windows of terminals are opened today."""
+PIPE_COLUMNS, WIDEST_COLUMNS = 80, 500
+"""Width of the table in a pipe, columns, and the width from which a console is one that wraps no lines. Ours: builds'
+logs and mails are read at 80."""
 LEAST_ROWS = 10
 """Findings are listed up to this number even where much broke."""
 NEAREST = 5
@@ -67,9 +70,10 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
     ]
     if result.interrupted:
         end.append(Text(f"Interrupted: what was finished is kept in {safe(out, WHOLE)}.", style="yellow"))
-    used = sum(_height(line, console.width) for line in end)
+    width = _width(console)
+    used = sum(_height(line, width) for line in end)
     console.print()
-    for line in _table(findings, console.width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_ROWS), out):
+    for line in _table(findings, width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_ROWS), out):
         console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
     for line in end:
         console.print(line, soft_wrap=True)
@@ -82,7 +86,7 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
 def print_findings(console: Console, findings: Sequence[Mapping[str, Any]], campaign: Path) -> None:
     """Print all findings of a written campaign in its order, one line each, also those that the report folds."""
     rows = [_Row.of_written(finding) for finding in findings]
-    for line in _lines(rows, console.width):
+    for line in _lines(rows, _width(console)):
         console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
     if rows:
         console.print(Text(f"foresee review 1{_in(campaign)} shows one of them with its reasons.", style="dim"))
@@ -161,6 +165,11 @@ def _lines(rows: Sequence[_Row], width: int) -> Iterator[Text]:
     yield head
     for row in rows:
         yield line(str(row.number), row.whose, row.code, safe(row.title), safe(row.change), "red")
+
+
+def _width(console: Console) -> int:
+    """Return the width of the table: the console's, or in a pipe, whose lines are not wrapped, `PIPE_COLUMNS`."""
+    return console.width if console.width <= WIDEST_COLUMNS else PIPE_COLUMNS
 
 
 def _cut(text: str, width: int) -> str:
