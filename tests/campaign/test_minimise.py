@@ -144,7 +144,7 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         assert len(rows) == (finding.responsibility.whose not in FOLDED)
         for row in rows:
             assert row.split()[1:3] == [finding.responsibility.whose.value, finding.verdict.value]
-            assert finding.title in row
+            assert finding.title[:30] in row  # the rest may be cut at 80 columns
         sections = [part for part in markdown.split("### ")[1:] if f"`{finding.name}`, " in part]
         assert len(sections) == len(rows) and f"`{finding.name}`" in markdown
         for section in sections:
