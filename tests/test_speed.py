@@ -20,10 +20,7 @@ from foresee_dsl.language.project.loading import Project
 
 SCENARIO = data_folder("scenarios") / "scenario3.foresee"
 HEAVY = {"numpy", "scipy", "shapely", "networkx", "numba", "jinja2", "libsumo", "defusedxml"}
-ONLY_FOR_MISTAKES = {"rich"} | {
-    f"foresee_dsl.language.{name}"
-    for name in ("keywords", "syntax.partial", "syntax.recover", "syntax.scan", "syntax.explain", "syntax.expected")
-}
+ONLY_FOR_MISTAKES = {"rich", "foresee_dsl.language.checks.broken_files"}
 ONLY_FOR_NEW_NETWORKS = {
     f"foresee_dsl.compile.{name}"
     for name in (

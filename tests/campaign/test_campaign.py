@@ -58,7 +58,7 @@ def test_the_contract_of_campaign_json(finished: tuple[Path, dict[str, object]])
     }
     assert keys <= set(data)
     assert set(data["seeds"]) == {"total", "passed", "failed"}
-    assert set(data["failures"]) == {"F1", "F2", "F3", "F4", "F5", "stuck"}
+    assert set(data["failures"]) == {"F1", "F2", "F3", "F4", "F5", "stuck", "rule"}
     assert set(data["fidelity_m"]) == {"median", "max"}
 
 

@@ -107,6 +107,8 @@ scenario {n} {{
     }}
   }}
   expect {n}: never {n} ahead of {n}
+  expect always ego yields to {n} at crossing
+  expect never ego runs red
   case {n} {{
     {n} = 4 m/s
   }}

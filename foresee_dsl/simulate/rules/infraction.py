@@ -14,19 +14,8 @@ from typing import Any, Self
 from pydantic import TypeAdapter, ValidationError
 
 from foresee_dsl.documents import rounded
-
-
-class RulesMode(StrEnum):
-    """What a broken rule means for a run that passed otherwise: it fails, it passes with a report, or no rule is
-    examined."""
-
-    FAIL = "fail"
-    REPORT = "report"
-    OFF = "off"
-
-
-RULES_MODE = RulesMode.FAIL
-"""The default: a driver that runs a red light does not pass."""
+from foresee_dsl.language.campaign_bounds import RULES_MODE as RULES_MODE  # noqa: PLC0414 - part of this module's interface
+from foresee_dsl.language.campaign_bounds import RulesMode as RulesMode  # noqa: PLC0414 - as above
 
 
 class Rule(StrEnum):
