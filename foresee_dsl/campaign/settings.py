@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from foresee_dsl.drivers.deadlines import Deadlines
-from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
+from foresee_dsl.language.campaign_bounds import RULES_MODE, RulesMode
 
 Allocation = Literal["even", "adaptive"]
 FIRST = 1
