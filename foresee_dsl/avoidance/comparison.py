@@ -154,8 +154,9 @@ class _Compared:
     def _past(self, onset_frame: int) -> tuple[str, ...]:
         """Return in words how the passing driver reacts from a frame on: braking or waiting, speed, side; () if it does
         not react."""
-        braking, there = self._braking(onset_frame), self._there(onset_frame)
-        return tuple(text for text in (braking, *there) if text) if braking or (there and there[-1]) else ()
+        braking = self._braking(onset_frame)
+        where, evading = self._there(onset_frame)
+        return tuple(text for text in (braking, where, evading) if text) if braking or evading else ()
 
     def _braking(self, onset_frame: int) -> str:
         """Return in words how the passing ego brakes or waits where the failing one does so later, less or not."""

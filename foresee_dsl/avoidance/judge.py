@@ -10,9 +10,9 @@ from typing import ClassVar, Protocol, TypeVar
 from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace, X, Y
 

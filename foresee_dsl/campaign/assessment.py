@@ -19,10 +19,11 @@ from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import InputError
+from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict, passes
-from foresee_dsl.simulate.rules.infraction import RULES_MODE, Infraction, RulesMode
+from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
 HARD_BRAKING_MPS2 = 3.0

@@ -20,13 +20,13 @@ from foresee_dsl.drivers.process_state import put_back, seed_globals
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
 from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
 from foresee_dsl.errors import DriverError
+from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.model import End, Origin, Quantity
 from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSettings
 

@@ -26,8 +26,8 @@ from foresee_dsl.drivers.registry import DRIVERS, load_driver, name_in
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import RANKERS, load_ranker
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.plugins import PluginGroup
-from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.sensing.views import RASTER_VIEWS
 
 _ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from foresee_dsl.drivers.deadlines import Deadlines
-from foresee_dsl.language.campaign_bounds import RULES_MODE, RulesMode
+from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 
 Allocation = Literal["even", "adaptive"]
 FIRST = 1
@@ -22,7 +22,7 @@ class CampaignSettings:
     their common runs in one store.
 
     The options of the command line have these defaults; their bounds are those of the campaign file's statements
-    (`language.campaign_bounds`).
+    (`language.campaign_values`).
 
     Attributes:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.

@@ -39,7 +39,7 @@ from foresee_dsl.cli.options.common import (
 )
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_option, report_results
 from foresee_dsl.cli.options.profiling import profiling
-from foresee_dsl.language.campaign_bounds import RULES_MODE
+from foresee_dsl.language.campaign_values import RULES_MODE
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.formats import PEOPLE, CommandReport
 

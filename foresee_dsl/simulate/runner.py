@@ -14,6 +14,7 @@ from foresee_dsl.drivers.protocol import Closing, Control, Driver
 from foresee_dsl.errors import DriverLateError, SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.compiling import ensure
+from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.measuring import Part, count_run
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.simulation import Simulation
@@ -25,7 +26,7 @@ from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.results.outcome import Decision
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import RULES_MODE, Infraction, RulesMode
+from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
 from foresee_dsl.simulate.trace import WAYPOINT_M

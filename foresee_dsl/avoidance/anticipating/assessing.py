@@ -16,10 +16,10 @@ from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.judge import Failure, contact
 from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S
 from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings

@@ -16,9 +16,9 @@ from foresee_dsl.avoidance.judge import R157, Failure, contact
 from foresee_dsl.avoidance.r157.risk import Perception, perceive
 from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.documents import every_field
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 

@@ -11,10 +11,10 @@ from foresee_dsl.campaign.driving import longest_s, run_test_case, sensors_of
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
+from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict, passes
-from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.triggers.unfired import unfired
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
+from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import Comments, TestCase
@@ -20,7 +21,6 @@ from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.language.syntax.node import Key
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:

@@ -14,13 +14,13 @@ from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
+from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import RULES_MODE, RulesMode
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from foresee_dsl.campaign.steps.clip_text import clip_case
 from foresee_dsl.campaign.steps.inputs import CaseRef
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part, reference_driver
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:

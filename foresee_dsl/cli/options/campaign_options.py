@@ -19,7 +19,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
-from foresee_dsl.language import campaign_bounds as bounds
+from foresee_dsl.language.campaign_values import AROUND_S, CHILDREN, REPEAT, RISKY_POINTS
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
@@ -48,27 +48,25 @@ class Flags:
     preset: common.PresetOption = CampaignSettings.preset
     before: Annotated[
         float,
-        typer.Option(min=bounds.AROUND_S[0], max=bounds.AROUND_S[1], help="Seconds of a clip before its risky point."),
+        typer.Option(min=AROUND_S[0], max=AROUND_S[1], help="Seconds of a clip before its risky point."),
     ] = CampaignSettings.before_s
     after: Annotated[
         float,
-        typer.Option(min=bounds.AROUND_S[0], max=bounds.AROUND_S[1], help="Seconds of a clip after its risky point."),
+        typer.Option(min=AROUND_S[0], max=AROUND_S[1], help="Seconds of a clip after its risky point."),
     ] = CampaignSettings.after_s
     risky_points: Annotated[
         int,
-        typer.Option(
-            min=bounds.RISKY_POINTS[0], max=bounds.RISKY_POINTS[1], help="Maximum number of risky points per run."
-        ),
+        typer.Option(min=RISKY_POINTS[0], max=RISKY_POINTS[1], help="Maximum number of risky points per run."),
     ] = CampaignSettings.risky_points
-    children: Annotated[
-        int, typer.Option(min=bounds.CHILDREN[0], max=bounds.CHILDREN[1], help="Number of mutants per clip.")
-    ] = CampaignSettings.children
+    children: Annotated[int, typer.Option(min=CHILDREN[0], max=CHILDREN[1], help="Number of mutants per clip.")] = (
+        CampaignSettings.children
+    )
     handover: common.HandoverOption = None
     repeat: Annotated[
         int,
         typer.Option(
-            min=bounds.REPEAT[0],
-            max=bounds.REPEAT[1],
+            min=REPEAT[0],
+            max=REPEAT[1],
             help="Number of times each clip is mutated, each with another seed.",
         ),
     ] = CampaignSettings.repeat

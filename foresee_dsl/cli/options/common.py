@@ -17,7 +17,7 @@ from typer.core import TyperCommand
 
 from foresee_dsl.cli.completion import drivers
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
-from foresee_dsl.language.campaign_bounds import SEED, RulesMode
+from foresee_dsl.language.campaign_values import SEED, RulesMode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -4,14 +4,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language import campaign_bounds as bounds
+from foresee_dsl.language.campaign_values import AROUND_S, CHILDREN, REPEAT, RISKY_POINTS, SEED
 from foresee_dsl.language.model.item import ONE_OF, Bounds, Item
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.values import FilePath, Id, Name, OfDimension, Quantity
 
 _Time = Annotated[Quantity, OfDimension("time")]
 _Count = Annotated[Quantity, OfDimension("count")]
-_Around = Annotated[_Time, Bounds(*bounds.AROUND_S)]
+_Around = Annotated[_Time, Bounds(*AROUND_S)]
 """A campaign has no parameters, so its values are plain numbers."""
 
 
@@ -77,7 +77,7 @@ class RiskyPoints(Item):
     pattern = "risky_points {count}"
     words = "risky_points (statement): how many risky points of a run are clipped, at most | risky_points 4"
 
-    count: Annotated[_Count, Bounds(*bounds.RISKY_POINTS)]
+    count: Annotated[_Count, Bounds(*RISKY_POINTS)]
 
 
 class Children(Item):
@@ -86,7 +86,7 @@ class Children(Item):
     pattern = "children {count}"
     words = "children (statement): how many mutants a clip gets | children 4"
 
-    count: Annotated[_Count, Bounds(*bounds.CHILDREN)]
+    count: Annotated[_Count, Bounds(*CHILDREN)]
 
 
 class Repeat(Item):
@@ -95,7 +95,7 @@ class Repeat(Item):
     pattern = "repeat {times}"
     words = "repeat (statement): how often clips are mutated, each time with the next seed | repeat 3"
 
-    times: Annotated[_Count, Bounds(*bounds.REPEAT)]
+    times: Annotated[_Count, Bounds(*REPEAT)]
 
 
 class Allocation(Item):
@@ -117,7 +117,7 @@ class FirstSeed(Item):
 
     pattern = "seed {seed}"
 
-    seed: Annotated[_Count, Bounds(*bounds.SEED)]
+    seed: Annotated[_Count, Bounds(*SEED)]
 
 
 class Budget(Item):

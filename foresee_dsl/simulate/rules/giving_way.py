@@ -53,8 +53,8 @@ class Contender:
     since_s: float = math.inf
 
 
-@dataclass(slots=True)
-class Way:
+@dataclass(slots=True, eq=False)
+class YieldArea:
     """A common area of an actor's way and another one, at which it has to give way.
 
     Attributes:
@@ -89,11 +89,11 @@ class Way:
                 yield contender.actor
 
 
-def _hindered(contender: Contender, inside_s: float, speed_mps: float, way: Way) -> bool:
+def _hindered(contender: Contender, inside_s: float, speed_mps: float, area: YieldArea) -> bool:
     room, speed = contender.room_m, contender.speed_mps
-    if way.conflict.pedestrian:
+    if area.conflict.pedestrian:
         return room <= speed * inside_s
-    if way.joins:
+    if area.joins:
         faster = max(speed - speed_mps, 0.0)
         return faster * faster / (2 * max(room, 0.1)) > COMFORT_MPS2
     if speed * inside_s <= room:
@@ -104,31 +104,31 @@ def _hindered(contender: Contender, inside_s: float, speed_mps: float, way: Way)
     return braking > COMFORT_MPS2
 
 
-def ways_over(simulation: Simulation, passage: Passage) -> Sequence[Way]:
+def yield_areas(simulation: Simulation, passage: Passage) -> Sequence[YieldArea]:
     """Return the areas on an actor's passage over a junction at which it has to give way, in their order."""
     network, movement = simulation.network, passage.movement
     all_stop = network.junctions[passage.junction].type == ALL_WAY_STOP
-    ways = [
-        Way(passage.junction, passage.entry_s + c.own[0], passage.entry_s + c.own[1], c, movement)
+    areas = [
+        YieldArea(passage.junction, passage.entry_s + c.own[0], passage.entry_s + c.own[1], c, movement)
         for c in conflicts_of(network, movement)
         if c.yields and not (all_stop and not c.pedestrian)  # there the first to come goes first
     ]
-    return sorted(ways, key=lambda way: way.begin_s)
+    return sorted(areas, key=lambda area: area.begin_s)
 
 
-def contenders(simulation: Simulation, actor: SimulatedActor, way: Way) -> Iterator[Contender]:
+def contenders(simulation: Simulation, actor: SimulatedActor, area: YieldArea) -> Iterator[Contender]:
     """Yield the actors to which an actor that enters an area now has to give way."""
-    if not _has_priority(simulation, way):
+    if not _has_priority(simulation, area):
         return
     for other in simulation.others(actor):
-        contender = _on_crossing(other, way, actor) if way.conflict.pedestrian else _coming(simulation, other, way)
+        contender = _on_crossing(other, area, actor) if area.conflict.pedestrian else _coming(simulation, other, area)
         if contender is not None:
             yield contender
 
 
-def _has_priority(simulation: Simulation, way: Way) -> bool:
+def _has_priority(simulation: Simulation, area: YieldArea) -> bool:
     """Return whether the other way goes first now: without a signal always, otherwise if both are green."""
-    signals, conflict, own = simulation.world.signals, way.conflict, way.movement
+    signals, conflict, own = simulation.world.signals, area.conflict, area.movement
     if not conflict.tls:
         return True
     if conflict.pedestrian:
@@ -139,9 +139,9 @@ def _has_priority(simulation: Simulation, way: Way) -> bool:
     return state[conflict.link] in _GO and state[own.link] == "g"
 
 
-def _on_crossing(other: SimulatedActor, way: Way, actor: SimulatedActor) -> Contender | None:
+def _on_crossing(other: SimulatedActor, area: YieldArea, actor: SimulatedActor) -> Contender | None:
     """Return a pedestrian on a crossing that is in the actor's way or walks towards it; None for others."""
-    crossing = way.conflict.of
+    crossing = area.conflict.of
     if other.placed.model.kind != "pedestrian" or not isinstance(crossing, Crossing):
         return None
     line, beside_m = crossing.lane.line, (actor.width + other.width) / 2 - HALF_WIDTH_M
@@ -151,7 +151,7 @@ def _on_crossing(other: SimulatedActor, way: Way, actor: SimulatedActor) -> Cont
     if abs(left_m) > crossing.lane.width_m / 2 + ON_CROSSING_M:
         return None
     along = other.speed * math.cos(other.heading - line.at(s)[2])
-    first, last = way.conflict.other[0] - beside_m, way.conflict.other[1] + beside_m
+    first, last = area.conflict.other[0] - beside_m, area.conflict.other[1] + beside_m
     walked = (s if along > 0 else line.length_m - s) + ABOUT_TO_M
     since_s = walked / abs(along) if abs(along) >= WALKS_MPS else math.inf
     if first <= s <= last:
@@ -161,9 +161,9 @@ def _on_crossing(other: SimulatedActor, way: Way, actor: SimulatedActor) -> Cont
     return Contender(other.id, room, towards, since_s) if towards >= WALKS_MPS else None
 
 
-def _coming(simulation: Simulation, other: SimulatedActor, way: Way) -> Contender | None:
+def _coming(simulation: Simulation, other: SimulatedActor, area: YieldArea) -> Contender | None:
     """Return a vehicle that comes along the other way; None for others."""
-    line, conflict = other.placed.line, way.conflict
+    line, conflict = other.placed.line, area.conflict
     if line is None or other.placed.control == "static" or other.speed < WALKS_MPS:
         return None
     theirs = next((p for p in line.passages if p.movement is conflict.of), None)
@@ -179,7 +179,7 @@ def _coming(simulation: Simulation, other: SimulatedActor, way: Way) -> Contende
     return Contender(other.id, room, other.speed)
 
 
-def stands_in_the_way(simulation: Simulation, actor: SimulatedActor, passage: Passage, rear_s: float) -> bool:
+def blocks_others(simulation: Simulation, actor: SimulatedActor, passage: Passage, rear_s: float) -> bool:
     """Return whether an actor that stands in a junction keeps a vehicle from going on that has green, or no signal."""
     front_s, signals = rear_s + actor.length, simulation.world.signals
     for conflict in conflicts_of(simulation.network, passage.movement):
@@ -188,19 +188,19 @@ def stands_in_the_way(simulation: Simulation, actor: SimulatedActor, passage: Pa
             continue
         if conflict.tls and signals.colour(conflict.tls, conflict.link) != "green":
             continue
-        way = Way(passage.junction, begin_s, end_s, conflict, passage.movement)
-        if not way.joins and any(_waits(other, way) for other in simulation.others(actor)):
+        area = YieldArea(passage.junction, begin_s, end_s, conflict, passage.movement)
+        if not area.joins and any(_waits(other, area) for other in simulation.others(actor)):
             return True
     return False
 
 
-def _waits(other: SimulatedActor, way: Way) -> bool:
+def _waits(other: SimulatedActor, area: YieldArea) -> bool:
     """Return whether a vehicle stands close before the common area, on the other way."""
     line = other.placed.line
     if line is None or other.placed.control == "static" or other.speed >= WALKS_MPS:
         return False
-    theirs = next((p for p in line.passages if p.movement is way.conflict.of), None)
+    theirs = next((p for p in line.passages if p.movement is area.conflict.of), None)
     if theirs is None:
         return False
     front = line.project(other.x, other.y)[0] + other.length / 2
-    return 0.0 < theirs.entry_s + way.conflict.other[0] - way.conflict.entry_s - front <= WAITS_WITHIN_M
+    return 0.0 < theirs.entry_s + area.conflict.other[0] - area.conflict.entry_s - front <= WAITS_WITHIN_M

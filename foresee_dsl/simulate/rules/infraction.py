@@ -14,8 +14,6 @@ from typing import Any, Self
 from pydantic import TypeAdapter, ValidationError
 
 from foresee_dsl.documents import rounded
-from foresee_dsl.language.campaign_bounds import RULES_MODE as RULES_MODE  # noqa: PLC0414 - part of this module's interface
-from foresee_dsl.language.campaign_bounds import RulesMode as RulesMode  # noqa: PLC0414 - as above
 
 
 class Rule(StrEnum):

@@ -17,7 +17,7 @@ from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.outcome import Decision
-from foresee_dsl.simulate.rules.giving_way import Contender, Way, contenders, stands_in_the_way, ways_over
+from foresee_dsl.simulate.rules.giving_way import Contender, YieldArea, blocks_others, contenders, yield_areas
 from foresee_dsl.simulate.rules.infraction import Infraction, Rule
 from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP, STOPPED_MPS, StopLine, can_stop
 from foresee_dsl.simulate.trace import STEP_S
@@ -31,9 +31,9 @@ FASTER_FOR_S = 1.0
 """Time for which an actor is faster before that is reported, s. Ours: a controller may overshoot for a moment."""
 SLOWS_MPS2 = 1.0
 """Deceleration with which an actor has to slow down that begins the run above the limit, m/s^2. Ours: rolling out."""
-AGAINST_RAD = 2.0943951023931953
+AGAINST_RAD = math.radians(120)
 """An actor whose lane leads in a direction that differs by more than this from its own is on the wrong side, rad:
-120 degrees, `MAX_ALLOWED_ANGLE` of `WrongLaneTest` in CARLA's leaderboard."""
+`MAX_ALLOWED_ANGLE` of `WrongLaneTest` in CARLA's leaderboard."""
 PASSES_M = 15.0
 """An actor that stands this near ahead or beside, in the lanes of the right direction, may be passed on the other
 side, m (VCRT article 11). Ours: the length of a lorry and a gap."""
@@ -59,8 +59,8 @@ class RuleWatch:
         self._frame = -1
         self._half = actor.length / 2
         self._stops: list[StopLine] = []
-        self._ways: list[Way] = []
-        self._inside: list[Way] = []
+        self._areas: list[YieldArea] = []
+        self._inside: list[YieldArea] = []
         self._fronts: list[tuple[float, float]] = []
         self._open: dict[Rule, Infraction] = {}
         self._over_mps = 0.0
@@ -96,23 +96,23 @@ class RuleWatch:
         self._fronts.append((front, speed))
         if self._stops and front >= self._stops[0].entry_s - LOOKS_AHEAD_M:
             self._approach(front, speed)
-        while self._ways and front >= self._ways[0].begin_s:
-            self._enter(self._ways.pop(0))
+        while self._areas and front >= self._areas[0].begin_s:
+            self._enter(self._areas.pop(0))
         if self._inside:
             self._leave(s - self._half, speed)
         self._follow(line, s, left_m, speed)
 
-    def near_ways(self, within_m: float) -> Iterator[Way]:
+    def near_areas(self, within_m: float) -> Iterator[YieldArea]:
         """Yield the places ahead of the actor, no farther than this, m, at which it has to give way."""
         front = self._fronts[-1][0] if self._fronts else -math.inf
-        for way in self._ways:
-            if way.begin_s - front > within_m:
+        for area in self._areas:
+            if area.begin_s - front > within_m:
                 break
-            yield way
+            yield area
 
-    def comes(self, way: Way, other: str) -> bool:
+    def comes(self, area: YieldArea, other: str) -> bool:
         """Return whether another actor goes first at a place now, and has not passed it."""
-        return any(contender.actor == other for contender in contenders(self._simulation, self._actor, way))
+        return any(contender.actor == other for contender in contenders(self._simulation, self._actor, area))
 
     def end(self, decision: Decision) -> tuple[Infraction, ...]:
         """Return all infractions of the run, in the order of time, when it has ended with this decision.
@@ -120,9 +120,9 @@ class RuleWatch:
         A contact with an actor that goes first is an infraction of this frame. A second call changes nothing.
         """
         self.look()
-        for way in self._inside:
-            if any(contender.actor == decision.with_ for contender in way.contenders):
-                self._take(way, decision.with_)
+        for area in self._inside:
+            if any(contender.actor == decision.with_ for contender in area.contenders):
+                self._take(area, decision.with_)
         self._inside = []
         for rule in tuple(self._open):
             self._close(rule)
@@ -141,8 +141,8 @@ class RuleWatch:
         self._stops = [stop for stop in self._stops if stop.entry_s > front]
         for stop in self._stops[:1]:
             stop.could_stop = can_stop(stop.entry_s - front, speed)
-        ways = (way for p in self._passages if p.exit_s > s for way in ways_over(self._simulation, p))
-        self._ways = sorted((w for w in ways if can_stop(w.begin_s - front, speed)), key=lambda way: way.begin_s)
+        areas = (area for p in self._passages if p.exit_s > s for area in yield_areas(self._simulation, p))
+        self._areas = sorted((w for w in areas if can_stop(w.begin_s - front, speed)), key=lambda area: area.begin_s)
         self._over_mps = max(speed - self._limit(line, s), 0.0)
 
     # --- lines and ways ---------------------------------------------------------------------------------------------
@@ -166,29 +166,29 @@ class RuleWatch:
         if stop.must_stop and stop.slowest_mps > STOPPED_MPS:
             self._note(Rule.STOP, passage.junction, value=stop.slowest_mps)
 
-    def _enter(self, way: Way) -> None:
-        way.entered_s = self._simulation.time_s
-        coming = contenders(self._simulation, self._actor, way)
-        way.contenders = [contender for contender in coming if self._could_yield(way, contender)]
-        if way.contenders:
-            self._inside.append(way)
+    def _enter(self, area: YieldArea) -> None:
+        area.entered_s = self._simulation.time_s
+        coming = contenders(self._simulation, self._actor, area)
+        area.contenders = [contender for contender in coming if self._could_yield(area, contender)]
+        if area.contenders:
+            self._inside.append(area)
 
-    def _could_yield(self, way: Way, contender: Contender) -> bool:
+    def _could_yield(self, area: YieldArea, contender: Contender) -> bool:
         """Return whether the actor could still stop when a pedestrian was about to use the crossing."""
         if math.isinf(contender.since_s):
             return True
         front, speed = self._fronts[max(len(self._fronts) - 1 - round(contender.since_s / STEP_S), 0)]
-        return can_stop(way.begin_s - front, speed)
+        return can_stop(area.begin_s - front, speed)
 
     def _leave(self, rear: float, speed: float) -> None:
-        left = [way for way in self._inside if rear >= way.end_s]
-        for way in left:
-            self._inside.remove(way)
-            for other in way.taken_from(self._simulation.time_s, speed):
-                self._take(way, other)
+        left = [area for area in self._inside if rear >= area.end_s]
+        for area in left:
+            self._inside.remove(area)
+            for other in area.taken_from(self._simulation.time_s, speed):
+                self._take(area, other)
 
-    def _take(self, way: Way, other: str) -> None:
-        self._note(way.rule, way.junction, other=other, time_s=way.entered_s)
+    def _take(self, area: YieldArea, other: str) -> None:
+        self._note(area.rule, area.junction, other=other, time_s=area.entered_s)
 
     def _note(
         self, rule: Rule, place: str, *, other: str = "", value: float | None = None, time_s: float | None = None
@@ -249,7 +249,7 @@ class RuleWatch:
         rear = s - self._half
         for passage in self._passages:
             inside = passage.entry_s < s + self._half and rear < passage.exit_s
-            if inside and stands_in_the_way(self._simulation, self._actor, passage, rear):
+            if inside and blocks_others(self._simulation, self._actor, passage, rear):
                 return passage.junction
         return ""
 

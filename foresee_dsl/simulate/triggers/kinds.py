@@ -18,6 +18,7 @@ from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import point_distance
+from foresee_dsl.simulate.rules.giving_way import YieldArea
 from foresee_dsl.simulate.rules.infraction import Rule
 from foresee_dsl.simulate.rules.watch import RuleWatch
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
@@ -323,7 +324,7 @@ class _Yields(ConditionKind):
         self._rules, self._other = _rules_of(condition.actor, run), condition.other
         self._rule = Rule.CROSSING if isinstance(condition, m.YieldsAtCrossing) else Rule.PRIORITY
         self._junction = word_of(condition.junction or "")
-        self._waited_for: set[int] = set()
+        self._waited_for: set[YieldArea] = set()
         self.cost = Cost.EVERY_STEP
 
     def outcome(self) -> ConditionOutcome | None:
@@ -338,13 +339,13 @@ class _Yields(ConditionKind):
     def _passed(self) -> bool:
         """Return whether the other has passed, at this frame, a place that the actor has not reached yet."""
         passed = False
-        for way in self._rules.near_ways(YIELDS_WITHIN_M) if self._rules is not None else ():
-            if way.rule is not self._rule or self._junction not in ("", way.junction):
+        for area in self._rules.near_areas(YIELDS_WITHIN_M) if self._rules is not None else ():
+            if area.rule is not self._rule or self._junction not in ("", area.junction):
                 continue
-            if self._rules is not None and self._rules.comes(way, self._other):
-                self._waited_for.add(id(way))
-            elif id(way) in self._waited_for:
-                self._waited_for.remove(id(way))
+            if self._rules is not None and self._rules.comes(area, self._other):
+                self._waited_for.add(area)
+            elif area in self._waited_for:
+                self._waited_for.remove(area)
                 passed = True
         return passed
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
-from foresee_dsl.simulate.rules.infraction import RulesMode
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_study.halves import Half
 
 BUNDLED = "bundled"

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
-from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_study.faults.approaches import Approach
 from foresee_study.faults.evidence import Evidence
 from foresee_study.faults.measures import detects, weakest

@@ -20,8 +20,8 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_study.faults import in_order
 from foresee_study.faults.approaches import Approach
 from foresee_study.faults.evidence import (

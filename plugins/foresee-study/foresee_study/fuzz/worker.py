@@ -14,10 +14,10 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.errors import InputError
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.simulate.results.verdict import Verdict
-from foresee_dsl.simulate.rules.infraction import RulesMode
 from foresee_study.fuzz import settings as s
 from foresee_study.fuzz.mutation import Mutated, Mutator
 from foresee_study.fuzz.quality import Quality, quality_of

@@ -1,6 +1,6 @@
-"""Values of a campaign's settings, of the statements in its file and of the options: bounds, and what rules mean.
+"""Bounds, kinds and defaults of settings that an option and a statement share.
 
-Nothing of the package is imported here: `foresee campaign --help` needs the bounds without the model.
+Nothing of the package is imported here: `foresee campaign --help` needs them without the model.
 """
 
 from __future__ import annotations
