@@ -15,7 +15,7 @@ from foresee_dsl.report.page.recorded import (
     Anticipation,
     Campaign,
     CaseRun,
-    Child,
+    ChildRun,
     ClipRun,
     Finding,
     Preventability,
@@ -224,7 +224,7 @@ def _failures(source: Source) -> dict[str, Outcome]:
     return outcomes
 
 
-def _child(source: Source, clip: ClipRun, child: Child, parent: Path | None, seed: int) -> Outcome:
+def _child(source: Source, clip: ClipRun, child: ChildRun, parent: Path | None, seed: int) -> Outcome:
     again = child.mutant.rpartition("_m")[0].rpartition("_s")  # a repeated mutation: `case_p1_s3_m2`
     if again[0] == clip.clip and again[2].isdigit():
         seed = int(again[2])
@@ -249,7 +249,7 @@ def _case_name(case: CaseRun) -> str:
     return Path(case.trace).stem if case.trace else case_file_name(case.test_case, Path(case.test_case).stem)
 
 
-def _failing_children(campaign: Campaign) -> Iterator[tuple[ClipRun, Child]]:
+def _failing_children(campaign: Campaign) -> Iterator[tuple[ClipRun, ChildRun]]:
     for clip in campaign.clip_runs:
         for child in clip.children:
             if child.file is not None:
@@ -261,7 +261,7 @@ def _each_alone(source: Source) -> tuple[Finding, ...]:
     campaign = source.campaign
     families = {case.test_case: case.family for case in campaign.test_cases}
     kinds = {verdict.value for verdict in FAILURES}
-    failures: list[tuple[str, CaseRun | Child, str, str | None]] = [
+    failures: list[tuple[str, CaseRun | ChildRun, str, str | None]] = [
         (_case_name(case), case, case.test_case, case.test_case)
         for case in campaign.test_cases
         if case.verdict in kinds

@@ -51,20 +51,24 @@ class Reference(_Part):
     apart: str | None = None
 
 
-class Child(_Part):
-    """A run of a mutant; `file`: its path in the campaign's folder if it failed."""
+class _Run(_Part):
+    """What a campaign records of each run that it judges."""
 
-    mutant: str
-    operators: tuple[str, ...] = ()
     verdict: str
     broken_expectations: tuple[str, ...] = ()
-    with_: str = Field("", alias="with")
     reason: str = ""
-    file: str | None = None
     near_misses: dict[str, Nearest | None] | None = None
     preventability: Preventability | None = None
     anticipation: Anticipation | None = None
     references: tuple[Reference, ...] = ()
+
+
+class ChildRun(_Run):
+    """A run of a mutant; `file`: its path in the campaign's folder if it failed."""
+
+    mutant: str
+    operators: tuple[str, ...] = ()
+    file: str | None = None
     round: int | None = None
     drawn_near: str | None = None
 
@@ -75,23 +79,15 @@ class ClipRun(_Part):
     clip: str
     test_case: str
     verdict: str
-    children: tuple[Child, ...] = ()
+    children: tuple[ChildRun, ...] = ()
 
 
-class CaseRun(_Part):
+class CaseRun(_Run):
     """A run of a test case."""
 
     test_case: str
     family: str = ""
-    verdict: str
-    broken_expectations: tuple[str, ...] = ()
-    reason: str = ""
-    duration_s: float = 0.0
     risky_points: int = 0
-    near_misses: dict[str, Nearest | None] | None = None
-    preventability: Preventability | None = None
-    anticipation: Anticipation | None = None
-    references: tuple[Reference, ...] = ()
     trace: str | None = None
 
 
