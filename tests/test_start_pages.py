@@ -51,9 +51,13 @@ def follow(root: Path, page: str, folder: Path) -> None:
             assert shown in printed or listed, f"{page} shows\n{content}\nbut the commands print\n{printed}"
 
 
-def test_the_first_finding(project: Path) -> None:
+def test_the_first_finding(root: Path, project: Path) -> None:
     assert (project / "out/report.html").is_file()
-    assert (project / "regressions/main_street_steps_out_p1_m1.foresee").is_file()
+    kept = (project / "regressions/main_street_steps_out_p1_m1.foresee").read_text(encoding="utf-8")
+    page = (root / "docs/guide/ci.md").read_text(encoding="utf-8")
+    failure, sentence, _, _, place = page.partition("came back: ")[2].splitlines()[:5]
+    assert f'found "{failure}"' in kept and f"# {sentence}" in kept
+    assert kept.splitlines()[4].strip() in place, "the page shows the failure of the kept mutant"
 
 
 def test_the_first_scenario_and_its_mistake(root: Path, project: Path) -> None:
