@@ -13,14 +13,11 @@ import numpy as np
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.constants import GRAVITY_MPS2
+from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.roads import SlipperyGround
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEER, STEP_S, Trace, X, Y
 
-BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
-"""Hardest braking of the careful driver, m/s^2: R157, Annex 4, appendix 3 (0.774 g); less if the road or the vehicle
-limits it."""
 JERK_MPS3 = 12.65
 """Rate at which braking builds up, m/s^3, 0.6 s to the hardest: R157, Annex 4, appendix 3; `CC_min_jerk` in JRC-FSM."""
 KEEPS_PATH_M = 3.0
@@ -119,7 +116,7 @@ class Replay:
     def _brake(self, bicycle: Bicycle) -> Control:
         """Return the control of braking that builds up from the recorded driver's, and is never weaker."""
         since = self._frame + 1 - self._brakes_from if math.isfinite(self._brakes_from) else 0
-        level = min(self._least_mps2 + JERK_MPS3 * since * STEP_S, max(BRAKING_MPS2, self._least_mps2))
+        level = min(self._least_mps2 + JERK_MPS3 * since * STEP_S, max(HARDEST_BRAKING_MPS2, self._least_mps2))
         wheel = wheel_share(self._angle(bicycle), bicycle.limits.steer_max_rad)
         if self._state.speed <= level * STEP_S:
             return Control(wheel, 0.0, 1.0)  # the ego stops, and the brake holds it

@@ -22,6 +22,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict, passes
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
@@ -59,6 +60,8 @@ class DriverRun:
     """Broken expectations, one sentence each."""
     infractions: tuple[Infraction, ...] = ()
     """The traffic rules that the ego broke, in the order of time."""
+    near: NearMisses | None = None
+    """How near the run came to a failure."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -70,6 +73,7 @@ class DriverRun:
             "verdict": self.verdict,
             "broken_expectations": self.broken_expectations,
             "infractions": self.infractions,
+            "near_misses": self.near,
             "reason": self.reason,
             "duration_s": self.duration_s,
             "way_m": self.way_m,
@@ -250,6 +254,7 @@ def run_one(
         notes=result.notes,
         broken_expectations=result.broken_expectations,
         infractions=result.infractions,
+        near=result.near_misses,
     )
 
 

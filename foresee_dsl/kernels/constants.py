@@ -8,3 +8,5 @@ STANDS_MPS = 0.1
 """Speed below which an actor stands, m/s: SUMO's threshold for a halting vehicle."""
 GRAVITY_MPS2 = 9.81
 """Standard gravity, m/s^2, with the digits that the definition of `VehicleLimits` uses."""
+HARDEST_BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
+"""Hardest braking of a careful driver, m/s^2: R157, Annex 4, appendix 3 (0.774 g)."""

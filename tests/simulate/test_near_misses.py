@@ -180,7 +180,7 @@ def test_alone() -> None:
     ego = straight("car", 0, 0, EAST, 10, seconds=3)
     gone = until(straight("car", 9, 0, EAST, 0, seconds=3), -STEP_S)
     for tracks in ({"ego": ego}, {"ego": ego, "gone": gone}):
-        assert vars(near_misses(make_trace(tracks))) == dict.fromkeys(("distance_m", "ttc_s", "pet_s", "drac_mps2"))
+        assert set(vars(near_misses(make_trace(tracks))).values()) == {None}
 
 
 def boxes(trace: Trace, actor: int) -> np.ndarray:

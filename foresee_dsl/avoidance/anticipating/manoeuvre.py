@@ -9,10 +9,11 @@ import numpy as np
 
 from foresee_dsl.avoidance.anticipating.settings import BUILDS_UP_S, COMFORTABLE_MPS2, LATERAL_JERK_MPS3, LATERAL_MPS2
 from foresee_dsl.avoidance.anticipating.way import Way
-from foresee_dsl.avoidance.replay import BRAKING_MPS2, KEEPS_PATH_M, Replay, pedals_for, wheel_share
+from foresee_dsl.avoidance.replay import KEEPS_PATH_M, Replay, pedals_for, wheel_share
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
@@ -65,7 +66,7 @@ def sidestep_s(sideways_m: float) -> float:
     return max(math.sqrt(_PEAK * far / LATERAL_MPS2), math.cbrt(_JERK * far / LATERAL_JERK_MPS3))
 
 
-HARDEST = BRAKING_MPS2
+HARDEST = HARDEST_BRAKING_MPS2
 """The hardest braking: R157's, 0.774 g."""
 
 

@@ -1,11 +1,8 @@
-"""Measures how near a run came to a failure: smallest distance, TTC and post-encroachment time, hardest braking.
+"""Measures how near a run came to a failure: the worst values of its criticality, its smallest distance, and PET.
 
-All measures are between the footprints of the ego and another actor. A *path* is the curve that a footprint followed in
-the run, continued straight ahead after the run's end. The measures are those of Westhofen et al., "Criticality Metrics
-for Automated Driving" (Archives of Computational Methods in Engineering, 2023); our formulas for DRAC and PET were not
-compared with the text. Ours is that actors are predicted along their paths, not along the heading of each frame: with
-straight lines an actor that turns at a junction would have a small time to collision with actors waiting there, and so
-would two actors that meet in a bend.
+All measures are between the footprints of the ego and another actor, and those at one moment are of `criticality`. They
+are those of Westhofen et al., "Criticality Metrics for Automated Driving" (Archives of Computational Methods in
+Engineering, 2023); our formulas for DRAC and PET were not compared with the text.
 
 - distance(t): between the footprints, m.
 - TTC(t): the least tau after which the footprints touch if both keep their speeds of t along their paths.
@@ -23,32 +20,24 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import IntArray, box_overlap, pairwise_box_distance
-from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.measuring import Part
-from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
+from foresee_dsl.simulate.results.criticality import Measure, criticality, of_contacts, of_place
+from foresee_dsl.simulate.results.footprints import HORIZON_S, Footprints, contacts_with, predicted
+from foresee_dsl.simulate.trace import STEP_S, Trace
 
-HORIZON_S = 5.0
-"""Longest TTC and PET that count, s. Ours: conflict studies call 1.5 s to 3 s serious."""
-LOOKS_AHEAD_S = 0.1
-"""Time step of the search for TTC, which is then refined to a millisecond, s. Ours: only a touch of two corners is
-shorter, and is missed."""
 CROSSING_RAD = math.radians(20)
 """Difference of headings below which two paths have the same direction at a spot, rad. Ours: the forecast's threshold
 for crossing paths (`crossing_angle_rad`)."""
 _SKIPPED = 4
 """Every fourth frame is evaluated first, then all frames around the worst of these."""
-_STEPS_AHEAD_S: FloatArray = np.arange(0.0, HORIZON_S + 1e-9, LOOKS_AHEAD_S)
 _BIN_M = 2.0
 """Length of the pieces in which paths are first compared, m. Ours: it affects the computing time, not the result."""
 _BEND_M = 0.4
 """Upper bound of a piece's distance from the straight line, m: 2^2 / (2 x 5) on an arc with a radius of 5 m."""
-_HALVINGS = 7
-"""Number of halvings of the step of 0.1 s after which it is shorter than a millisecond."""
 
 
 @dataclass(frozen=True)
@@ -76,20 +65,32 @@ class NearMisses:
     Attributes:
         distance_m: smallest distance between footprints. ttc_s: smallest time to collision.
         pet_s: smallest post-encroachment time. drac_mps2: hardest braking needed, infinity at a contact.
+        btn, ttb_s, tts_s, ttr_s, thw_s, rss_m, delta_v_mps, injury_risk: worst value of each `criticality.Measure`.
     """
 
     distance_m: NearMiss | None
     ttc_s: NearMiss | None
     pet_s: NearMiss | None
     drac_mps2: NearMiss | None
+    btn: NearMiss | None = None
+    ttb_s: NearMiss | None = None
+    tts_s: NearMiss | None = None
+    ttr_s: NearMiss | None = None
+    thw_s: NearMiss | None = None
+    rss_m: NearMiss | None = None
+    delta_v_mps: NearMiss | None = None
+    injury_risk: NearMiss | None = None
 
 
 @Part.JUDGING.measured
 def near_misses(trace: Trace) -> NearMisses:
     """Return how near the ego came to a failure in a run, obstacles and parked cars included."""
-    run = _Footprints(trace)
-    ttc, drac = _conflicts(run)
-    return NearMisses(_closest(run), ttc, _encroachment(run), drac)
+    run = Footprints(trace)
+    worst = {measure.value: near_miss for measure, near_miss in _worst(run).items()}
+    return NearMisses(distance_m=_closest(run), pet_s=_encroachment(run), **dict.fromkeys(_AT_A_MOMENT) | worst)
+
+
+_AT_A_MOMENT = tuple(measure.value for measure in Measure)
 
 
 def times_to_collision(trace: Trace, actor: int) -> FloatArray:
@@ -98,13 +99,7 @@ def times_to_collision(trace: Trace, actor: int) -> FloatArray:
     Args:
         trace: a run. actor: column of the other actor.
     """
-    run, frames = _Footprints(trace), np.arange(trace.frames)
-    times_s = np.full(trace.frames, np.inf)
-    if trace.frames:
-        ego = run.path(0)
-        rows, ttc, _ = _with(run, ego, actor, frames, _ahead(run, ego, frames))
-        times_s[rows] = ttc
-    return times_s
+    return np.nan_to_num(criticality(trace, actor)[Measure.TTC], nan=np.inf)
 
 
 def braking_needed(trace: Trace, actor: int) -> FloatArray:
@@ -113,81 +108,18 @@ def braking_needed(trace: Trace, actor: int) -> FloatArray:
     Args:
         trace: a run. actor: column of the other actor.
     """
-    run, frames = _Footprints(trace), np.arange(trace.frames)
-    braking = np.zeros(trace.frames)
-    if trace.frames:
-        ego = run.path(0)
-        rows, _, drac = _with(run, ego, actor, frames, _ahead(run, ego, frames))
-        braking[rows] = drac
-    return braking
+    return np.nan_to_num(criticality(trace, actor)[Measure.DRAC], posinf=np.inf)
 
 
-class _Footprints:
-    """A run as footprints."""
-
-    def __init__(self, trace: Trace) -> None:
-        self.trace = trace
-        self.xy: FloatArray = trace.states[:, :, [X, Y]]
-        self.heading: FloatArray = trace.states[:, :, HEADING]
-        self.speed: FloatArray = trace.states[:, :, SPEED]
-        self.size = np.array([(info.length_m, info.width_m) for info in trace.actors], dtype=np.float64)
-        self.radius: FloatArray = np.hypot(self.size[:, 0], self.size[:, 1]) / 2
-        delta = self.xy[:, 1:] - self.xy[:, :1]
-        self.apart: FloatArray = np.hypot(delta[..., 0], delta[..., 1])
-        """[T, A - 1] distance between the centres, m; NaN where the actor is absent."""
-        self._paths: dict[int, _Path] = {}
-
-    def boxes(self, frames: IntArray, actors: IntArray | int) -> FloatArray:
-        """Return footprints, [N, 5]."""
-        boxes = np.empty((len(frames), 5))
-        boxes[:, :2], boxes[:, 2], boxes[:, 3:] = (
-            self.xy[frames, actors],
-            self.heading[frames, actors],
-            self.size[actors],
-        )
-        return boxes
-
-    def path(self, actor: int) -> _Path:
-        """Return an actor's path, from the cache."""
-        if actor not in self._paths:
-            self._paths[actor] = _Path(self, actor)
-        return self._paths[actor]
-
-    def miss(self, value: float, frame: int, actor: int) -> NearMiss:
-        """Return a value with its time and the other actor's id."""
-        return NearMiss(float(value), float(self.trace.time_s[frame]), self.trace.actors[actor].id)
-
-
-class _Path:
-    """An actor's path, as a function of the length along it, m."""
-
-    def __init__(self, run: _Footprints, actor: int) -> None:
-        self.present: IntArray = np.flatnonzero(~np.isnan(run.xy[:, actor, 0]))
-        self._xy, self._heading = run.xy[self.present, actor], np.unwrap(run.heading[self.present, actor])
-        steps = self._xy[1:] - self._xy[:-1]
-        self._along = np.zeros(len(self._xy) or 1)
-        np.cumsum(np.hypot(steps[:, 0], steps[:, 1]), out=self._along[1:])
-        self.along: FloatArray = np.full(len(run.xy), np.nan)
-        self.along[self.present] = self._along
-
-    def places(self, along: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return x and y (m) at lengths along the path, continued straight ahead beyond its end."""
-        beyond = np.maximum(along - self._along[-1], 0.0)
-        last = self._heading[-1]
-        x = np.interp(along, self._along, self._xy[:, 0]) + beyond * math.cos(last)
-        y = np.interp(along, self._along, self._xy[:, 1]) + beyond * math.sin(last)
-        return x, y
-
-    def headings(self, along: FloatArray) -> FloatArray:
-        """Return the headings (rad) at lengths along the path."""
-        headings: FloatArray = np.interp(along, self._along, self._heading)
-        return headings
+def _miss(run: Footprints, value: float, frame: int, actor: int) -> NearMiss:
+    """Return a value with its time and the other actor's id."""
+    return NearMiss(float(value), float(run.trace.time_s[frame]), run.trace.actors[actor].id)
 
 
 # --- smallest distance -----------------------------------------------------------------------------------------------
 
 
-def _closest(run: _Footprints) -> NearMiss | None:
+def _closest(run: Footprints) -> NearMiss | None:
     if not np.isfinite(run.apart).any():
         return None
     # The distance of two footprints is at least that of the circles around them and at most that of circles inside.
@@ -196,90 +128,40 @@ def _closest(run: _Footprints) -> NearMiss | None:
     frames, others = np.nonzero(least <= np.nanmin(most))
     distances = pairwise_box_distance(run.boxes(frames, 0), run.boxes(frames, others + 1))
     k = int(distances.argmin())
-    return run.miss(distances[k], int(frames[k]), int(others[k]) + 1)
+    return _miss(run, distances[k], int(frames[k]), int(others[k]) + 1)
 
 
-# --- time to collision, and the braking it takes ---------------------------------------------------------------------
+# --- measures at a moment --------------------------------------------------------------------------------------------
 
 
-def _conflicts(run: _Footprints) -> tuple[NearMiss | None, NearMiss | None]:
-    """Return the smallest TTC and the largest DRAC."""
-    ego, frames = run.path(0), len(run.xy)
+def _worst(run: Footprints) -> dict[Measure, NearMiss]:
+    """Return the worst value of each measure; a braking of 0 is none."""
+    frames = len(run.xy)
     # The last frame is always evaluated: a failure happens there.
     looked_at = np.unique(np.append(np.arange(0, frames, _SKIPPED), max(frames - 1, 0))) if frames else np.arange(0)
-    soonest: NearMiss | None = None
-    hardest: NearMiss | None = None
-    near: list[tuple[int, IntArray]] = []
-    places = _ahead(run, ego, looked_at)
+    worst: dict[Measure, NearMiss] = {}
+    places = predicted(run, looked_at)
     for actor in range(1, run.xy.shape[1]):
-        rows, ttc, drac = _with(run, ego, actor, looked_at, places)
-        if rows.size:
-            near.append((actor, np.unique([rows[ttc.argmin()], rows[drac.argmax()]])))
-    # Then evaluate all frames around each actor's worst frames so far.
-    for actor, worst in near:
-        about = np.unique(np.clip(worst[:, None] + np.arange(-_SKIPPED, _SKIPPED + 1), 0, frames - 1))
-        rows, ttc, drac = _with(run, ego, actor, about, _ahead(run, ego, about))
-        k, h = int(ttc.argmin()), int(drac.argmax())
-        if soonest is None or ttc[k] < soonest.value:
-            soonest = run.miss(ttc[k], int(rows[k]), actor)
-        if drac[h] > 0 and (hardest is None or drac[h] > hardest.value):
-            hardest = run.miss(drac[h], int(rows[h]), actor)
-    return soonest, hardest
-
-
-def _ahead(run: _Footprints, ego: _Path, frames: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return the ego's predicted positions after each frame, [N, steps ahead] x and y, m."""
-    return ego.places(ego.along[frames, None] + run.speed[frames, 0, None] * _STEPS_AHEAD_S)
-
-
-def _with(
-    run: _Footprints,
-    ego: _Path,
-    actor: int,
-    looked_at: IntArray,
-    ego_places: tuple[FloatArray, FloatArray],
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the frames with a predicted contact with an actor, and the TTC (s) and DRAC (m/s^2) there."""
-    reach = run.radius[0] + run.radius[actor]
-    closing = run.speed[looked_at, 0] + run.speed[looked_at, actor]
-    can = np.flatnonzero(run.apart[looked_at, actor - 1] - reach <= closing * HORIZON_S)  # False where absent
-    if not can.size:
-        return can, np.empty(0), np.empty(0)
-    frames, path = looked_at[can], run.path(actor)
-    speeds = run.speed[frames, 0], run.speed[frames, actor]
-    x, y = path.places(path.along[frames, None] + speeds[1][:, None] * _STEPS_AHEAD_S)
-    near = (x - ego_places[0][can]) ** 2 + (y - ego_places[1][can]) ** 2 <= reach * reach
-    row, column = np.nonzero(near)
-
-    def touch(row: IntArray, tau: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
-        """Return per row whether the footprints overlap `tau` (s) after its frame, and their headings' difference."""
-        mine, theirs = ego.along[frames[row]] + speeds[0][row] * tau, path.along[frames[row]] + speeds[1][row] * tau
-        a, b = _swept(ego, mine, run.size[0]), _swept(path, theirs, run.size[actor])
-        return box_overlap(a, b), b[:, 2] - a[:, 2]
-
-    touching = touch(row, _STEPS_AHEAD_S[column])[0]
-    if not touching.any():
-        return can[:0], np.empty(0), np.empty(0)
-    row, first = np.unique(row[touching], return_index=True)
-    late = _STEPS_AHEAD_S[column[touching][first]]
-    early = np.maximum(late - LOOKS_AHEAD_S, 0.0)
-    for _ in range(_HALVINGS):
-        middle = (early + late) / 2
-        there = touch(row, middle)[0]
-        early, late = np.where(there, early, middle), np.where(there, middle, late)
-    ttc = np.where(touch(row, np.zeros(len(row)))[0], 0.0, late)
-    closes = speeds[0][row] - speeds[1][row] * np.cos(touch(row, ttc)[1])
-    closes = np.where(speeds[0][row] < STANDS_MPS, 0.0, np.maximum(closes, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        drac = np.where(closes > 0, closes / (2 * ttc), 0.0)
-    return frames[row], ttc, drac
-
-
-def _swept(path: _Path, along: FloatArray, size: FloatArray) -> FloatArray:
-    boxes = np.empty((len(along), 5))
-    boxes[:, 0], boxes[:, 1] = path.places(along)
-    boxes[:, 2], boxes[:, 3:] = path.headings(along), size
-    return boxes
+        evaluated = [of_place(run, actor, looked_at)]
+        contacts = contacts_with(run, actor, looked_at, places)
+        if contacts.frames.size:
+            at_first = of_contacts(run, actor, contacts)
+            # Then evaluate all frames around the worst so far.
+            hardest = at_first.values[Measure.DRAC].argmax()
+            about = np.unique([contacts.frames[contacts.ttc_s.argmin()], contacts.frames[hardest]])
+            about = np.unique(np.clip(about[:, None] + np.arange(-_SKIPPED, _SKIPPED + 1), 0, frames - 1))
+            again = contacts_with(run, actor, about, predicted(run, about))
+            evaluated += [of_contacts(run, actor, again), at_first]
+        for part in evaluated:
+            for measure, values in part.values.items():
+                signed = np.where(np.isnan(values), -np.inf, measure.sign * values)
+                k = int(signed.argmax())
+                before = worst.get(measure)
+                if signed[k] == -np.inf or (measure is Measure.DRAC and not values[k] > 0):
+                    continue
+                if before is None or signed[k] > measure.sign * before.value:
+                    worst[measure] = _miss(run, values[k], int(part.frames[k]), actor)
+    return worst
 
 
 # --- post-encroachment time ------------------------------------------------------------------------------------------
@@ -300,7 +182,7 @@ class _Pieces:
     middle: IntArray
 
 
-def _encroachment(run: _Footprints) -> NearMiss | None:
+def _encroachment(run: Footprints) -> NearMiss | None:
     if run.xy.shape[1] < 2 or not len(run.xy):
         return None
     mine, theirs = _pieces(run, [0]), _pieces(run, list(range(1, run.xy.shape[1])))
@@ -315,10 +197,10 @@ def _encroachment(run: _Footprints) -> NearMiss | None:
         passage = _between(run, mine, int(i[k]), theirs, int(j[k]))
         if passage is not None and passage[0] <= horizon and (best is None or passage[0] < best[0]):
             best = *passage, actor
-    return None if best is None else run.miss(best[0] * STEP_S, best[1], best[2])
+    return None if best is None else _miss(run, best[0] * STEP_S, best[1], best[2])
 
 
-def _pieces(run: _Footprints, actors: list[int]) -> _Pieces:
+def _pieces(run: Footprints, actors: list[int]) -> _Pieces:
     first, last, of = [], [], []
     for actor in actors:
         path = run.path(actor)
@@ -334,7 +216,7 @@ def _pieces(run: _Footprints, actors: list[int]) -> _Pieces:
     return _Pieces(np.concatenate(of or empty), a, b, (a + b) // 2)
 
 
-def _candidates(run: _Footprints, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
+def _candidates(run: Footprints, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
     """Return the indices of pairs of pieces (of the ego, of another actor) that may have a spot in common."""
     if not theirs.actor.size:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
@@ -352,7 +234,7 @@ def _candidates(run: _Footprints, mine: _Pieces, theirs: _Pieces) -> tuple[IntAr
     return i[meet], j[meet]
 
 
-def _between(run: _Footprints, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
+def _between(run: Footprints, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
     """Return the least number of steps between both actors at one spot of two pieces, and the later frame."""
     actor = int(theirs.actor[j])
     e = _moving(run, int(mine.first[i]), int(mine.last[i]), 0)
@@ -369,7 +251,7 @@ def _between(run: _Footprints, mine: _Pieces, i: int, theirs: _Pieces, j: int) -
     return int(steps[k]), int(max(ego[k], other[k]))
 
 
-def _moving(run: _Footprints, first: int, last: int, actor: int) -> IntArray:
+def _moving(run: Footprints, first: int, last: int, actor: int) -> IntArray:
     """Return the frames of a piece without the inner frames of a stand: only arriving and leaving count."""
     frames = np.arange(first, last + 1)
     stands = run.speed[frames, actor] == 0.0
