@@ -341,6 +341,14 @@ def test_an_actor_that_a_player_moves_in_another_way_is_said(tmp_path: Path) -> 
     assert after_8_s == pytest.approx(96 - ran, abs=0.1)
 
 
+def test_an_actor_whose_lane_forks_is_said(tmp_path: Path) -> None:
+    """A waypoint names a road: esmini goes on straight in a lane where others_02 goes on in the lane beside it."""
+    file = Path(__file__).parents[3] / "scenarios/scenario3/between_parked_cars.foresee"
+    done = openscenario_export.run(f"{file}::child_after_ball", out=tmp_path, driver="idm", behaviour=True)
+    assert "others_02 has two lanes to go on in at park_ash: which of them, the player decides" in done.notes
+    assert sum(" has two lanes to go on in " in note for note in done.notes) < done.taken["of class car"] / 2
+
+
 def test_an_imported_map_is_given_back_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "straight.xodr").write_text(XODR)
     file = tmp_path / "on_a_map.foresee"

@@ -8,6 +8,8 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.compile.roads.polyline import XY, direction
 from foresee_dsl.compile.roads.route_line import RouteLine
@@ -15,7 +17,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.logic import TURNED
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.traversal import si_of, word_of
-from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.simulate.trace import Trace, X, Y
 from foresee_exchange.openscenario.reading.losses import NotExpressed
 from foresee_exchange.openscenario.writing.keeping import SpeedOrder, notes_of
 from foresee_exchange.openscenario.writing.library import (
@@ -177,7 +179,29 @@ def groups(bundle: SumoBundle, trace: Trace, left_out: Counter[str]) -> tuple[li
     for index, when in enumerate(bundle.scene.whens):
         board.when(index, when.condition, when.actions, every=when.repeat in ("every", "next"))
     maneuvers = [maneuver_group(actor, events) for actor, events in board.events.items()]
-    return maneuvers, list(notes_of(bundle.scene.actors, trace, board.orders, board.led, board.turned))
+    forks = {actor.id: junction for actor in bundle.scene.actors if (junction := _fork(actor, bundle, trace))}
+    return maneuvers, list(notes_of(bundle.scene.actors, trace, board.orders, board.led, board.turned, forks))
+
+
+def _fork(actor: PlacedActor, bundle: SumoBundle, trace: Trace) -> str:
+    """Return the first junction that an actor drove over where its lane leads to two lanes of its next road; "" for
+    none. A waypoint names a road, not a lane."""
+    line, names = actor.line, [info.id for info in trace.actors]
+    if actor.control != "sumo" or line is None or actor.id not in names:
+        return ""
+    places = trace.states[:, names.index(actor.id)][:, [X, Y]]
+    places = places[~np.isnan(places[:, 0])]
+    driven_m = line.project(float(places[-1, 0]), float(places[-1, 1]))[0] if len(places) else 0.0
+    started_m = line.project(float(places[0, 0]), float(places[0, 1]))[0] if len(places) else 0.0
+    for passage in line.passages:
+        own = passage.movement
+        ways = (way for kind in own.kinds for way in bundle.network.movements_from(own.from_edge, kind))
+        forks = any(
+            (way.from_lane, way.to_edge) == (own.from_lane, own.to_edge) and way.to_lane != own.to_lane for way in ways
+        )
+        if forks and started_m < passage.exit_s and driven_m > passage.entry_s:
+            return passage.junction
+    return ""
 
 
 @dataclass

@@ -39,6 +39,7 @@ def notes_of(
     orders: Mapping[str, Sequence[SpeedOrder]],
     led: Mapping[str, str],
     turned: Mapping[str, Sequence[float]],
+    forks: Mapping[str, str],
 ) -> Iterator[str]:
     """Yield a note on each actor whose motion a player cannot reproduce.
 
@@ -46,6 +47,7 @@ def notes_of(
         actors: those of the scene. trace: of the run.
         orders: the actors' exported changes of speed. led: actors that keep to another actor, with the action's text.
         turned: times of ordered lane changes, s.
+        forks: junctions at which the lane of an actor leads to two lanes of its next road.
     """
     names = [info.id for info in trace.actors]
     for actor in actors:
@@ -74,6 +76,8 @@ def notes_of(
                 else "it drives as traffic and bends allow"
             )
             yield f"{actor.id} is off this run in a player that keeps to what is written, by about {where}: {why}"
+        elif actor.id in forks:
+            yield f"{actor.id} has two lanes to go on in at {forks[actor.id]}: which of them, the player decides"
 
 
 def _written(
