@@ -47,6 +47,9 @@ STEERED = Grounds(seen_s=5.0, acts_s=0.9, steered=True)
         (Grounds(seen_s=5.0, gives_way="a driver who turns gives way"), (), (), Whose.DRIVER),
         (Grounds(seen_s=5.0, stood_s=STOOD_S, gives_way="a driver who turns gives way"), (), (), Whose.DRIVER),
         (Grounds(seen_s=5.0, stood_s=STOOD_S), (PREVENTED,), (), Whose.UNAVOIDABLE),
+        (Grounds(seen_s=5.0, stood_s=STOOD_S - 0.1), (PREVENTED,), (), Whose.DRIVER),
+        (replace(STEERED, acts_s=LOOKED_S, stood_s=STOOD_S), (), (REACTS,), Whose.ARGUABLE),
+        (Grounds(seen_s=REACTION_S - 0.1, gives_way="a driver who turns gives way"), (), (), Whose.UNAVOIDABLE),
         (Grounds(seen_s=LOOKED_S, breaks_rule="on red"), (), (REACTS,), Whose.ARGUABLE),
         (Grounds(seen_s=LOOKED_S - 0.1, breaks_rule="on red"), (), (REACTS,), Whose.UNAVOIDABLE),
         (Grounds(seen_s=0.5), (PREVENTED,), (), Whose.DRIVER),
@@ -74,6 +77,9 @@ def test_without_another_actor() -> None:
     stuck = replace(REACTS, verdict=Verdict.STUCK)
     assert responsibility_of(alone, Verdict.STUCK, (), (REACTS,)).whose is Whose.DRIVER
     assert responsibility_of(alone, Verdict.STUCK, (), (stuck,)).whose is Whose.TOOL
+    assert (
+        responsibility_of(alone, Verdict.STUCK, (), ()).whose is Whose.DRIVER
+    )  # no driver showed that the way is blocked
     assert responsibility_of(alone, Verdict.F1, (), ()).whose is Whose.DRIVER
     rule = replace(alone, ego_manoeuvre="runs red")
     judgement = responsibility_of(rule, Verdict.RULE, (), ())
