@@ -1,4 +1,6 @@
-"""Compares two drivers in one test case: whether the passing one met what the other failed with, and how it avoided it.
+"""Compares a failing driver with a passing one in one test case.
+
+Did both meet the same situation, and what differed?
 
 A driver avoids a failure if it meets the same situation and reacts to it. The comparison is made at the moment from
 which the failing driver could foresee the conflict (`avoidance.anticipating.foresight`). Both drivers are in the same
@@ -51,7 +53,7 @@ class Comparison:
     """The comparison of a passing run with a failing one.
 
     Attributes:
-        how: how the driver reacts, in phrases: `brakes 0.8 s earlier`, `passes 0.7 m farther left`.
+        how: the passing driver's reactions, in phrases: `brakes 0.8 s earlier`, `passes 0.7 m farther left`.
         apart: why the two cannot be compared, in words; "" if the passing driver avoids the failure.
     """
 
@@ -60,7 +62,7 @@ class Comparison:
 
 
 def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSettings = STANDARD) -> Comparison:
-    """Return whether a passing run avoids the failure of another, and how.
+    """Return whether the driver of a passing run avoided the failure of another run, and by which reaction.
 
     Args:
         failed: a run that ended with a failure, its last frame. passed: another driver's run of the same test case.
@@ -75,7 +77,7 @@ def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSe
 
 
 class _Compared:
-    """The comparison for a contact with the actor `name`."""
+    """The comparison of two runs for a failure that is a contact with the actor `name`."""
 
     def __init__(self, failed: Trace, passed: Trace, bundle: SumoBundle, name: str, sensors: SensorSettings) -> None:
         self._failed, self._passed, self._bundle, self._name, self._sensors = failed, passed, bundle, name, sensors
@@ -111,7 +113,7 @@ class _Compared:
         return apart
 
     def _passes_earlier_s(self) -> float:
-        """Return how much earlier the passing ego is at the place of the failure, s; 0 if it comes later or not."""
+        """Return how much earlier the passing ego reaches the place of the failure, s; 0 if it comes later or never."""
         far = self._distances()
         frame = int(np.nanargmin(far))
         return max(self._end - frame, 0) * STEP_S if far[frame] <= SAME_PLACE_M else 0.0
@@ -142,7 +144,10 @@ class _Compared:
         return f"it would come there {abs(ahead_s):.1f} s {'earlier' if ahead_s > 0 else 'later'} anyhow"
 
     def _place(self, ego: FloatArray) -> tuple[float, float]:
-        """Return how far along the failing ego's path a position is, and how far to its left, m."""
+        """Return the place of an ego relative to the failing ego's path.
+
+        The length along it, and the distance to its left, m.
+        """
         way = self._failed.states[:, 0]
         far = np.hypot(way[:, X] - ego[X], way[:, Y] - ego[Y])
         frame = int(np.nanargmin(far))
@@ -152,14 +157,13 @@ class _Compared:
         return float(self._path.along[frame]) + ahead, left
 
     def _past(self, onset_frame: int) -> tuple[str, ...]:
-        """Return in words how the passing driver reacts from a frame on: braking or waiting, speed, side; () if it does
-        not react."""
+        """Return the passing driver's reactions after a frame in words (braking, waiting, speed, side); () for none."""
         braking = self._braking(onset_frame)
         where, evading = self._there(onset_frame)
         return tuple(text for text in (braking, where, evading) if text) if braking or evading else ()
 
     def _braking(self, onset_frame: int) -> str:
-        """Return in words how the passing ego brakes or waits where the failing one does so later, less or not."""
+        """Return in words how the passing ego brakes or waits, if the failing ego does so later, less or not at all."""
         own, its = self._brakes(self._failed, onset_frame), self._brakes(self._passed, onset_frame)
         if its is None:
             waits = self._passed.states[onset_frame : self._end + 1, 0, SPEED]
@@ -175,7 +179,10 @@ class _Compared:
         return "brakes longer" if slower > SLOWER_MPS else ""
 
     def _brakes(self, trace: Trace, onset_frame: int) -> tuple[int, float] | None:
-        """Return the first frame, not before `onset_frame`, of an ego's braking, and its strongest braking, m/s^2."""
+        """Return the first frame from `onset_frame` on at which an ego brakes, and its strongest braking, m/s^2.
+
+        None if none.
+        """
         last = min(trace.frames - 1, self._end + round(LOOKS_ON_S / STEP_S))
         part = trace.states[onset_frame : last + 1, 0, ACCELERATION]
         braking = [s for s in spans(part < -EGO_BRAKES_MPS2, BRAKES_FOR_S, EASES_S) if onset_frame + s[0] <= self._end]
@@ -186,8 +193,7 @@ class _Compared:
         return float(speed[0] - speed.min()) if speed.size else 0.0
 
     def _there(self, onset_frame: int) -> tuple[str, str]:
-        """Return in words how much slower the passing ego is at the place of the failure, and how far it has evaded
-        since a frame."""
+        """Return in words how much slower the passing ego is at the place of the failure, and how far it evaded."""
         x, y, heading, speed = (float(self._failed.states[-1, 0, column]) for column in (X, Y, HEADING, SPEED))
         ego, far = self._passed.states[:, 0], self._distances()
         frame = int(np.nanargmin(far))

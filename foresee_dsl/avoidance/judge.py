@@ -1,4 +1,4 @@
-"""The interface of judges: each says whether its driver avoids a failure, and why."""
+"""The interface of judges: a judge says whether its driver model avoids a failure, and why."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ Answered_co = TypeVar("Answered_co", bound=Judgement, covariant=True)
 
 @dataclass(frozen=True)
 class Opinion:
-    """A judgement without figures of its own; for its fields see `Judgement`.
+    """An answer of a judge that stores no figures of its own; for its fields see `Judgement`.
 
     `settled`: the value of `settles`.
     """
@@ -103,7 +103,7 @@ class Failure:
 
     @classmethod
     def of(cls, result: RunResult, run_as: TestCase | SumoBundle) -> Failure:
-        """Return the failure of a run.
+        """Return the failure that judges examine, from the result of a failed run.
 
         Raises:
             ValueError: the run did not fail.
@@ -148,7 +148,7 @@ class Failure:
 
     @cached_property
     def astray(self) -> str:
-        """How a replay without braking differs from the failure, in words; "" if it does not."""
+        """How a replay without braking differs from the failure, in words; "" if the replay repeats the failure."""
         replay = run(self.bundle, Replay(self.result.trace, None, self.bundle.scene), rules=RulesMode.OFF)
         result = self.result
         again = "the replay without braking is not the failure: "

@@ -1,7 +1,8 @@
-"""The judges of every failure of a campaign.
+"""The judges that examine every failure of a campaign.
 
 To add a judge, add an instance of its class to `JUDGES`. It returns an `Opinion`, or a dataclass of its own, which
-`AnyJudgement` must list."""
+`AnyJudgement` must list.
+"""
 
 from __future__ import annotations
 

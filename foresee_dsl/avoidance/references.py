@@ -1,4 +1,4 @@
-"""Runs another driver in the place of the failing one, to see whether it avoids the failure, and how."""
+"""Runs reference drivers in the place of the failing driver, to see whether and how they avoid the failure."""
 
 from __future__ import annotations
 
@@ -42,13 +42,15 @@ class ReferenceRun:
 
     @property
     def avoids(self) -> bool:
-        """Whether it shows that the failure could be avoided: the driver meets the same situation, reacts and passes,
-        and passes unmutated as well."""
+        """Whether the run shows that the failure could be avoided: same situation, a reaction, and both runs pass.
+
+        Both runs are that of the mutant and that of the unmutated clip.
+        """
         return self.passes and not self.apart and self.before in (None, Verdict.PASS)
 
     @property
     def name(self) -> str:
-        """See `Judgement`, as for the next four."""
+        """The name of the driver; see `Judgement` for this and the next four properties."""
         return self.driver
 
     answers: ClassVar[tuple[str, ...]] = ()
@@ -70,7 +72,7 @@ class ReferenceRun:
 
     @property
     def origin(self) -> None:
-        """None, as a mutant's origin names all avoiding drivers in one line (`campaign.assembly`)."""
+        """Always None: a mutant's `origin` names all avoiding drivers in one line (`campaign.assembly`)."""
         return
 
     @property
@@ -96,7 +98,7 @@ class ReferenceRun:
 
 @dataclass(frozen=True)
 class ReferenceDriver:
-    """The judge: any driver.
+    """The judge that runs one reference driver.
 
     Attributes:
         driver: the driver's address. drive: runs the failing test case with it.

@@ -1,4 +1,6 @@
-"""The driver of a replay: follows a recorded run exactly, and from a time on brakes along its path.
+"""The driver of a replay.
+
+It follows a recorded run exactly, and may brake from a given time on along the recorded path.
 
 The judges that drive a failure again (`r157`, `anticipating`) use it, and the recorded path by length.
 """
@@ -33,7 +35,9 @@ _TOUCHED = 1e-9
 
 
 class RecordedPath:
-    """The ego's path in a run, by length instead of time, to drive it at another speed; straight on after its end.
+    """The ego's recorded path by length, so that it can be driven at another speed.
+
+    It goes straight on after its end.
 
     Attributes:
         along: [T] distance driven at each frame, m.
@@ -57,12 +61,12 @@ class RecordedPath:
         return poses
 
     def steer(self, along_m: float) -> float:
-        """Return the angle of the front wheels at a length, rad; beyond the end, the last one."""
+        """Return the angle of the front wheels at a length of the path, rad; beyond the end, the last angle."""
         return float(np.interp(along_m, self._marks, self._steer))
 
 
 class Replay:
-    """Drives a recorded run again, with the pedals and the wheel that lead to its states; then brakes.
+    """Drives a recorded run again with pedals and wheel that lead to its recorded states, and then brakes.
 
     It ignores observations: until it brakes the world is the recorded one, and it computes its own motion with the
     vehicle's model.
@@ -123,7 +127,7 @@ class Replay:
         return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
 
     def _angle(self, bicycle: Bicycle) -> float:
-        """Return the wheels' angle that follows the recorded path, with critically damped errors, rad."""
+        """Return the angle of the front wheels that follows the recorded path without overshooting, rad."""
         x, y, heading = self._path.at(np.array([self._along]))[0].tolist()
         dx, dy = self._state.x - x, self._state.y - y
         lateral = -dx * math.sin(heading) + dy * math.cos(heading)
@@ -138,7 +142,7 @@ def wheel_share(angle_rad: float, most_rad: float) -> float:
 
 
 def pedals_for(bicycle: Bicycle, state: BicycleState, wheel: float, speed_mps: float) -> Control:
-    """Return the control that leads to the wanted speed at the next step, or to the nearest one.
+    """Return the pedals and wheel that lead to the wanted speed at the next step, or as close to it as possible.
 
     Throttle and brake are solved separately: as their lags differ, the next speed jumps between them.
     """

@@ -1,4 +1,4 @@
-"""One judgement of a failure: whose it is, and why in a line; the rules in the order in which they are tried.
+"""Judges whose failure it is (the driver's, arguable, unavoidable, or the tool's) and gives the reason in one line.
 
 docs/guide/findings.md states them for readers, with the measured error.
 """
@@ -50,7 +50,7 @@ class Whose(StrEnum):
 
     @property
     def rank(self) -> int:
-        """Its place in the order of reports, 0 first."""
+        """The position of this value in reports, 0 first."""
         return list(Whose).index(self)
 
 
@@ -60,7 +60,7 @@ FOLDED = (Whose.UNAVOIDABLE, Whose.TOOL)
 
 @dataclass(frozen=True)
 class Responsibility:
-    """The judgement of a failure: whose it is, and the reason in one line."""
+    """The judgement whose failure it is, with the reason in one line."""
 
     whose: Whose
     reason: str
@@ -90,7 +90,7 @@ def responsibility_of(
 def _rules(
     story: Story, verdict: Verdict, judgements: tuple[AnyJudgement, ...], references: tuple[ReferenceRun, ...]
 ) -> Iterator[Responsibility]:
-    """Yield the answer of each rule that applies, the first rule's first; the last one always applies."""
+    """Yield the answers of all rules that apply, in the order of the rules; the last rule always applies."""
     if verdict is not Verdict.RULE:
         yield from _not_driving(story)
     yield from _alone(verdict, story.ego_manoeuvre, references)
@@ -113,7 +113,7 @@ def _rules(
 
 
 def _alone(verdict: Verdict, rule: str, references: tuple[ReferenceRun, ...]) -> Iterator[Responsibility]:
-    """Failures without another actor."""
+    """Yield the judgement of a failure without another actor: stuck, a broken rule, or off the road."""
     if verdict is Verdict.STUCK:
         if references and not any(run.passes for run in references):
             yield Responsibility(Whose.TOOL, "no driver gets through: the way may be blocked")
@@ -125,7 +125,7 @@ def _alone(verdict: Verdict, rule: str, references: tuple[ReferenceRun, ...]) ->
 
 
 def _not_driving(story: Story) -> Iterator[Responsibility]:
-    """Contacts with an ego that stands, and with an actor that stands."""
+    """Yield the judgement of a contact in which the ego or the other actor stands."""
     grounds = story.grounds
     if grounds.stands:
         yield Responsibility(Whose.DRIVER, f"{story.opponent} stands, and the ego drives into it")
@@ -139,7 +139,10 @@ def _not_driving(story: Story) -> Iterator[Responsibility]:
 
 
 def _steered(story: Story, avoided: str) -> Iterator[Responsibility]:
-    """An actor that the mutation steers into the ego: unavoidable unless it is seen early and a driver reacts to it."""
+    """Yield the judgement of an actor that the mutation steers into the ego.
+
+    It is unavoidable unless the actor is seen early and another driver reacts to it.
+    """
     acts_s = story.grounds.acts_s
     if story.grounds.steered:
         when = "" if acts_s is None else f" {acts_s:.1f} s before the contact"
@@ -150,7 +153,7 @@ def _steered(story: Story, avoided: str) -> Iterator[Responsibility]:
 
 
 def _by_rule(story: Story) -> Iterator[Responsibility]:
-    """Right of way: a rule that the ego breaks, or that the other breaks."""
+    """Yield the judgement by right of way: the ego or the other actor breaks a rule."""
     grounds = story.grounds
     if grounds.gives_way and grounds.seen_s >= REACTION_S:
         yield Responsibility(Whose.DRIVER, f"{grounds.gives_way}, in sight for {grounds.seen_s:.1f} s")
@@ -160,7 +163,7 @@ def _by_rule(story: Story) -> Iterator[Responsibility]:
 
 
 def _late(story: Story) -> Iterator[Responsibility]:
-    """An ego that begins to brake later than a driver who reacts."""
+    """Yield the driver's fault if the ego brakes later than a driver with a normal reaction time would."""
     grounds = story.grounds
     if grounds.acts_s is not None and story.contact is not ContactClass.HIT_WHILE_STANDING:
         could_s = min(grounds.acts_s, grounds.seen_s)
@@ -171,7 +174,10 @@ def _late(story: Story) -> Iterator[Responsibility]:
 
 
 def _unseen(story: Story) -> Iterator[Responsibility]:
-    """What is left: the other was seen or began too late; only a slower ego could have avoided it."""
+    """Yield the judgement of the other cases.
+
+    The actor was seen or moved too late, so only a slower ego could avoid it.
+    """
     grounds, other = story.grounds, story.opponent or "the other"
     if grounds.seen_s < REACTION_S:
         seen = f"{other} is in sight only {grounds.seen_s:.1f} s before the contact"

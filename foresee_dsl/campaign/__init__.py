@@ -1,1 +1,1 @@
-"""Campaigns: plan the whole method over many scenarios, run it in parallel, and keep the failures."""
+"""Runs campaigns: test cases are run, clipped around near misses and mutated in parallel, and the failures are kept."""

@@ -1,4 +1,4 @@
-"""Assembly of a campaign's result from its store, with the names that this campaign uses."""
+"""Assembles a campaign's result from the results in its store, with the names of this campaign."""
 
 from __future__ import annotations
 
@@ -37,8 +37,9 @@ class Assembly(NamedTuple):
     """The parts of a campaign's result.
 
     Attributes:
-        seeds, clips: sorted by name. traces: blobs to copy into the campaign's folder, by file; each with its test
-            case's id if another campaign stored it under another id, otherwise "".
+        seeds, clips: outcomes of test cases and clips, sorted by name. traces: stored traces to copy into the
+          campaign's folder, by file; each with its test case's id if another campaign stored it under another id,
+          otherwise "".
         minimised: minimised representatives of the findings, sorted by name.
     """
 
@@ -118,7 +119,7 @@ class _Allocated(TypedDict, total=False):
 
 
 def _allocated(node: StepNode) -> _Allocated:
-    """Return the round of a mutant and the mutant that it was drawn near, if there are rounds."""
+    """Return the round in which a mutant was drawn and the mutant near which it was drawn; empty without rounds."""
     step, above = node.step, node.over("mutants").step
     if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep) or not above.request.round:
         return {}
@@ -141,7 +142,7 @@ def _with_references(
 
 
 def _with_headers(clip: ClipOutcome, node: StepNode, out: Path) -> ClipOutcome:
-    """Write this campaign's names into the texts that become files: a failing mutant's and its clip's."""
+    """Write this campaign's names into the texts of a failing mutant and its clip."""
     if not clip.failing:
         return clip
     parent = relative_path(node.case.source, out / node.folder)
@@ -193,6 +194,6 @@ def with_header(text: str, kind: str, name: str, parent: str, case: str = "") ->
 
 
 def trace_of(data: bytes, test_case: str) -> bytes:
-    """Return a packed trace with this test case in its metadata."""
+    """Return a packed trace whose metadata names this test case."""
     trace = Trace.load(io.BytesIO(data))
     return replace(trace, meta={**trace.meta, "test_case": test_case}).packed()

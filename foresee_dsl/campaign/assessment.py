@@ -1,4 +1,4 @@
-"""Comparison of drivers on plain test cases: every case with every driver, and a row of figures per driver."""
+"""Compares drivers on plain test cases (without mutations): runs every case with every driver and sums the figures."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ class DriverRun:
     """One test case driven by one driver.
 
     Attributes:
-        driver: its address. version: the driver's version. way_m: distance driven by the ego. hard_brakings: number.
+        driver: the driver's address. version: the driver's version. way_m: distance driven by the ego. hard_brakings:
+          number.
         step_ms: mean wall time of the driver's decision. digest: the trace's, equal for equal runs; "" if the process
-            died or was ended. notes: prints and errors of the driver.
+          died or was ended. notes: prints and errors of the driver.
     """
 
     case: str
@@ -93,7 +94,7 @@ class DriverRun:
 
 @dataclass(frozen=True)
 class DriverRow:
-    """Sums over the runs of one driver (and one family, or "all"); shares refer to the number of cases."""
+    """The figures of one driver, for one family or for all; shares are shares of the number of cases."""
 
     driver: str
     family: str
@@ -129,17 +130,17 @@ class DriverRow:
 
     @property
     def arrived(self) -> float:
-        """Share of the cases that passed."""
+        """Share of the cases that passed, 0 to 1."""
         return self.share(Verdict.PASS)
 
     @property
     def failed(self) -> float:
-        """Share of the cases that ended in a collision or off the road, F1 to F5."""
+        """Share of the cases that ended in a collision or off the road (F1 to F5), 0 to 1."""
         return self.share(*(v for v in Verdict if v.is_collision))
 
     @property
     def mean_mps(self) -> float:
-        """Mean speed including standing, m/s."""
+        """Mean speed of the ego, including standing time, m/s."""
         return self.way_m / self.duration_s if self.duration_s else 0.0
 
     @property
@@ -221,7 +222,7 @@ def assess_drivers(
 
 
 def _broken(case: TestCase, driver: str, broken: Broken) -> DriverRun:
-    """Return the run of a process that died or was ended."""
+    """Return the record of a run whose process died or was ended."""
     verdict, reason = broken_verdict(broken)
     return DriverRun(case.id, case.family, driver, "", verdict, reason, 0.0, 0.0, 0, 0.0, "",
                      DriverNotes(output=broken.output))  # fmt: skip
@@ -289,7 +290,7 @@ def _row(driver: str, family: str, runs: Sequence[DriverRun]) -> DriverRow:
 
 
 class _Timed:
-    """A driver whose decisions are timed."""
+    """Wraps a driver and measures the wall time of its decisions."""
 
     def __init__(self, driver: Driver) -> None:
         self._driver = driver

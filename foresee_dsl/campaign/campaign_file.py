@@ -1,4 +1,4 @@
-"""Reader of a campaign's file: `campaign nightly { seeds "scenarios/**"; drivers [pdm, idm]; budget 30 min }`."""
+"""Reads a campaign's file, such as `campaign nightly { seeds "scenarios/**"; drivers [pdm, idm]; budget 30 min }`."""
 
 from __future__ import annotations
 
@@ -130,7 +130,10 @@ def _divided(path: str) -> tuple[Path, tuple[str, ...]]:
 
 
 def _paths(item: m.Seeds, folder: Path) -> tuple[str, ...]:
-    """Return the scenarios of a `seeds` line: those of a pattern, sorted; a file, folder or address unchanged."""
+    """Return the scenarios of a `seeds` line: for a pattern all matches, sorted.
+
+    A file, folder or address as written.
+    """
     if not _PATTERN & set(item.path):
         file, case = parse_address(item.path)
         at = str(folder / file)

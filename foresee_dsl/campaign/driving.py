@@ -1,4 +1,4 @@
-"""Compilation and simulation of one test case with a driver; names of its files; its longest simulated time."""
+"""Compiles and simulates one test case with a driver; also names its files and bounds its simulated time."""
 
 from __future__ import annotations
 
@@ -58,7 +58,9 @@ def driven(
     deadlines: Deadlines | None = DEADLINES,
     rules: RulesMode = RULES_MODE,
 ) -> RunResult:
-    """Compile a test case and simulate it with the driver that `make` returns; restore the process afterwards.
+    """Compile a test case and simulate it with the driver that `make` returns.
+
+    Undo the driver's changes to the process.
 
     `driver`: its address, which determines its sensors. `meta`: becomes part of the trace's metadata.
     """
@@ -95,7 +97,10 @@ def _same(first: RunResult, other: RunResult) -> bool:
 
 
 def _left_behind() -> list[str]:
-    """End the processes that a driver has left behind, if this process is a worker, whose children are all such."""
+    """End the processes that a driver has left behind.
+
+    Only in a worker, where all child processes belong to drivers.
+    """
     left = printed_here() is not None and end_below_this(kept_programs())
     return ["left processes behind"] if left else []
 
@@ -107,7 +112,7 @@ def sensors_of(driver: str) -> SensorSettings:
 
 @Part.START.measured
 def new_driver(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
-    """Return a driver for a run; if its code raises while it is created, its `reset` raises the same error.
+    """Return a new driver; if creating it raises an error, return one whose `reset` raises this error.
 
     Raises:
         DriverError: there is no driver of this name.
@@ -125,7 +130,7 @@ def new_driver(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
 
 
 class _NotMade:
-    """A substitute for a driver that could not be created."""
+    """A substitute for a driver that could not be created: its `reset` raises the error."""
 
     def __init__(self, name: str, why: BaseException) -> None:
         self.name, self.version, self._why = name, "", why
@@ -138,7 +143,7 @@ class _NotMade:
 
 
 def notes_of(result: RunResult) -> DriverNotes | None:
-    """Return the notes of a run that are stored; of a passed run, only the driver's changes to its process."""
+    """Return the driver's notes on a run that are stored; for a run that passed, only its changes to the process."""
     notes = result.notes if result.verdict is not Verdict.PASS else DriverNotes(changed=result.notes.changed)
     return notes if notes != DriverNotes() else None
 

@@ -1,4 +1,4 @@
-"""A campaign's folder: written beside the old one, and moved into its place only when complete."""
+"""Writes a campaign's folder: new files are collected beside the old ones and replace them only when complete."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ _PARTS = ("children", "findings", "traces")
 
 
 class CampaignFolder:
-    """`campaign.json`, `children/` (failing mutants and their clips), `findings/` (minimised representatives) and
-    `traces/` in one folder.
+    """The folder of one campaign's results.
+
+    It holds `campaign.json`, `children/` (failing mutants and their clips), `findings/` (minimised representatives) and
+    `traces/`.
 
     While a campaign runs, its files are collected in `.work-PID` inside; files of an earlier campaign remain until the
     end.
@@ -71,7 +73,7 @@ class CampaignFolder:
             self._put_in_place(part)
 
     def _put_in_place(self, part: str) -> None:
-        """Replace the old part by the finished one; the old one is deleted with the working folder."""
+        """Replace an old part of the folder by the finished new one; the old one is deleted with the working folder."""
         old = self.out / part
         if old.is_dir():
             old.replace(self.work / f"old-{part}")

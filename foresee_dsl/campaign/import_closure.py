@@ -1,5 +1,6 @@
-"""The code that a module depends on: itself and all modules that it imports, directly or indirectly, of this package
-and of plug-in packages.
+"""Finds the code that a module depends on: all modules that it imports, directly or indirectly.
+
+Only modules of this package and of plug-in packages count.
 
 Imports are read from the sources, including those inside functions and excluding those for type checkers; no module is
 imported. So the result is the same in a checkout and in a wheel built from it. This package imports none of its

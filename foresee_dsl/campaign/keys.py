@@ -1,4 +1,4 @@
-"""Keys of results: two steps with the same key give the same result, so only one of them is run.
+"""Computes the keys of results: steps with the same key have the same result, so only one of them is run.
 
 A key is a hash of everything that can affect the result, and of nothing else: the meaning of the test case, the driver
 with its code and weights, the settings of that step, the code of this package that the step runs. File names, the
@@ -34,7 +34,7 @@ _ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"))
 
 
 def key(step: type[Step[Any, Any]], **parts: str | float | None) -> str:
-    """Return the key of a step of this class that depends on these parts and on the code that its module imports."""
+    """Return the key of a step: a hash of these parts and of the code that the step's module imports."""
     everything = {"kind": step.kind, "tool": __version__, "code": step_code(step.__module__), **parts}
     return hashlib.sha256(_ENCODER.encode(everything).encode()).hexdigest()[:DIGITS]
 
@@ -68,7 +68,7 @@ def driver_identity(address: str) -> str:
 
 
 def judged_identity(address: str, rules: RulesMode) -> str:
-    """Return a text that identifies a driver and what a broken traffic rule means in its runs."""
+    """Return a text that identifies a driver together with the effect of a broken traffic rule on its runs."""
     return f"{driver_identity(address)} {rules}"
 
 

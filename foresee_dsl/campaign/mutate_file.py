@@ -1,4 +1,4 @@
-"""The command `foresee mutate`: a clip's file is mutated and its mutants are run."""
+"""Implements `foresee mutate`: mutates a clip's file and runs the mutants."""
 
 from __future__ import annotations
 

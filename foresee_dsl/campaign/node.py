@@ -1,4 +1,4 @@
-"""A step of a campaign with its test case and the step that it follows from."""
+"""A step of a campaign with its test case and the step on whose result it depends."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ AnyStep = Step[Any, Any]
 
 @dataclass(frozen=True, eq=False)
 class StepNode:
-    """One step of a campaign, its test case, and the step that it follows from (`above`)."""
+    """One step of a campaign, its test case, and the step on whose result it depends (`above`)."""
 
     step: AnyStep
     case: TestCase
@@ -30,7 +30,7 @@ class StepNode:
         return f"{self.folder}/{self.step.name}.foresee"
 
     def over(self, kind: str) -> StepNode:
-        """Return the nearest step of a kind among itself and the steps that it follows from.
+        """Return the nearest step of a kind: this one or one of those that it depends on.
 
         Raises:
             ValueError: it follows from no step of that kind.

@@ -1,4 +1,4 @@
-"""The plan of a campaign before it runs: its steps as a graph, which of them are done, and the time for the rest."""
+"""Plans a campaign before it runs: its steps as a graph, which of them have results, and the time for the rest."""
 
 from __future__ import annotations
 

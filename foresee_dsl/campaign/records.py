@@ -1,4 +1,4 @@
-"""The results of a campaign's steps, as immutable records, and their storage as compressed JSON."""
+"""The records of a campaign's results (test cases, clips, mutants, findings) and their storage as compressed JSON."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from foresee_dsl.story import Story
 
 
 class Judged:
-    """Common part of the records of failures: the judges' answers and what follows from them."""
+    """Base of the records of failures: the judges' answers, and properties computed from them."""
 
     judgements: tuple[AnyJudgement, ...]
     references: tuple[ReferenceRun, ...]
@@ -123,10 +123,10 @@ class CaseRunOutcome(Judged):
 
 @dataclass(frozen=True)
 class Draft:
-    """A clip before its run.
+    """A clip that has not been run yet.
 
     Attributes:
-        rank: rank of its risky point. text: its file. name, parent, case: as in its first line.
+        rank: rank of its risky point. text: its file. name, parent, case: the names in its first line.
         pin: the pin for its mutants. risk: hash of its `risk` line, which determines its mutations.
     """
 
@@ -141,7 +141,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class Forecast:
-    """The risky points of a run: their number, and the clips around the first of them."""
+    """The risky points of a run: their number, and the clips that are cut around the first of them."""
 
     points: int
     drafts: tuple[Draft, ...]
@@ -149,7 +149,10 @@ class Forecast:
 
 @dataclass(frozen=True)
 class MutantDraft:
-    """A mutant before its run. `number`: last part of its name. `meaning`: hash of its test case's meaning."""
+    """A mutant that has not been run yet.
+
+    `number`: last part of its name. `meaning`: hash of its test case's meaning.
+    """
 
     number: int
     text: str
@@ -293,7 +296,7 @@ class ClipOutcome:
 
 
 class Reduced(NamedTuple):
-    """A number before and after minimisation."""
+    """A count before and after minimisation."""
 
     before: int = 0
     now: int = 0

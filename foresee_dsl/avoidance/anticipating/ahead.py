@@ -1,9 +1,12 @@
-"""The driver who anticipates from the start of the clip: along the recorded way, never ahead of the recorded ego.
+"""The driver model that is cautious from the clip's beginning.
+
+It follows the recorded path, never ahead of the recorded ego.
 
 It is no faster than the recorded driver at any place, slows with easy braking for possible hazards (`hazards`), keeps
 two seconds behind others, stops at signals that have changed meanwhile, and brakes after the reaction time for an actor
 that comes into its way (`foresight`); comfortably where that is enough. It sees with the standard sensors, without
-their noise and delay. It does not know which actor will be hit."""
+their noise and delay. It does not know which actor will be hit.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +49,7 @@ _DECIDES_EVERY = 2
 
 
 class DriveAhead(Replay):
-    """Drives the way of a recorded run as an anticipating driver would.
+    """Drives the recorded path of a run as an anticipating driver would.
 
     Attributes:
         from_s: until then the ego follows the clip's recorded states, whatever its driver answers.
@@ -78,7 +81,7 @@ class DriveAhead(Replay):
 
     @property
     def slowed_for(self) -> list[str]:
-        """The hazards for which it was slower, the one of the longest duration first."""
+        """The hazards for which it drove slower than the recorded ego, the hazard with the longest effect first."""
         return sorted(self._slowed, key=lambda what: -self._slowed[what])
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
@@ -97,7 +100,10 @@ class DriveAhead(Replay):
         return self._follow(bicycle)
 
     def _as_recorded(self) -> bool:
-        """Return whether it still drives exactly as recorded, which ends when caution first requires a lower speed."""
+        """Return whether the ego still drives exactly as recorded.
+
+        This ends when caution first requires a lower speed.
+        """
         speeds = self._way.recorded_mps
         if self._frame < self._free_from:
             return True
@@ -175,8 +181,10 @@ class DriveAhead(Replay):
         return wish
 
     def _signal(self, observation: Observation) -> float:
-        """Return the acceleration that stops at a signal that is not green if that is comfortable, m/s^2; else
-        infinite."""
+        """Return the acceleration that stops the ego at a signal that is not green, m/s^2.
+
+        Infinite if it need not stop.
+        """
         state, speed = self._state, self._state.speed
         line = self._mission.centreline
         nearest = int(np.argmin(np.hypot(line[:, 0] - state.x, line[:, 1] - state.y)))
@@ -192,7 +200,7 @@ class DriveAhead(Replay):
         return math.inf
 
     def _for_conflicts(self, ego: PredictedEgo, others: list[tuple[int, Other]], now: float, expects: bool) -> float:
-        """Return the braking for actors that come into its way, m/s^2; 0 until the reaction time has passed."""
+        """Return the braking for actors that come into the ego's path, m/s^2; 0 until the reaction time has passed."""
         meetings = conflicts(ego, [other for _, other in others])
         needed = 0.0
         for (track, other), meets in zip(others, meetings, strict=True):
@@ -220,8 +228,10 @@ class DriveAhead(Replay):
 
 
 def _needed(ego: PredictedEgo, other: Other, within_s: float) -> float:
-    """Return the braking for an actor that comes into the way after a time, m/s^2: comfortable, or harder if it
-    must."""
+    """Return the braking for an actor that enters the ego's path in `within_s`, m/s^2.
+
+    Comfortable, or harder if needed.
+    """
     _, _, heading = ego.way.at(np.array([ego.along_m]))[0].tolist()
     with_mps = max(other.speed_mps * math.cos(other.heading_rad - heading), 0.0)
     sheds = max(ego.speed_mps - (with_mps if other.kind != "pedestrian" else 0.0), 0.0)

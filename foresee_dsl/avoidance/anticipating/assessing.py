@@ -1,4 +1,7 @@
-"""The assessment of a failure: tries manoeuvres in order, confirms them by runs, and words the answer."""
+"""Assesses a failure for the anticipating driver.
+
+Tries manoeuvres in order, confirms them by runs, and words the answer.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,7 @@ class AnticipatingDriver:
 
 @dataclass(frozen=True)
 class _ConfirmingRun:
-    """A confirming run in the real simulation."""
+    """The result of a run that confirms a manoeuvre in the real simulation."""
 
     result: RunResult
 
@@ -61,7 +64,7 @@ class _ConfirmingRun:
 
     @property
     def clear(self) -> bool:
-        """Whether it ended on the road without a contact, and kept at least `CLEAR_M` to all actors."""
+        """Whether the run ended on the road without a contact and kept at least `CLEAR_M` from all actors."""
         if self.result.verdict not in (Verdict.PASS, Verdict.TIMEOUT, Verdict.STUCK):
             return False
         return self.least_m is None or self.least_m >= CLEAR_M
@@ -195,8 +198,10 @@ class _Assessment:
         return None
 
     def _slower(self, result: RunResult, seen_s: float | None) -> tuple[float, float]:
-        """Return how much slower the ego is when the conflict is foreseeable, m/s, and that time, s; if it is not
-        slower then, the largest difference and its time."""
+        """Return how much slower the ego is when the conflict becomes foreseeable, m/s, and that time, s.
+
+        If the ego is not slower then, the largest difference and its time are returned.
+        """
         frames = min(result.trace.frames, self._trace.frames)
         less = self._trace.states[:frames, 0, SPEED] - result.trace.states[:frames, 0, SPEED]
         frame = min(round((self._result.time_s if seen_s is None else seen_s) / STEP_S), frames - 1)

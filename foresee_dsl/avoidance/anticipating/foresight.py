@@ -1,10 +1,11 @@
-"""Computes from when on a driver can foresee that another road user comes into its way.
+"""Computes the time from which a driver can foresee that another road user comes into the ego's path.
 
 For each other actor in sight, the motions are predicted that IEEE 2846 calls reasonably foreseeable, within the bounds
 of `settings`. A walker keeps its direction, a little faster or slower. A vehicle keeps its present motion; one that
 cuts in stays on the ego's line. One that crosses or is oncoming, without right of way, is expected to wait while it
 still can with comfortable braking and is farther away than R157's 2 s. There is a conflict if a motion reaches a place
-of the ego's way at the same time as the ego."""
+of the ego's way at the same time as the ego.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +53,7 @@ degrees). Ours: within its lane."""
 
 @dataclass(frozen=True)
 class Other:
-    """Another road user at a moment; `course_rad`: its direction of motion."""
+    """Another road user at one moment; `course_rad` is its direction of motion."""
 
     kind: str
     x: float
@@ -68,11 +69,11 @@ class Other:
 
 @dataclass(frozen=True)
 class PredictedEgo:
-    """The ego at a place of its way.
+    """The ego at one place of its path, with the data that predictions need.
 
     Attributes:
-        first: ways of the traffic that has priority at its junctions, [N, 2] each. crossings: ways of walkers with
-            priority.
+        first: paths of the traffic with priority at the ego's junctions, [N, 2] each. crossings: crossings where
+          pedestrians have priority.
     """
 
     way: Way
@@ -85,19 +86,19 @@ class PredictedEgo:
 
 
 def priority_ways(mission: Mission) -> tuple[FloatArray, ...]:
-    """Return the ways, with their approaches, of the traffic that has priority over the ego at its junctions."""
+    """Return the paths (with their approaches) of the traffic that has priority over the ego at its junctions."""
     foes = (foe for junction in mission.junctions for foe in junction.foes)
     return tuple(foe.path for foe in foes if foe.has_priority and not foe.pedestrian)
 
 
 def crossings_of(mission: Mission) -> tuple[FloatArray, ...]:
-    """Return the crossings on the ego's way where walkers have priority."""
+    """Return the crossings on the ego's path where pedestrians have priority."""
     foes = (foe for junction in mission.junctions for foe in junction.foes)
     return tuple(foe.path for foe in foes if foe.has_priority and foe.pedestrian)
 
 
 def _goes_first(ego: PredictedEgo, other: Other) -> bool:
-    """Return whether another is on a way with priority, in its direction."""
+    """Return whether another road user is on a path with priority and moves in its direction."""
     cos, sin = math.cos(other.heading_rad), math.sin(other.heading_rad)
     for path in ego.first:
         apart = np.hypot(path[:, 0] - other.x, path[:, 1] - other.y)
@@ -110,19 +111,25 @@ def _goes_first(ego: PredictedEgo, other: Other) -> bool:
 
 @dataclass(frozen=True)
 class ForeseenConflict:
-    """Another actor comes into the ego's way. `certain`: it can no longer be expected to wait."""
+    """A predicted conflict: another actor comes into the ego's path.
+
+    `certain`: the other can no longer be expected to wait.
+    """
 
     within_s: float
     certain: bool
 
 
 def horizon_s(speed_mps: float) -> float:
-    """Return for how long others are predicted, s: until the ego stands after comfortable braking, or has crossed."""
+    """Return the time for which other actors are predicted, s.
+
+    Until the ego would stand or have crossed the junction.
+    """
     return max(FORESEES_S + speed_mps / COMFORTABLE_MPS2, GAP_ACCEPTED_S)
 
 
 def ego_boxes(ego: PredictedEgo, time_s: FloatArray) -> FloatArray:
-    """Return the ego's boxes if it keeps its speed, [N, 5], lengthened by the gap in time on both ends."""
+    """Return the ego's boxes [N, 5] at some times at constant speed, lengthened at both ends by the time gap."""
     speed = max(ego.speed_mps, _CREEPS_MPS)
     boxes = np.empty((len(time_s), 5))
     boxes[:, :3] = ego.way.at(ego.along_m + speed * time_s)
@@ -146,7 +153,10 @@ def conflicts(ego: PredictedEgo, others: list[Other]) -> list[ForeseenConflict |
 
 
 def _counts(ego: PredictedEgo, at: FloatArray, other: Other, turns: bool) -> bool:
-    """Return whether another is ahead of the ego's rear, or comes from behind beside an ego that turns."""
+    """Return whether another road user matters.
+
+    It is ahead of the ego's rear, or behind and beside an ego that turns.
+    """
     cos, sin, dx, dy = math.cos(at[2]), math.sin(at[2]), other.x - at[0], other.y - at[1]
     beside = abs(dy * cos - dx * sin) > (ego.width_m + other.width_m) / 2
     return bool(dx * cos + dy * sin > -ego.length_m / 2 or (turns and beside))
@@ -164,7 +174,7 @@ def _conflict(ego: PredictedEgo, mine: FloatArray, other: Other, time_s: FloatAr
 
 
 def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) -> list[FloatArray]:
-    """Return the foreseeable motions of another, each [N, 5]."""
+    """Return the foreseeable motions of another road user as boxes over time, each [N, 5]."""
     if other.kind == "pedestrian":
         if other.speed_mps < MOVED_M / STEP_S:
             return [_moved(other, time_s, 0.0, other.speed_mps)]
@@ -202,8 +212,10 @@ def other_at(trace: Trace, actor: int, frame: int) -> Other | None:
 
 
 def onset(trace: Trace, way: Way, other: int, sight: Sight, first: tuple[FloatArray, ...] = ()) -> float | None:
-    """Return from when on, s, the driver foresees without interruption that the other comes into its way, up to the
-    contact at the run's end; None if it never does."""
+    """Return the time, s, from which the driver foresees the conflict without interruption until the contact.
+
+    None if never.
+    """
     info, forgets = trace.actors[0], round(FORGETS_S / STEP_S)
     first_frame: int | None = None
     for frame in range(trace.frames - 2, -1, -_EVERY_FRAMES):

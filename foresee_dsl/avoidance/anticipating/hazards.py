@@ -1,9 +1,12 @@
-"""Hazards for which an anticipating driver slows in advance: hidden places, walkers at the kerb, buses at stops.
+"""Finds hazards for which an anticipating driver slows early.
+
+Hidden places, pedestrians at the kerb, buses at stops.
 
 A walker who steps out from a place beside the way, a distance g from the ego's side, needs g / v_walk to be in the way.
 A driver with speed v who reacts after t and brakes with b either stands before the place, or is past it in time, if v
 is at most 2 b (g / v_walk - t). This is the careful speed at the place; in practice people do not drive slower than
-`settings.SLOWEST_MPS`, or past a bus at its stop `SLOWEST_AT_BUS_MPS`."""
+`settings.SLOWEST_MPS`, or past a bus at its stop `SLOWEST_AT_BUS_MPS`.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,7 @@ class Hazard:
     """A place that the driver passes at a careful speed.
 
     Attributes:
-        what: its name for people. from_m: distance ahead of the ego's front at which the speed must be reached.
+        what: its name in reports. from_m: distance ahead of the ego's front at which the speed must be reached.
             speed_mps: that speed.
     """
 
@@ -57,8 +60,10 @@ class Hazard:
 
 
 def careful_mps(gap_m: float, walks_mps: float, slowest_mps: float) -> float:
-    """Return the largest speed, m/s, at which a walker who steps out from beside the way is not hit; at least the
-    slowest."""
+    """Return the largest speed, m/s, at which a walker who steps out from beside the path is not hit.
+
+    At least the minimum.
+    """
     return max(2 * HARDEST_MPS2 * (gap_m / walks_mps - EXPECTED_REACTION_S), slowest_mps)
 
 

@@ -1,4 +1,4 @@
-"""The driver of a confirming run: replays the failing run, then brakes, or evades, along its way."""
+"""The driver of a confirming run: it replays the failing run, then brakes or evades along the recorded path."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SLOW_MPS = 1.0
 
 @dataclass(frozen=True)
 class Plan:
-    """A manoeuvre, with its times.
+    """A manoeuvre of the ego: when it begins, how hard it brakes, how far it evades.
 
     Attributes:
         begins_s: until then the ego drives as recorded. braking_mps2: its braking from then on; 0 for none.
@@ -39,7 +39,7 @@ class Plan:
     stops_s: float = math.inf
 
     def braking_at(self, time_s: float, before_mps2: float) -> float:
-        """Return the braking at a time, m/s^2, which builds up from the braking before the manoeuvre."""
+        """Return the braking at a time, m/s^2; it builds up gradually from the braking before the manoeuvre."""
         built = min(max((time_s - self.begins_s) / BUILDS_UP_S, 0.0), 1.0)
         if not self.sideways_m:
             least = max(self.braking_mps2, before_mps2)  # never less than the recorded driver
@@ -61,7 +61,7 @@ class Plan:
 
 
 def sidestep_s(sideways_m: float) -> float:
-    """Return how long a step to the side takes within the limits of comfort, s."""
+    """Return the duration of a sideways step within the limits of comfort, s."""
     far = max(abs(sideways_m), 1e-3)
     return max(math.sqrt(_PEAK * far / LATERAL_MPS2), math.cbrt(_JERK * far / LATERAL_JERK_MPS3))
 
@@ -71,7 +71,7 @@ HARDEST = HARDEST_BRAKING_MPS2
 
 
 class Manoeuvre(Replay):
-    """Drives a recorded run again, and carries out a plan from its beginning on."""
+    """Drives a recorded run again and carries out a plan once the plan begins."""
 
     name = "anticipating"
     version = "1"
@@ -89,14 +89,16 @@ class Manoeuvre(Replay):
         return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
 
     def _steered(self, bicycle: Bicycle, time_s: float) -> float:
-        """Return the wheels' angle that brings the ego to the wanted line beside the way, critically damped, rad."""
+        """Return the angle of the front wheels that steers the ego onto its wanted line without overshooting, rad."""
         aside, rate, bend = (float(value[0]) for value in self._plan.aside_at(np.array([time_s])))
         return steered(bicycle, self._way, self._along, self._state, (aside, rate, bend))
 
 
 def steered(bicycle: Bicycle, way: Way, along_m: float, s: BicycleState, wanted: tuple[float, float, float]) -> float:
-    """Return the wheels' angle that follows a line beside a way, rad; `wanted`: lateral offset and its two
-    derivatives."""
+    """Return the angle of the front wheels that follows a line beside a path, rad.
+
+    `wanted`: lateral offset of the line, m, and its two derivatives.
+    """
     x, y, heading = way.at(np.array([along_m]))[0].tolist()
     dx, dy = s.x - x, s.y - y
     speed = max(s.speed, _SLOW_MPS)

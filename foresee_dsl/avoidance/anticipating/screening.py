@@ -1,7 +1,10 @@
-"""Screens which manoeuvres could prevent a failure by the recorded motion of the others: thousands in milliseconds.
+"""Screens thousands of manoeuvres in milliseconds.
+
+Which ones would prevent a failure if the others moved as recorded?
 
 Others move as recorded, and after the run's end keep their last motion. The manoeuvres that pass are driven in the real
-simulation, where others react."""
+simulation, where others react.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ class ScreenedManoeuvre:
 
 
 class Screening:
-    """Rolls manoeuvres out along the way against the recorded others."""
+    """Moves the ego along its path by a manoeuvre, among the recorded other actors."""
 
     def __init__(self, trace: Trace, way: Way, bundle: SumoBundle) -> None:
         self._trace, self._way, self._bundle = trace, way, bundle
@@ -66,7 +69,7 @@ class Screening:
         self._within = np.full(len(near), _WITHIN_M)
 
     def _extended(self, actor: int) -> FloatArray:
-        """Return the poses of an actor, [T + more, 3], extended straight on after the run's end."""
+        """Return the poses of an actor, [T + more, 3]; after the run's end it continues straight on."""
         poses = self._trace.states[:, actor][:, [X, Y, HEADING]]
         step = poses[-1, :2] - poses[-2, :2] if len(poses) > 1 else np.zeros(2)
         more = np.empty((self._more, 3))
@@ -117,8 +120,10 @@ class Screening:
         return ScreenedManoeuvre(plan, self.least_m(plan))
 
     def latest_s(self, begins_s: float) -> float:
-        """Return the latest time at which the hardest braking can begin and still keep the margin, s; it keeps the
-        margin at `begins_s`."""
+        """Return the latest time at which the hardest braking may begin and still keep the margin, s.
+
+        At `begins_s` the hardest braking must keep the margin.
+        """
         low, high = round(begins_s / STEP_S), len(self._speeds) - 1
         while high - low > 1:
             middle = (low + high) // 2

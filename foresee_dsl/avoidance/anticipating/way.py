@@ -1,4 +1,4 @@
-"""The way that the ego took in a run, continued along its route where the run ended."""
+"""The path that the ego took in a run, continued along its route beyond the end of the run."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Way(RecordedPath):
 
 
 def _widened(along_m: FloatArray, speeds_mps: FloatArray) -> FloatArray:
-    """Return the largest speed within a metre of each place, m/s."""
+    """Return for each place the largest recorded speed within a metre of it, m/s."""
     low = np.searchsorted(along_m, along_m - 1.0)
     high = np.searchsorted(along_m, along_m + 1.0, side="right")
     return np.array([speeds_mps[a:b].max() for a, b in zip(low.tolist(), high.tolist(), strict=True)])

@@ -1,1 +1,1 @@
-"""Which moments of a run hide a failure that a careful driver avoids: behaviours, their roll-outs, the ranker."""
+"""Finds the moments of a run that hide a failure which a careful driver would avoid, by trying changed behaviours."""

@@ -1,7 +1,8 @@
-"""The behaviours of candidates, with the bounds of their strength.
+"""The changed behaviours that are tried on an actor of a run (candidates), with the bounds of their strength.
 
 A candidate is one actor of a run with one changed behaviour. Strengths stay within observed human behaviour. One is
-drawn from each of several equal parts of the range, so that a few candidates cover it."""
+drawn from each of several equal parts of the range, so that a few candidates cover it.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ _ALONG_RAD = math.radians(45)
 
 
 class Kind(StrEnum):
-    """The kinds of changed behaviour, in words for people."""
+    """The kinds of changed behaviour, each with its phrase in reports."""
 
     LATE = "starts later"
     EARLY = "starts earlier"
@@ -127,7 +128,7 @@ class Candidate:
     for_s: float | None = None
 
     def is_like(self, other: Candidate) -> bool:
-        """Return whether another candidate is of the same actor and kind."""
+        """Return whether another candidate concerns the same actor and has the same kind."""
         return self.actor == other.actor and self.kind is other.kind
 
     @property
@@ -167,8 +168,10 @@ def _side(left: float) -> str:
 
 
 def what_if(info: ActorInfo, actor: int, first: int, last: int, **changed: float) -> WhatIf:
-    """Return the roll-out of an actor (a column) in a window of frames; `changed`: fields of `WhatIf` that differ from
-    neutral."""
+    """Return the roll-out (predicted motion) of an actor in a window of frames.
+
+    `actor`: its column. `changed`: fields of `WhatIf` that differ from neutral.
+    """
     neutral = {
         "delay": 0.0, "ahead": 0.0, "pace": 1.0, "brakes_at": 0.0, "brakes_for": 0.0, "braking": 0.0,
         "left": 0.0, "left_at": 0.0, "left_for": 0.0, "left_rate": 0.0, "turn": 0.0, "turn_at": 0.0,
@@ -191,7 +194,7 @@ class Behaviours:
         self._moment_s = (frame - first) * STEP_S
 
     def of(self, actor: int) -> Iterator[Candidate]:
-        """Yield the candidates of one actor."""
+        """Yield the candidates (changed behaviours) of one actor."""
         info = self._run.trace.actors[actor]
         if info.path:
             yield from self._on_path(actor, info)
@@ -258,7 +261,7 @@ class Behaviours:
             yield self._candidate(kind, actor, 0.0, goes_at=float(fast[-1] * STEP_S))
 
     def _is_first(self, actor: int, since: int) -> bool:
-        """Return whether an actor has no other ahead in its lane, within `ahead_m`."""
+        """Return whether no other actor is ahead of this one in its lane within `ahead_m`."""
         run, frame = self._run, self._first + since
         x, y, heading, _ = run.tracks[actor, frame]
         away = run.tracks[1:, frame, :2] - (x, y)
@@ -321,7 +324,10 @@ class Behaviours:
         return frame < self._run.trace.frames and self._run.mps(actor, frame) >= least
 
     def _beside(self, actor: int, at: float) -> float:
-        """Return the lateral distance from an actor to the ego's way, m (positive: the way is to its left)."""
+        """Return the lateral distance from an actor to the ego's path, m.
+
+        Positive if the path is to the actor's left.
+        """
         x, y, heading, _ = self._run.tracks[actor, self._first + round(at / STEP_S)]
         way = self._run.tracks[0, self._first : self._last + 1, :2] - (x, y)
         dx, dy = way[int(np.hypot(*way.T).argmin())]
@@ -335,7 +341,7 @@ class Behaviours:
         return math.cos(passes - heading) > math.cos(_ALONG_RAD)
 
     def _turned(self, actor: int, at: float) -> bool:
-        """Return whether an actor has just turned, and drives straight on again."""
+        """Return whether an actor has just completed a turn and drives straight on."""
         frame, s = self._first + round(at / STEP_S), self._settings
         since = max(0, frame - round(s.turned_s / STEP_S))
         track = self._run.tracks[actor]

@@ -1,4 +1,4 @@
-"""The ranker `careful`: ranks moments by the best candidates around them."""
+"""The ranker `careful`: it orders a run's moments by the failures near them that a careful driver could avoid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Converts a trace into the tables that roll-outs read."""
+"""Converts a trace into the arrays that roll-outs (predictions without simulation) read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """The tables of a run that roll-outs read.
+    """The recorded run as the arrays that roll-outs read.
 
     Attributes:
         tracks: [A, T, 4] x, y (m), heading (rad, continuous), distance to the next frame (m); NaN before an actor
@@ -30,8 +30,10 @@ class RecordedRun:
 
     @classmethod
     def of(cls, trace: Trace, heights_m: Mapping[str, float] | None = None) -> Self:
-        """Return the tables of a run. `heights_m`: heights of models by name, m; for others, the default of the
-        class."""
+        """Return the arrays of a run.
+
+        `heights_m`: heights of models by name, m; other models have the default of their class.
+        """
         states = trace.states
         tracks = np.ascontiguousarray(states[:, :, [X, Y, HEADING, SPEED]].transpose(1, 0, 2))
         there = ~np.isnan(tracks[:, :, 0])

@@ -67,10 +67,10 @@ class ScoredCandidate:
     """A candidate with the results of its roll-outs.
 
     Attributes:
-        score: 0 to 1: `hit` times the weight of `avoidable`. hit: how likely it hits the ego as it drove. avoidable:
-            how likely a careful driver avoids that. contact_s: time of the smallest distance since the window's
-            beginning. braking_s: from when a careful driver brakes, if braking avoids the contact. gap_m: smallest
-            distance to the ego as it drove.
+        score: 0 to 1, `hit` times the weight of `avoidable`. hit: likelihood of hitting the ego as it drove. avoidable:
+          likelihood that a careful driver avoids the contact. contact_s: time of the smallest distance since the
+          window's beginning. braking_s: from when a careful driver brakes, if braking avoids the contact. gap_m:
+          smallest distance to the ego as it drove.
     """
 
     candidate: Candidate
@@ -100,7 +100,10 @@ def _ways(avoidable: float) -> str:
 
 
 def endings(run: RecordedRun, candidates: Sequence[Candidate]) -> Records:
-    """Roll candidates out: [C, S] endings, with the style `BLIND`, those of `DRIVES` and then those of `CAREFUL`."""
+    """Return how candidates end, [C, S].
+
+    Against the driver `BLIND`, against those of `DRIVES`, and against those of `CAREFUL`.
+    """
     rolled = np.zeros((len(candidates), len(_STYLES)), dtype=dtype_of(RollOutEnding))
     if candidates:
         whats = np.array([c.what for c in candidates], dtype=dtype_of(WhatIf))
@@ -109,10 +112,11 @@ def endings(run: RecordedRun, candidates: Sequence[Candidate]) -> Records:
 
 
 def avoidable_shares(run: RecordedRun, what: WhatIf, rows: FloatArray) -> FloatArray:
-    """Return how likely a careful driver avoids the contact with a changed actor, [C], 0 to 1.
+    """Return the likelihood that a careful driver avoids the contact with a changed actor, [C], 0 to 1.
 
     `what`: the actor and the window, without a change. `rows`: [C, T, 4] tracks that replace the actor's recorded one,
-    laid out as `RecordedRun.tracks`."""
+    laid out as `RecordedRun.tracks`.
+    """
     rolled = np.zeros((len(rows), len(_CAREFULLY)), dtype=dtype_of(RollOutEnding))
     whats, tracks = np.array([what], dtype=dtype_of(WhatIf)), run.tracks.copy()
     for k, row in enumerate(rows):
@@ -122,7 +126,7 @@ def avoidable_shares(run: RecordedRun, what: WhatIf, rows: FloatArray) -> FloatA
 
 
 def _avoidable(careful: Records) -> FloatArray:
-    """Return, 0 to 1, half for any careful driver that avoids the contact plus half the share that does."""
+    """Return a score from 0 to 1: half if any careful driver avoids the contact, plus half of the share that does."""
     avoided = ~np.isfinite(careful["contact"])
     shares: FloatArray = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
     return shares
@@ -159,8 +163,10 @@ def scored(run: RecordedRun, candidates: Sequence[Candidate]) -> list[ScoredCand
 
 
 def _ahead_in_line(run: RecordedRun, candidates: Sequence[Candidate], blind: Records) -> BoolArray:
-    """Return for which candidates the recorded actor is in the ego's own line when the driver that does not react is
-    nearest to it: every driver keeps a distance there."""
+    """Return for which candidates the recorded actor is in the ego's own lane at the nearest approach.
+
+    There every driver keeps a distance; the approach is that of the driver that does not react.
+    """
     in_line = np.zeros(len(candidates), dtype=np.bool_)
     for k, candidate in enumerate(candidates):
         what = candidate.what
@@ -195,7 +201,7 @@ def search(
 
 @dataclass(frozen=True, eq=False)
 class Promise:
-    """Tests whether the moments of a run are promising, whichever of its actors behaves otherwise."""
+    """Tests whether a moment of a run is promising: some actor that behaves differently there would cause a failure."""
 
     run: RecordedRun
     settings: CarefulSettings

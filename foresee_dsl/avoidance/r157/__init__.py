@@ -1,1 +1,4 @@
-"""UN Regulation 157's careful driver: it perceives a risk (`risk`), and brakes along the recorded path (`replay`)."""
+"""Models UN Regulation 157's careful driver.
+
+It perceives a risk (`risk`) and brakes along the recorded path (`replay`).
+"""

@@ -1,5 +1,4 @@
-"""Judges whether a careful and competent driver would have avoided a failure: drives UN Regulation 157's model in its
-place.
+"""Judges whether UN Regulation 157's careful driver, in the ego's place, would have avoided a failure by braking.
 
 The failing run is driven again, the ego on its recorded path at its recorded speed, until the careful driver has
 perceived the risk (`avoidance.r157.risk`) and its delay is over. From then on it brakes along the same path. The other
@@ -42,7 +41,7 @@ class Preventable(StrEnum):
 
 @dataclass(frozen=True)
 class Preventability:
-    """The result of replaying a failure.
+    """The answer of the careful driver's assessment, with its figures.
 
     Attributes:
         verdict: whether it was preventable. why: a sentence for people.
@@ -89,7 +88,7 @@ class Preventability:
 
 
 class R157Driver:
-    """The judge: it drives the test case up to twice."""
+    """The judge: it simulates the failing test case at most twice."""
 
     def judge(self, failure: Failure) -> Preventability:
         """Return whether a careful and competent driver would have avoided the failure."""

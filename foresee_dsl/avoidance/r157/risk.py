@@ -1,4 +1,4 @@
-"""Computes when a careful and competent driver sees a risk: another's predicted path enters the ego's corridor soon.
+"""Computes when a careful driver sees a risk: the predicted path of another actor soon enters the ego's corridor.
 
 The driver is that of UN Regulation 157, Annex 4, appendix 3. The regulation's own text was not at hand: the figures,
 except one, are those of the European Commission's open implementation (repository ec-jrc/JRC-FSM, `CC_human_driver`).
@@ -6,7 +6,8 @@ The appendix describes cut-in, cut-out and deceleration on a motorway. For a tow
 walk, the perception is generalised; our additions are marked `ours`.
 
 The prediction uses only the information of a driver at that frame: the ego's own intended path, and the place, speed,
-turn rate and braking of the other."""
+turn rate and braking of the other.
+"""
 
 from __future__ import annotations
 
@@ -61,21 +62,24 @@ class Perception:
 
     @property
     def perceived_s(self) -> float:
-        """When the evaluation of the risk ends, s."""
+        """The time at which the driver has evaluated the risk, s."""
         return round(self.onset_s + EVALUATION_S, 6)
 
     @property
     def brakes_s(self) -> float:
-        """When braking begins, s."""
+        """The time at which braking begins, s: after the evaluation and the driver's delay."""
         return round(self.onset_s + EVALUATION_S + DELAY_S, 6)
 
 
 def perceive(trace: Trace, other: int, sight: Sight | None = None) -> Perception | None:
-    """Return when the ego's driver would perceive the risk that became the contact with an actor at the run's end.
+    """Return when the ego's driver perceives the risk that led to the contact at the run's end.
+
+    None if there is no risk.
 
     A risk that is interrupted for less than the evaluation time is one risk. An earlier risk that passed without a
     contact is ignored, as braking for it, seconds earlier, would avoid the contact by chance (ours). None if there is
-    no risk shortly before the frame of the contact. Without `sight`, visibility is judged from the trace alone."""
+    no risk shortly before the frame of the contact. Without `sight`, visibility is judged from the trace alone.
+    """
     path, sight = RecordedPath(trace), sight or sight_of(trace)
     forgets = round(EVALUATION_S / STEP_S)
     onset: int | None = None
@@ -132,7 +136,7 @@ def predicted(trace: Trace, actor: int, frame: int, time_s: FloatArray) -> Float
 def moved_on(
     pose: tuple[float, float, float], course: float, speed: float, brakes: float, turns_per_m: float, time_s: FloatArray
 ) -> FloatArray:
-    """Return the boxes of an actor that brakes evenly along an arc, at some times, [N, 5], without their sizes.
+    """Return the boxes [N, 5] at some times of an actor that brakes evenly along an arc; the sizes are not filled in.
 
     `pose`: x, y, heading. `course`: the direction of motion. `turns_per_m`: rad per metre.
     """
@@ -157,8 +161,10 @@ def course_of(trace: Trace, actor: int, frame: int) -> float:
 
 
 def merged(boxes: FloatArray, ego: FloatArray) -> FloatArray:
-    """Return a path that continues along the ego's line (`ego`: x, y, heading) after reaching it from the side: a
-    cut-in."""
+    """Return the path of a vehicle that cuts in: after reaching the ego's line it continues along it.
+
+    `ego`: x, y, heading of the ego's line.
+    """
     cos, sin = math.cos(ego[2]), math.sin(ego[2])
     lateral = (boxes[:, 1] - ego[1]) * cos - (boxes[:, 0] - ego[0]) * sin
     over = lateral * lateral[0] < 0.0
@@ -169,7 +175,7 @@ def merged(boxes: FloatArray, ego: FloatArray) -> FloatArray:
 
 
 def _in_front(trace: Trace, other: int, frame: int) -> bool:
-    """Return whether the other's middle is ahead of the ego's rear, as braking does not avoid a contact from behind."""
+    """Return whether the other's middle is ahead of the ego's rear; braking does not avoid a contact from behind."""
     ego, them = trace.states[frame, 0], trace.states[frame, other]
     ahead = (them[X] - ego[X]) * math.cos(ego[HEADING]) + (them[Y] - ego[Y]) * math.sin(ego[HEADING])
     return bool(ahead > -trace.actors[0].length_m / 2)

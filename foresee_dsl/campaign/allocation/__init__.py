@@ -1,1 +1,1 @@
-"""Allocation of mutants in rounds: each round gives more mutants to the clips whose earlier ones were worth more."""
+"""Allocates mutants to clips in rounds: clips whose earlier mutants were more useful get more of the next ones."""

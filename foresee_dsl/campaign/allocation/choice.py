@@ -1,4 +1,4 @@
-"""Choice of the clips for the next mutants, from the worth of the earlier ones.
+"""Chooses the clips that get the next mutants, by the usefulness (worth, 0 to 1) of their earlier mutants.
 
 A mutant is worth something if it is a new failure, an avoidable failure, or a pass with a near miss. Clips are chosen
 by successive halving, and their ways to draw a mutant by Thompson sampling.
@@ -48,7 +48,7 @@ about as often as the best; in replays (docs/background/method.md) that cost one
 
 @dataclass(frozen=True)
 class ChildFacts:
-    """The facts about a mutant that allocation uses.
+    """The facts about a run mutant that decide its worth.
 
     Attributes:
         story: signature that equal failures share; () if the run did not fail.
@@ -106,7 +106,7 @@ def worths(children: Iterable[tuple[ChildFacts, bool]]) -> list[float]:
 
 
 class MutantDraw(NamedTuple):
-    """A way to draw a mutant: the names of the operators, and whether it is drawn near another mutant."""
+    """One way of drawing a mutant: by which operators, and whether near an earlier mutant."""
 
     operators: tuple[str, ...]
     near: bool = False
@@ -117,7 +117,7 @@ SEARCHED_WAY = MutantDraw(("searched",))
 
 
 class PastChild(NamedTuple):
-    """A mutant of an earlier round: its clip, its way, its worth, and whether it failed.
+    """A mutant of an earlier round: its clip, its way of drawing, its worth, and whether it failed.
 
     A near miss counts for its clip but not for its way, because mutants drawn near a near miss are near misses again.
     """
@@ -142,7 +142,7 @@ def halved(count: int, number: int) -> int:
 
 
 class MutantDraws:
-    """Estimates of the worth of each way over all clips, and the number of its uses per clip."""
+    """Estimates the worth of each way of drawing over all clips, and counts how often each clip used it."""
 
     def __init__(self, past: Sequence[PastChild], rng: Generator) -> None:
         """Estimate from all mutants so far."""

@@ -1,4 +1,6 @@
-"""Rounds of a campaign with allocated mutants: the results of one round decide which clips get the next mutants.
+"""The rounds of a campaign that allocates its mutants.
+
+The results of one round decide which clips get the next mutants.
 
 A round begins when all mutants of the earlier rounds have ended. So its choices depend only on their results and the
 campaign's seed, not on the speed of workers, and a stopped campaign repeats the same rounds. Results of reference
@@ -42,7 +44,7 @@ if TYPE_CHECKING:
 
 
 class Steps(Protocol):
-    """The part of a campaign's `Stages` that rounds use."""
+    """The methods of a campaign's `Stages` that rounds use."""
 
     @property
     def settings(self) -> CampaignSettings:
@@ -54,7 +56,7 @@ class Steps(Protocol):
         ...
 
     def after(self, node: StepNode, row: Row) -> tuple[StepNode, ...]:
-        """Return the steps that follow from a step with this result."""
+        """Return the steps that depend on a step with this result."""
         ...
 
     def walk(self, roots: Sequence[StepNode] | None = None) -> Iterator[tuple[StepNode, Row | None]]:
@@ -62,7 +64,7 @@ class Steps(Protocol):
         ...
 
     def further(self, clip: StepNode, step: MutantsStep, request: RoundRequest) -> StepNode:
-        """Return the step that mutates an already mutated clip once more."""
+        """Return the step that draws one more mutant from a clip that has mutants already."""
         ...
 
 
@@ -81,7 +83,7 @@ _NEVER = sys.maxsize
 
 @dataclass(frozen=True)
 class Round:
-    """The allocation of one round, for people.
+    """The allocation of one round, for reports.
 
     Attributes:
         number, of: index of the round, and number of rounds. children: mutants of this round. before: mutants of the
@@ -135,7 +137,7 @@ class _DrawnChild(NamedTuple):
 
 @dataclass
 class _Unit:
-    """A clip with one seed, and the mutants drawn from it."""
+    """A clip with one seed, and the mutants that were drawn from it."""
 
     clip: StepNode
     step: MutantsStep
@@ -160,14 +162,14 @@ class _Unit:
 
     @property
     def open_plans(self) -> list[int]:
-        """Plans that have more mutants: first only the preset's search, and the others when it is used up."""
+        """Return the plans (ways to draw) that have more mutants: first the preset's search, then the others."""
         if self.turns[SEARCHED] < self.searched:
             return [SEARCHED]
         return [plan for plan in range(len(self.plans)) if plan not in self.dry]
 
 
 class Rounds:
-    """The rounds of one part of a campaign: of these test cases and all steps that follow from them."""
+    """The rounds of one part of a campaign: its test cases and all steps that depend on them."""
 
     def __init__(self, stages: Steps, seeds: tuple[StepNode, ...]) -> None:
         """Begin with the first round, in which each clip gets its first mutants."""
@@ -198,7 +200,7 @@ class Rounds:
         return self._stages.settings.children * len(units) - sum(len(unit.drawn) for unit in units) - requested
 
     def next(self) -> tuple[StepNode, ...]:
-        """Begin the next round and return its first steps; empty if all mutants are allocated or no clip has more."""
+        """Begin the next round and return its first steps; empty if no mutants are left to allocate or to draw."""
         units = self._units()
         total = self._stages.settings.children * len(units)
         allocated = sum(len(unit.drawn) for unit in units)
@@ -293,7 +295,10 @@ class Rounds:
 
 
 class _Before(NamedTuple):
-    """The mutants of the earlier rounds. `nearness`: nearness of each mutant that passed, by its step."""
+    """The mutants of the earlier rounds.
+
+    `nearness`: nearness to a contact, 0 to 1, of each mutant that passed, by its step.
+    """
 
     past: list[PastChild]
     nearness: dict[StepNode, float]
@@ -341,14 +346,14 @@ def _open_ways(units: list[_Unit], nearness: Mapping[StepNode, float]) -> tuple[
 
 
 def _bases(unit: _Unit, nearness: Mapping[StepNode, float]) -> Iterator[_DrawnChild]:
-    """Yield the mutants near which others may be drawn."""
+    """Yield the mutants near which further mutants may be drawn."""
     for drawn in unit.drawn:
         if nearness.get(drawn.node, 0.0) >= NEAR_ENOUGH and unit.uses[drawn.step.mutant.number] < NEAR_AT_MOST:
             yield drawn
 
 
 def _want(units: list[_Unit], way: MutantDraw, nearness: Mapping[StepNode, float]) -> None:
-    """Request a mutant drawn in a way from one of a clip's units."""
+    """Request, from one of a clip's units, a mutant that is drawn in this way."""
     if way.near:
         bases = [
             (unit, drawn)
@@ -370,7 +375,7 @@ def _want(units: list[_Unit], way: MutantDraw, nearness: Mapping[StepNode, float
 
 
 def _first(count: int, record: Mutants) -> tuple[Wanted, ...]:
-    """Return the draws of the first round, which requests them implicitly."""
+    """Return the requests for the first round's mutants, which no round has made explicitly."""
     drawn = ((k, Draw.numbered(k, len(record.plans), min(record.searched, count))) for k in range(1, count + 1))
     return tuple(Wanted(k, draw) for k, draw in drawn if draw is not None)
 

@@ -1,4 +1,4 @@
-"""The Dask executor: one Dask task is a batch of ours, run by the same isolated workers as without Dask.
+"""The Dask executor: runs batches of a campaign's tasks on a cluster, each as one Dask task, in isolated workers.
 
 A Dask worker runs no simulation itself. It starts a host (this module as a program, with the arguments LIFELINE, PIPE
 and MEMORY_MB), a process with a pool of isolated workers; so a driver's effects on its process never reach Dask.
@@ -34,7 +34,7 @@ CONNECT_S = 10
 
 
 class ClusterError(ForeseeError):
-    """The cluster cannot be reached, or `distributed` is not installed."""
+    """Raised if the cluster cannot be reached or the package `distributed` is not installed."""
 
 
 def dask(scheduler: str = "", *, dashboard: str = "") -> Callable[[RunOptions], DaskExecutor]:
@@ -116,7 +116,7 @@ class DaskExecutor(Executor):
             yield update
 
     def _resend(self, numbers: list[int], why: str) -> Iterator[Update]:
-        """Submit tasks again that were lost with their Dask worker or its host, up to `DEATHS` times each."""
+        """Submit tasks again whose Dask worker or host ended; each task at most `DEATHS` times."""
         for number in numbers:
             self._lost[number] += 1
             if self._lost[number] < DEATHS:
@@ -139,7 +139,7 @@ def run_batch(packed: bytes, memory_mb: float) -> bytes:
 
 
 class _Host:
-    """A process that runs batches (`serve_batches`), seen from its Dask worker's thread."""
+    """A process that runs batches of tasks (`serve_batches`), as its Dask worker sees it."""
 
     def __init__(self, memory_mb: float) -> None:
         line, self._lifeline = os.pipe()
@@ -254,7 +254,7 @@ def serve_batches(lifeline: int, descriptor: int, memory_mb: float) -> None:
 
 
 def _without_argument(value: Any) -> Any:  # noqa: ANN401 - what a task gave
-    """Return a task's outcome; a broken one without the task's argument, which the sender has."""
+    """Return a task's outcome without the task's argument if the task broke; the sender has the argument already."""
     return replace(value, task=replace(value.task, argument=None)) if isinstance(value, Broken) else value
 
 

@@ -1,4 +1,4 @@
-"""The engine of a campaign: it runs the steps that the store lacks, and assembles the result.
+"""The engine of a campaign: it runs the steps whose results the store lacks, and assembles the campaign's result.
 
 A step is run once per key, even if several campaigns share it. Its result is stored before it is reported and before
 any step follows from it: whenever this process ends, the same command continues from there.
@@ -46,21 +46,21 @@ class Listener:
     """Receives the events of a campaign (for a progress bar, a log); this one ignores them."""
 
     def planned(self, kind: str, count: int) -> None:
-        """`count` more steps of a kind are known."""
+        """Called when `count` more steps of a kind are known to be needed."""
 
     def done(self, row: Row, *, new: bool = True) -> None:
-        """A step's result is in the store; `new`: it was not there before."""
+        """Called when a step's result is in the store; `new`: it was not there before."""
 
     def broken(self, what: str) -> None:
-        """A step cannot be done."""
+        """Called when a step could not be run."""
 
     def round(self, begun: Round) -> None:
-        """A later round of mutants begins, if they are allocated in rounds."""
+        """Called when a later round of mutants begins, if mutants are allocated in rounds."""
 
 
 @contextmanager
 def _no_search_for_cycles() -> Iterator[None]:
-    """Switch Python's search for reference cycles off inside this context.
+    """Switch off Python's search for reference cycles inside this context.
 
     Results contain no cycles, and the search visits all of them again and again while they are assembled: 4 to 9 % of
     the time for 35,611 results.
@@ -114,7 +114,10 @@ def run_campaign(
 
 
 class CampaignEnd(NamedTuple):
-    """The end of a campaign's runs. `broken`: steps that could not be done, sorted. `stopped`: before the end."""
+    """The end of a campaign's runs.
+
+    `broken`: steps that could not be run, sorted. `stopped`: whether the campaign was stopped before its end.
+    """
 
     broken: tuple[str, ...]
     stopped: bool
@@ -175,7 +178,7 @@ class _CampaignRun:
         """True if it was stopped while it determined the missing steps."""
 
     def until_done(self, *, minimise: bool) -> tuple[list[str], bool]:
-        """Run the missing steps; return those that could not be done, and whether it was stopped before the end."""
+        """Run the missing steps; return those that could not be run, and whether the campaign was stopped."""
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
         try:
@@ -202,7 +205,7 @@ class _CampaignRun:
         return self._stopped_early or bool(self._running) or unfinished
 
     def _run_through(self, nodes: Iterable[StepNode]) -> None:
-        """Run the missing ones of some steps and of all steps that follow from them."""
+        """Run those of some steps that have no result yet, and all steps that depend on them."""
         with _no_search_for_cycles():
             self._visit(nodes)
         self._begin_rounds()
@@ -212,7 +215,7 @@ class _CampaignRun:
                 self._begin_rounds()
 
     def _changed_meanwhile(self) -> list[StepNode]:
-        """Return the steps without a result, if one of these results was changed on the disk since it was stored."""
+        """Return the steps without a result if an input of theirs was changed on the disk after it was stored."""
         if self._executor is None:
             return []
         self._store.read_again()
@@ -240,7 +243,7 @@ class _CampaignRun:
         return self._options.stop() or time.monotonic() > self._ends_s
 
     def _visit(self, nodes: Iterable[StepNode]) -> None:
-        """Visit steps and all known steps that follow from them; start tasks for the missing ones."""
+        """Visit steps and all known steps that depend on them; start a task for each that has no result."""
         ahead = list(reversed(tuple(nodes)))
         while ahead and not self._stop():
             node = ahead.pop()
@@ -258,7 +261,7 @@ class _CampaignRun:
         self._stopped_early |= bool(ahead)
 
     def _awaited_by(self, node: StepNode) -> tuple[int, int]:
-        """Return the part of the campaign and its first round that waits for a step's result."""
+        """Return the part of the campaign, and the first round in it, that waits for a step's result."""
         rounds = self._rounds.get(node.over("seed"))
         return id(rounds), awaited_by(node)
 
@@ -305,7 +308,7 @@ class _CampaignRun:
                     listener.broken(self._broken[-1])
 
     def _begins_again(self, node: StepNode) -> bool:
-        """Repeat the input of a step that broke, if that input was changed on the disk; the step follows again."""
+        """If the input of a broken step was changed on the disk, run the step that made the input again."""
         if not node.step.reads or node.step.key in self._begun_again:
             return False
         read = node.over(node.step.reads)
@@ -354,7 +357,7 @@ def _row(result: StepResult, *, broken: bool = False) -> Row:
 
 
 def _broken_row(node: StepNode, broken: Broken) -> Row | None:
-    """Return the row of a run that gave no result.
+    """Return the stored record of a run that gave no result; None if nothing is stored for it.
 
     None if the step is a forecast or a mutation, not a run; also if the process was ended from outside, which is not a
     result: the next campaign runs the step again.

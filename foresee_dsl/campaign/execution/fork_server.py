@@ -1,5 +1,4 @@
-"""Set-up of the fork server, which alone imports it: orphans of workers become its children, where the pool ends
-them."""
+"""Sets up the fork server, which alone imports this module, so that orphans of workers are found and ended."""
 
 from __future__ import annotations
 

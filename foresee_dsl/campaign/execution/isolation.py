@@ -1,4 +1,4 @@
-"""One worker process: it receives batches of tasks over a pipe and reports each start and end.
+"""One worker process: it gets batches of tasks over a pipe and reports when each task begins and ends.
 
 So its starter always knows which task the process runs: if the process dies, hangs or takes too much memory, that task
 is the cause, and no other task must be repeated to find it.
@@ -133,7 +133,7 @@ class Worker:
 
     @property
     def watched(self) -> tuple[Connection | int, ...]:
-        """For `multiprocessing.connection.wait`: one is ready when there is a message, or when the process has ended.
+        """The handles to wait for: one becomes ready when the process sends a message or ends.
 
         The connection alone does not show the end if a process that a driver started still has it open.
         """
@@ -179,13 +179,15 @@ class Worker:
             raise EOFError
 
     def overdue(self) -> bool:
-        """Return whether its present task exceeds its deadline by more than the time in which it would end itself."""
+        """Return whether its present task exceeds its deadline by more than the grace in which it should end itself."""
         limit_s = self.current[1].deadline_s if self.current else None
         return limit_s is not None and time.monotonic() - self.since_s > limit_s + min(limit_s, _GRACE_S)
 
     def memory_mb(self, limit_mb: float) -> float:
-        """Return the memory of the process and its descendants, in MB, exactly if it exceeds `limit_mb`; 0 if the
-        system does not report it (only Linux does)."""
+        """Return the memory of the process and its descendants, MB; 0 on systems other than Linux.
+
+        The value is exact only above `limit_mb`.
+        """
         return memory_mb(self.pid, limit_mb)
 
     def started(self) -> int:
@@ -193,13 +195,16 @@ class Worker:
         return len(started_by(self.pid))
 
     def left_behind(self) -> LeftBehind:
-        """Return the traces of a process that broke: its prints, and whether and where it hung or crashed."""
+        """Return what a broken process left: its printed output, and whether and where it hung or crashed."""
         stack = read_all(self._stacks.descriptor).decode("utf-8", "replace")
         printed = shortened(read_all(self._output.descriptor))
         return LeftBehind(printed, stack.startswith("Timeout "), place_in_dump(stack), stack)
 
     def kill(self, *, gone: bool = False) -> ProcessEnding:
-        """End the process now, or one that is already `gone`, with its descendants; return how it had ended."""
+        """End the process and its descendants now, or only the descendants if it is already `gone`.
+
+        Return how it ended.
+        """
         if gone:
             self._process.join(_REPORTED_S)
         else:
@@ -223,7 +228,10 @@ _running: set[int] = set()
 
 
 class ProcessEnding(NamedTuple):
-    """How a process ended. `outside`: by a signal that a process does not send to itself."""
+    """How a process ended.
+
+    `outside`: by a signal that a process does not send to itself.
+    """
 
     text: str
     outside: bool = False
@@ -249,7 +257,7 @@ _FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
 
 
 class LeftBehind(NamedTuple):
-    """The traces of a process that broke.
+    """What a broken process left for the report.
 
     Attributes:
         output: its prints. hung: it was ended because it did not return. place: in a driver's code, or "".
@@ -302,7 +310,7 @@ class _Reports:
         self._pipe, self._pid = pipe, os.getpid()
 
     def send(self, message: Message) -> None:
-        """Send a message; a fork made by a driver, which also reaches the end of the run, ends here instead."""
+        """Send a message; a process that a driver forked off ends here instead, so that only the worker reports."""
         if os.getpid() != self._pid:
             os._exit(0)
         self._pipe.send(message)
@@ -355,7 +363,7 @@ def _run_task(reports: _Reports, number: int, packed: bytes) -> bool:
 
 
 def end_with(descriptor: int) -> None:
-    """End this process (by SIGKILL) together with the one that started it, however that one ends.
+    """Make this process end (by SIGKILL) when the process that started it ends, in whatever way.
 
     The starter holds the writing end of a pipe that stays empty; when it ends, even by SIGKILL, the kernel closes that
     end. On Linux the kernel then signals the whole process group, which this process leads; a thread that waits for the

@@ -1,5 +1,7 @@
-"""The pool of worker processes that runs a campaign's tasks; a task that dies, hangs or uses up memory is one
-outcome."""
+"""The pool of worker processes that runs a campaign's tasks.
+
+A task that dies, hangs or needs too much memory gets an outcome too.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ Shares = tuple[str, ...]
 
 
 class TaskQueue:
-    """Waiting tasks by number."""
+    """The waiting tasks, by number and priority."""
 
     def __init__(self) -> None:
         self._waiting: dict[int, tuple[Priority, int, Shares]] = {}
@@ -100,7 +102,7 @@ class TaskQueue:
                 del self._sharing[shares[:length]], self._heaps[shares[:length]]
 
     def _top(self, shares: Shares) -> tuple[Priority, int] | None:
-        """Return priority and number of the most urgent task with these inputs; None if there is none."""
+        """Return priority and number of the most urgent task with these shared inputs; None if there is none."""
         heap = self._heaps.get(shares)
         while heap:
             priority, turn, number = heap[0]
@@ -142,14 +144,14 @@ class Broken:
 
 @dataclass(frozen=True)
 class TaskPart:
-    """One part of the outcome of a task that yields parts."""
+    """One part of the outcome of a task that reports its outcome in parts."""
 
     value: Any
 
 
 @dataclass(frozen=True)
 class Update:
-    """News of a task: a `TaskPart`, a `Broken`, or its outcome (None for a task that yields parts)."""
+    """A message about a task: a `TaskPart`, a `Broken`, or its outcome (None after the last part)."""
 
     task: Task
     value: Any
@@ -298,7 +300,10 @@ class WorkerPool(Executor):
             raise RuntimeError(f"worker processes die as soon as they start: {how}")
 
     def _batch(self, worker: Worker) -> list[tuple[int, Task]]:
-        """Return the next tasks from the queue: fewer when few are left; a suspect alone."""
+        """Return the next tasks from the queue: fewer when few are left.
+
+        A task at which a process ended comes alone.
+        """
         size = max(1, min(BATCH, math.ceil(len(self._queue) / (2 * self._jobs))))
         most = 1 if self._suspect(self._queue.first) else size
         return [(number, self._tasks[number]) for number in self._queue.take(most, worker.warm)]
@@ -325,7 +330,7 @@ class WorkerPool(Executor):
                 self._drop(worker)
 
     def _raised(self, number: int, error: str, worker: Worker) -> Iterator[Update]:
-        """Handle a task that raised; if a driver had changed the process, the error may be due to that: repeat once."""
+        """Handle a task that raised an error; if a driver had changed the process, run the task once more."""
         if worker.changed and number not in self._spoilt:
             self._spoilt.add(number)
             self._requeue([number])
@@ -365,7 +370,7 @@ class WorkerPool(Executor):
             yield self._ended(number, Broken(task, f"{ending.text}{at}{times}", output=left.output))
 
     def _suspect(self, number: int) -> int:
-        """Return how many processes ended at a task; with any, the task runs alone in a fresh process."""
+        """Return how many processes ended at a task; if any did, the task runs alone in a new process."""
         return self._deaths[number] + self._kills[number]
 
     def _drop(self, worker: Worker, *, gone: bool = False) -> ProcessEnding:

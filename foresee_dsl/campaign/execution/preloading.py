@@ -1,4 +1,4 @@
-"""Modules that the fork server imports, so that new workers start quickly; workers import others on demand."""
+"""The modules that the fork server imports in advance, so that new workers start quickly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A process and its descendants: their memory use and their end (Linux only).
+"""Measures and ends a process together with its descendants (Linux only).
 
 Processes that a worker starts (an external driver and its helpers) count as the worker's, because a limit on one
 process alone does not limit a driver that can start others.
@@ -27,7 +27,7 @@ _SHARE = re.compile(rb"^Pss:\s+(\d+) kB", re.MULTILINE)
 
 
 def adopt_orphans() -> None:
-    """Make orphans of this process's children its own children, so that they are counted and ended with it."""
+    """Make this process adopt orphaned descendants, so that they are counted and ended with it."""
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(_ADOPT, 1, 0, 0, 0)
 
@@ -96,7 +96,7 @@ def end_session(leader: int) -> None:
 
 
 def end_orphans(parent: int, spared: Collection[int]) -> None:
-    """End the children of a process and their descendants, except those `spared`; process 0 stands for none."""
+    """End the children of a process and their descendants, except those `spared`; if `parent` is 0, do nothing."""
     _end_all(lambda: [pid for child in _children(parent) if child not in spared for pid in (child, *started_by(child))])
 
 

@@ -1,4 +1,4 @@
-"""Runs of test cases in separate processes, so that every run has a verdict whatever its driver does."""
+"""Runs test cases in separate processes, so that every run gets a verdict, whatever its driver does."""
 
 from __future__ import annotations
 
@@ -77,8 +77,7 @@ def run_cases(
 
 
 def run_here(case: TestCase, driver: str, *, seed: int = 0, rules: RulesMode = RULES_MODE) -> CaseRun:
-    """Run a test case in this process, for a debugger: without deadlines, and with prints going where they usually
-    go."""
+    """Run a test case in this process, for a debugger: without deadlines and without capturing printed output."""
     result = run_test_case(case, driver, seed, deadlines=None, rules=rules)
     return case_run(case, with_unfired(case, driver, result))
 
@@ -105,6 +104,6 @@ def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines, r
 
 
 def with_unfired(case: TestCase, driver: str, result: RunResult) -> RunResult:
-    """Return a result completed by the triggers that never fired and how near they came, computed from its trace."""
+    """Return a result with the triggers that never fired and how near they came to firing, computed from its trace."""
     unfired_triggers = unfired(case.scenario, lambda: compile_test_case(case), result.trace, sensors_of(driver))
     return replace(result, unfired=unfired_triggers) if unfired_triggers else result

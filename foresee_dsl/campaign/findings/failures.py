@@ -1,4 +1,4 @@
-"""Explanation of a failure: the judges' answers and its story."""
+"""Explains a failure: the judges' answers and its story."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from foresee_dsl.story import Story, tell
 
 @dataclass(frozen=True)
 class Explained:
-    """The explanation of a failure; empty for other runs."""
+    """The explanation of a failure; all fields are empty for other runs."""
 
     judgements: tuple[AnyJudgement, ...] = ()
     story: Story | None = None

@@ -1,4 +1,4 @@
-"""Grouping of a campaign's failures into findings: those with the same story, the simplest of them in front."""
+"""Groups a campaign's failures into findings: failures with the same story, represented by the simplest."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ class Finding:
     All statements about a finding are about one run, `run`: that of the minimised representative, if it fails too.
 
     Attributes:
-        name: of the representative, the simplest of the failures. story_as_found: of the representative, unreduced.
-        siblings, sibling_files: names and files of the others, sorted.
+        name: name of the representative, the simplest of the failures. story_as_found: its story before minimisation.
+          siblings, sibling_files: names and files of the other failures, sorted.
         test_case: address of the representative's test case. family: of all failures.
         file: of the representative: a mutant's relative to the campaign's folder, a test case's address.
         clip: file of the representative's clip, relative to the campaign's folder; "" for a test case.
         minimised: the minimised representative, if any.
         avoided: number of failures that a reference driver avoids which also passes the unmutated clip; None without
-            reference drivers.
+          reference drivers.
         title: its story in at most twelve words, which differ from those of the others in the first six.
         number: its place in the campaign's order, from 1, by which commands address it; 0 before it is sorted.
     """
@@ -109,12 +109,12 @@ class Finding:
 
     @property
     def run(self) -> Failure:
-        """The run of which all statements about the finding speak."""
+        """The run that all statements about the finding describe."""
         return self.reduced.child if self.reduced is not None else self.representative
 
     @property
     def run_file(self) -> str:
-        """File of `run`; see `file`."""
+        """The file of `run`; see `file`."""
         return self.reduced.file if self.reduced is not None else self.file
 
     @property
@@ -209,8 +209,7 @@ TITLE_WORDS, TELLING_WORDS = 12, 6
 
 
 def _titles(findings: Sequence[Finding]) -> list[str]:
-    """Return a title for each finding; where the first words of several are equal, the test case goes first, and where
-    that is equal too, the mutant."""
+    """Return a title for each finding; titles that begin alike get the test case or the mutant in front."""
     stories = [finding.story.title for finding in findings]
     cases = [" ".join(_case_words(finding)) for finding in findings]
     ways = (
@@ -292,8 +291,10 @@ def case_file_name(address: str, scenario: str) -> str:
 
 
 def _simplicity(child: ChildOutcome) -> tuple[int, bool, float]:
-    """Return how many lines a mutant changes, whether one of them steers an actor or replaces its model, and the sum of
-    the differences between its numbers and the original ones."""
+    """Return a sort key for simplicity.
+
+    Changed lines, whether one steers or swaps a model, and their sizes.
+    """
     model = parse(child.text, child.name).model
     changes = model.changes if isinstance(model, Mutant) else ()
     far = sum(abs(c.now.si - c.was.si) for c in changes if isinstance(c.now, Quantity) and isinstance(c.was, Quantity))

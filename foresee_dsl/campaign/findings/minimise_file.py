@@ -1,4 +1,4 @@
-"""The command `foresee minimise` for a mutant's file; results of a campaign or of the same command are reused."""
+"""Implements `foresee minimise` for a mutant's file; stored results are reused."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def minimise_file(
 
 @dataclass(frozen=True)
 class _Work:
-    """The input of the process that minimises a mutant; `folder` is that of the mutant's file."""
+    """The input of the process that minimises a mutant; `folder` is the folder of the mutant's file."""
 
     parent: TestCase
     clip: Clip
@@ -136,7 +136,7 @@ class Texts:
 
     @classmethod
     def of(cls, result: Minimised, parent: TestCase) -> Self:
-        """Return the texts of a minimised mutant."""
+        """Return the mutant and clip of a minimisation as texts."""
         return cls(result.child.name, result.child.text, result.clip, result.clip_text, parent)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""A failure that a command names: a finding or mutant of a campaign by name, or a mutant's file."""
+"""Finds the failure that a command names: a finding or mutant of a campaign by name, or a mutant's file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class NamedFailure:
     """A failure in its original form.
 
     Attributes:
-        name: of the mutant or test case. file: its file, not minimised; for a test case its address.
+        name: name of the mutant or test case. file: its file before minimisation; for a test case its address.
         campaign: folder of its campaign, or None. data: contents of `campaign.json`.
         child: True for a mutant (or clip), False for a test case that fails without mutation.
     """
@@ -38,7 +38,7 @@ class NamedFailure:
 
     @property
     def finding(self) -> Mapping[str, Any] | None:
-        """Entry in `campaign.json` of the finding that it represents or belongs to."""
+        """The entry in `campaign.json` of the finding to which the failure belongs."""
         all_found: list[Mapping[str, Any]] = list(self.data.get("findings", ()))
         own = (finding for finding in all_found if finding["name"] == self.name)
         return next(own, next((finding for finding in all_found if self.name in finding.get("siblings", ())), None))
@@ -51,14 +51,14 @@ class NamedFailure:
 
     @property
     def sentence(self) -> str:
-        """What happens; "" without a campaign."""
+        """The failure's story in a sentence; "" without a campaign."""
         own_sentence = (self._own.get("story") or {}).get("sentence")
         finding = self.finding or {}
         return str(own_sentence or (finding.get("sentence") if finding.get("name") == self.name else "") or "")
 
     @property
     def sentence_minimised(self) -> str:
-        """What happens in its minimised form; "" without a campaign."""
+        """The story of the minimised form in a sentence; "" without a campaign."""
         finding = self.finding or {}
         return str((finding.get("minimised") or {}).get("sentence") or "") if finding.get("name") == self.name else ""
 

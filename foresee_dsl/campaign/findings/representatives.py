@@ -1,4 +1,4 @@
-"""Choice of the failures to minimise: the representatives of the findings, once all mutants have ended."""
+"""Chooses the failures to minimise: the representative of each finding, once all mutants have run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Review of a finding: what happens, the changes, the boundary of the failure, and the mutations that passed."""
+"""Collects what a review of a finding shows: the story, the changes, the boundary, and the mutations that passed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Mutation:
 
 @dataclass(frozen=True)
 class Review:
-    """A finding with all that a reviewer needs.
+    """A finding with all data that a reviewer needs.
 
     Attributes:
         finding: as in `campaign.json`. asked: the requested name, which may be that of a sibling.
@@ -74,19 +74,19 @@ class Review:
 
     @property
     def as_found(self) -> str:
-        """The representative's file in its original form."""
+        """The representative's file before minimisation."""
         return str(self.finding["file"])
 
     @property
     def file(self) -> str:
-        """The file to inspect: the minimised one, if any."""
+        """The file to inspect: the minimised one if it exists."""
         if self.finding.get("clip") is None:
             return str(self.finding["file"])
         return (self.campaign / str((self.minimised or self.finding)["file"])).as_posix()
 
     @property
     def commands(self) -> tuple[tuple[str, str], ...]:
-        """Next steps: description and command of each."""
+        """The next steps for the user: the description and the command of each."""
         mutant = self.finding.get("clip") is not None
         driver = f" --driver {shlex.quote(self.driver)}" if self.driver != "pdm" else ""
         seed = f" --seed {self.seed}" if self.seed else ""

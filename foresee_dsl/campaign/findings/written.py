@@ -1,4 +1,4 @@
-"""Reader of `campaign.json`: any change by hand becomes an error with its place."""
+"""Reads `campaign.json`; content that no campaign writes is reported with its place."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def read_written(campaign: Path) -> dict[str, Any]:
 
 
 class _Object(dict[str, Any]):
-    """An object of the file that raises a readable error for a missing key."""
+    """A JSON object of the file; access to a missing key raises an error that says what to do."""
 
     def __init__(self, file: Path, pairs: dict[str, Any]) -> None:
         super().__init__(pairs)

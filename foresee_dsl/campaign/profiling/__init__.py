@@ -1,1 +1,1 @@
-"""Profiles: time by part of the tool, measured only with `--profile`."""
+"""Measures the time that each part of the tool takes, only with `--profile`."""

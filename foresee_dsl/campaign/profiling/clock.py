@@ -1,4 +1,4 @@
-"""A clock that attributes wall and CPU time to the active part of the tool, without the time of nested parts."""
+"""A clock that counts wall and CPU time for the active part of the tool, without the time of nested parts."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ class Clock:
         return measurement
 
     def _share_out(self) -> None:
-        """Divide the CPU time since the last reading; the time for this counts as the profile's own."""
+        """Divide the CPU time since the last reading among the parts; computing this counts for the profile itself."""
         cpu = time.process_time_ns()
         spent, self._cpu_read = cpu - self._cpu_read, cpu
         driver, opened = Part.DRIVER.number, self._open

@@ -1,4 +1,4 @@
-"""The record that `--profile` prints: where a command's time went."""
+"""The record that `--profile` prints: how a command's time was divided among the parts of the tool."""
 
 from __future__ import annotations
 
@@ -131,8 +131,10 @@ class Profile:
 
 
 def _worked(part: Part, time_of_part: Spent) -> Spent:
-    """Return the time of a part. For distributing tasks and receiving results only the CPU time counts, as the rest is
-    waiting."""
+    """Return the time of a part.
+
+    For distributing tasks and receiving results only CPU time counts, because the rest is waiting.
+    """
     return Spent(time_of_part.cpu_ns, time_of_part.cpu_ns) if part is Part.HANDING else time_of_part
 
 

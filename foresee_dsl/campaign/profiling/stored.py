@@ -1,4 +1,4 @@
-"""Count of a campaign's results that were not measured because they were already in the store."""
+"""Counts the results that a campaign found in its store, which were therefore not measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measurement of tasks in their own processes, and the sum over all tasks."""
+"""Measures tasks in their own processes, and sums the measurements."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Profiler:
         self._tasks += measurement
 
     def received(self, updates: Iterable[T]) -> Iterator[T]:
-        """Yield the workers' updates; in between, this process counts as distributing tasks."""
+        """Yield the workers' updates; the time between them counts as distributing tasks."""
         began_s, ahead = time.monotonic(), iter(updates)
         try:
             while True:

@@ -1,4 +1,4 @@
-"""Effect of a parent's edit on its derived files: each is run under the old parent and under the new one."""
+"""Shows the effect of a parent's edit: each derived file is run with its old and with its new parent."""
 
 from __future__ import annotations
 
@@ -45,7 +45,10 @@ def drive(case: TestCase, driver: str, seed: int) -> str:
 
 
 def _runs_of(derived: DerivedFile) -> list[tuple[str, tuple[TestCase, str, int]]]:
-    """Return the derived file's runs with driver and seed; without a run whose foreign network exists only in git."""
+    """Return the runs of a derived file with driver and seed.
+
+    A run whose network file exists only in git is left out.
+    """
     return [
         (when, (case, *_driver_and_seed(case)))
         for when, case in (("old", derived.old), ("new", derived.new))

@@ -1,4 +1,4 @@
-"""The two sides of a comparison: the folder of a finished campaign, or runs of a suite."""
+"""Reads the two sides of a comparison: finished campaigns, or runs of a suite with two drivers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Comparison of two versions of a driver on the same test cases: new failures, fixed, still failing, nearer misses."""
+"""Compares two versions of a driver on the same test cases: new, fixed and remaining failures, and nearer misses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SIGNIFICANT = 0.05
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure of near misses: the value that counts as near, and the change that is reported.
+    """A measure of near misses, with the limit of near values and the smallest change that is reported.
 
     Attributes:
         title: in words. unit: of its values. near: limit from which a value is near. step: smallest reported change.
@@ -78,7 +78,7 @@ class Side:
 
 
 class Change(StrEnum):
-    """How a test case changed between the sides."""
+    """The kinds of change of a test case between the two sides."""
 
     NEW_FAILURE = "new failure"
     FIXED = "fixed"
@@ -123,7 +123,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Nearer:
-    """A near miss that became nearer: the measure, the value before (None: no value) and after, and the other actor.
+    """A near miss that became nearer: its measure, the values before and after (None: no value), and the other actor.
 
     `share`: the change as a share of the limit of near values.
     """
@@ -202,7 +202,7 @@ class Comparison:
 
     @property
     def new_failures(self) -> tuple[Pair, ...]:
-        """Pairs of results of which only that of the base passed."""
+        """Test cases that pass on the old side and fail on the new one."""
         return self.of(Change.NEW_FAILURE)
 
     @property
@@ -228,7 +228,7 @@ class Comparison:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """The figures of all pairs, of each family, and of each kind of failure that occurs."""
+        """The figures of all test cases, of each family, and of each kind of failure that occurs."""
         families = sorted({pair.new.family for pair in self.pairs}, key=lambda f: (not f.isdigit(), int(f or 0), f))
         ended = {ran.verdict for pair in self.pairs for ran in (pair.base, pair.new)}
         kinds = [v for v in Verdict if v is not Verdict.PASS and v in ended]

@@ -1,4 +1,4 @@
-"""Edits of a file's text that change nothing else: an expected result, a sentence, paths of other files, a name."""
+"""Edits single parts of a file's text and leaves the rest unchanged: an expected result, a sentence, paths, a name."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _printed(document: Document, new: m.Expected, after: m.Item | None) -> str:
 
 
 def with_doc(text: str, sentence: str) -> str:
-    """Return a file's text with a sentence for people, unless it has one already (`sentence_in`)."""
+    """Return a file's text with a sentence that describes it, unless it has one already (`sentence_in`)."""
     document = parse(text, "a file to edit")
     if sentence_in(document):
         return text
@@ -133,7 +133,7 @@ def _span(document: Document, item: m.Item) -> Span:
 
 
 def _put(text: str, places: list[tuple[Span, str]]) -> str:
-    """Return a text with replacements at some places, each within one line; line ends are unchanged."""
+    """Return a text with replacements at some places, each within one line; line ends stay as they are."""
     mark = "\ufeff" if text.startswith("\ufeff") else ""
     lines = re.split(r"(\r\n|\r|\n)", text.removeprefix(mark))
     for span, new in sorted(places, key=lambda place: (place[0].line, place[0].column), reverse=True):

@@ -1,4 +1,4 @@
-"""Expected results of a file, and the comparison of a run with them."""
+"""The expected results in a file, and the comparison of a run with them."""
 
 from __future__ import annotations
 
