@@ -55,10 +55,12 @@ class Comparison:
     Attributes:
         how: the passing driver's reactions, in phrases: `brakes 0.8 s earlier`, `passes 0.7 m farther left`.
         apart: why the two cannot be compared, in words; "" if the passing driver avoids the failure.
+        met: whether it met the same situation, also where it drives nearly the same way.
     """
 
     how: tuple[str, ...] = ()
     apart: str = ""
+    met: bool = False
 
 
 def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSettings = STANDARD) -> Comparison:
@@ -97,7 +99,7 @@ class _Compared:
         if earlier_s > EARLIER_S:
             return Comparison(apart=f"it passes the place {earlier_s:.1f} s earlier")
         how = self._past(onset_frame)
-        return Comparison(how) if how else Comparison(apart="it drives nearly the same way")
+        return Comparison(how) if how else Comparison(apart="it drives nearly the same way", met=True)
 
     def _stands(self, other: int) -> bool:
         recent = self._failed.states[max(0, self._end - round(1 / STEP_S)) :, other, SPEED]

@@ -16,6 +16,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.external.process import kept_programs
 from foresee_dsl.drivers.kept import forget, nothing_kept, one_run
+from foresee_dsl.drivers.parts import DriverPart, ideal_parts
 from foresee_dsl.drivers.process_state import put_back, seed_globals
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
 from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
@@ -29,6 +30,7 @@ from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSettings
+from foresee_dsl.simulate.trace import Trace
 
 REMEMBERS = "keeps something from run to run that changes what it does"
 """Note on a driver whose repeated run, without any kept state, differs; the repeated run's result counts."""
@@ -66,11 +68,21 @@ def driven(
     """
     bundle = compile_test_case(case)
 
-    def once() -> RunResult:
+    ideal = ideal_parts(driver)
+
+    def with_parts(parts: frozenset[DriverPart], futures: Trace | None = None) -> RunResult:
         driver_made = make()
         seed_globals(seed)  # its package may draw random numbers on import, which only the first run of a process does
-        sensors = sensors_of(driver)
-        return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors, deadlines=deadlines, rules=rules)
+        return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines,
+                   rules=rules, ideal=parts, futures=futures)  # fmt: skip
+
+    def once() -> RunResult:
+        if DriverPart.PREDICTION not in ideal:
+            return with_parts(ideal)
+        # The others react to the ego, so the prediction is made twice: of the run without it, and of the run with it.
+        first = with_parts(ideal - {DriverPart.PREDICTION})
+        second = with_parts(ideal, first.trace)
+        return with_parts(ideal, second.trace) if second.verdict.is_failure else second
 
     with put_back(seed) as changed:
         try:

@@ -47,6 +47,7 @@ COMMANDS = (
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),
     ("Campaign", "review", "minimise.review"),
+    ("Campaign", "diagnose", "minimise.diagnose"),
     ("Campaign", "store", "store.store"),
     ("Campaign", "keep", "keep.keep"),
     ("Campaign", "verify", "keep.verify"),

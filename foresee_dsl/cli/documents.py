@@ -15,6 +15,7 @@ from typing import Any, Literal, NotRequired
 from pydantic import TypeAdapter
 
 from foresee_dsl.campaign.assessment import Assessment
+from foresee_dsl.campaign.findings.diagnosing import Diagnosed
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.plan import CampaignPlan
 from foresee_dsl.campaign.profiling.profile import Profile
@@ -69,6 +70,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "clip": {"clip": str, "fidelity_m": float, "fidelity_ego_m": float, **shape(RiskyPoint).__annotations__},
     "compare": Comparison,
     "compile": {"test_case": str, "key": str, "files": list[str]},
+    "diagnose": {"diagnoses": list[Diagnosed]},
     "diff": Differences,
     "doctor": {"ok": bool, "findings": list[Examined]},
     "drivers": {"drivers": list[DriverInfo]},
@@ -88,6 +90,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "review": {
         "finding": Finding, "asked": str, "others": [_MUTATION], "withstood": list[str],
         "files": {"as_found": str, "to_look_at": str}, "commands": list[str],
+        "diagnosis": str | None,
     },
     "run": {**_RUN, **_PROFILE},
     "runs": {"runs": [_RUN], **_PROFILE},

@@ -1,4 +1,4 @@
-"""Commands for one finding: minimise, review."""
+"""Commands for one finding: minimise, review, diagnose."""
 
 from __future__ import annotations
 
@@ -133,3 +133,51 @@ def _list_findings(campaign: Path, *, json: bool) -> None:
         print_json({"findings": data["findings"]})
     else:
         print_findings(console(), data["findings"], campaign)
+
+
+def diagnose(
+    finding: Annotated[
+        str | None,
+        typer.Argument(metavar="FINDING|MUTANT|TEST_CASE", help="A finding's number or name, a file, or FILE::CASE."),
+    ] = None,
+    campaign: CampaignOption = Path("out"),
+    every: Annotated[
+        bool, typer.Option("--all", help="Diagnose all findings of the campaign, and count by part.")
+    ] = False,
+    driver: Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")] = "",
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed, instead of the recorded one.")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, max=512, help="Number of processes for `--all`.")] = 1,
+    run_programs: Annotated[
+        bool, typer.Option("--run-programs", help="Start the program that the file records as an external driver.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Say which part of the driver causes a failure: drive it again with ideal perception, tracking, prediction, rules
+    or control. The result is kept beside the campaign, where the page and `review` show it.
+
+    [dim]foresee diagnose 3
+    foresee diagnose --all --campaign nightly --jobs 2
+    foresee diagnose scenarios/scenario7.foresee::r04 --driver idm[/dim]
+    """
+    from foresee_dsl.campaign.findings.diagnosing import all_failing, failing_named
+    from foresee_dsl.campaign.findings.diagnosing import diagnose as run_diagnoses
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.report.terminal.diagnosis import counts_text, diagnosis_text
+
+    if every == (finding is not None):
+        raise typer.BadParameter("name one finding, or --all", param_hint="FINDING")
+    if finding is None:
+        failures = all_failing(campaign, driver=driver, run_programs=run_programs)
+    else:
+        failures = [failing_named(finding, campaign, driver=driver, seed=seed, run_programs=run_programs)]
+    results = []
+    for result in run_diagnoses(failures, jobs):
+        if result.diagnosis is None and not every:
+            raise ForeseeError(f"{result.name} is not diagnosed: {result.note}")
+        results.append(result)
+        if not json:
+            typer.echo(diagnosis_text(result, short=every), nl=False)
+    if json:
+        print_json({"diagnoses": results})
+    elif every:
+        typer.echo(counts_text(results), nl=False)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Generic, Protocol, TypeVar
 
+from foresee_dsl.drivers.ideal import Memory, memory_of
+from foresee_dsl.drivers.parts import DriverPart, PlannedMotion, Truth
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, VehicleLimits
 from foresee_dsl.errors import DriverError
 
@@ -12,10 +14,14 @@ from foresee_dsl.errors import DriverError
 class Steps(Protocol):
     """The state of a driver from one `reset` to the next."""
 
-    def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None: ...
+    def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None: ...
 
     def step(self, observation: Observation) -> Control:
         """Answer one observation."""
+        ...
+
+    def planned(self) -> PlannedMotion | None:
+        """Return what the last step planned; None before the first one."""
         ...
 
     def explain(self) -> Sequence[Reason]:
@@ -32,13 +38,20 @@ class BundledDriver(Generic[S]):
     name: str
     version: str
     state_type: type[S]
-    """Type of the state, which each `reset` creates from the mission and the vehicle."""
+    """Type of the state, which each `reset` creates from the mission, the vehicle and a memory."""
+    parts: tuple[DriverPart, ...]
+    """The parts that an ideal one can replace."""
 
     _state: S | None = None
+    _ideal: tuple[frozenset[DriverPart], Truth | None] = (frozenset(), None)
+
+    def idealise(self, ideal: frozenset[DriverPart], truth: Truth) -> None:
+        """Replace these parts by ideal ones from the next `reset` on."""
+        self._ideal = ideal, truth
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
         """Forget everything and start a new mission; the seed is not used."""
-        self._state = self.state_type(mission, vehicle)
+        self._state = self.state_type(mission, vehicle, memory_of(*self._ideal))
 
     def step(self, observation: Observation) -> Control:
         """Answer one observation.
@@ -48,6 +61,10 @@ class BundledDriver(Generic[S]):
         """
         state = self._state
         return (self.state if state is None else state).step(observation)
+
+    def planned(self) -> PlannedMotion | None:
+        """Return what the last step planned, before the pedals and the wheel."""
+        return self.state.planned()
 
     def explain(self) -> Sequence[Reason]:
         """Return the reasons for the last answer, the strongest first; they are computed in this call."""

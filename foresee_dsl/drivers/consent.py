@@ -16,14 +16,13 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 
+from foresee_dsl.drivers.parts import without_ideal
 from foresee_dsl.errors import DriverError
 from foresee_dsl.files import read_outside_text
 
 VARIABLE = "FORESEE_CONFIG"
 """The environment variable that names another configuration file."""
 KEY = "run-programs-in"
-IDEAL = "+ideal"
-"""Suffix of the name of a driver that gets ideal sensors; its program is the same."""
 _SHOWN = 5
 _ALLOWED: ContextVar[frozenset[str]] = ContextVar("_ALLOWED", default=frozenset())
 
@@ -113,7 +112,7 @@ def _is_program(address: str) -> bool:
 
 def _program(address: str) -> str:
     name, _, argument = address.partition(":")
-    return f"{name.removesuffix(IDEAL)}:{argument}"
+    return f"{without_ideal(name)}:{argument}"
 
 
 def _not_granted(programs: Iterable[tuple[str, Path]]) -> set[str]:

@@ -1,7 +1,8 @@
 """Finds and loads the installed drivers, the entry points of the group `foresee_dsl.drivers`.
 
 A driver's address is its name (`pdm`); a driver that takes an argument has it after a colon
-(`external:python3 my_driver.py`). A name with `+ideal` (`pdm+ideal`) is the same driver with ideal sensors.
+(`external:python3 my_driver.py`). A name with `+ideal` (`pdm+ideal`) is the same driver with ideal sensors, one with
+`+ideal_tracking` with an ideal tracking, and so for each part (`drivers.parts`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from importlib.metadata import EntryPoint
 from typing import Any
 from urllib.parse import unquote
 
-from foresee_dsl.drivers.consent import IDEAL, ask
+from foresee_dsl.drivers.consent import ask
+from foresee_dsl.drivers.parts import DriverPart, ideal_parts, parts_of, with_ideal, without_ideal
 from foresee_dsl.drivers.protocol import Driver, WatchesFirst
 from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.plugins import PluginGroup, package_of
@@ -78,18 +80,17 @@ def driver_names() -> tuple[str, ...]:
 
 def name_in(address: str) -> str:
     """Return the name of the driver in an address."""
-    return address.partition(":")[0].removesuffix(IDEAL)
+    return without_ideal(address.partition(":")[0])
 
 
 def sees_all(address: str) -> bool:
     """Return whether the driver of this address gets ideal sensors."""
-    return address.partition(":")[0].endswith(IDEAL)
+    return DriverPart.PERCEPTION in ideal_parts(address)
 
 
 def with_ideal_sensors(address: str) -> str:
     """Return the address of the same driver with ideal sensors."""
-    _, colon, argument = address.partition(":")
-    return f"{name_in(address)}{IDEAL}{colon}{argument}"
+    return with_ideal(address, ideal_parts(address) | {DriverPart.PERCEPTION})
 
 
 def find_driver(address: str) -> None:
@@ -130,6 +131,11 @@ def load_driver(address: str) -> Driver:
         raise DriverError(
             f"driver {name!r} of package {package_of(entry)} is not a driver: {entry.value} needs the texts `name` and "
             "`version`, and the methods `reset(mission, vehicle, seed)` and `step(observation)`"
+        )
+    if missing := ideal_parts(address) - frozenset(parts_of(driver)):
+        raise DriverError(
+            f"driver {name!r} does not declare its {', '.join(sorted(missing))}, so that it cannot be driven as "
+            f"{address!r}: it has {', '.join(parts_of(driver))} (docs/reference/drivers.md#parts)"
         )
     odd = next((text for text in (driver.name, driver.version) if any(sign in text for sign in _NOT_IN_TEXTS)), None)
     if odd is not None:

@@ -10,8 +10,9 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.deadlines import DEADLINES, RESET_VARIABLE, STEP_VARIABLE, Deadlines
+from foresee_dsl.drivers.parts import DriverPart, Planning, WithParts, parts_of
 from foresee_dsl.drivers.protocol import Closing, Control, Driver
-from foresee_dsl.errors import DriverLateError, SimulationError
+from foresee_dsl.errors import DriverError, DriverLateError, SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.compiling import ensure
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
@@ -20,6 +21,7 @@ from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.driver_faults import DriverFault, DriverHangs, fault_of, one_line, place_of
 from foresee_dsl.simulate.driver_watch import DriverWatch
+from foresee_dsl.simulate.ground_truth import GroundTruth, control_for
 from foresee_dsl.simulate.judging import Frame, Judging
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.printed import printed_here
@@ -29,7 +31,7 @@ from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, V
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
-from foresee_dsl.simulate.trace import WAYPOINT_M
+from foresee_dsl.simulate.trace import WAYPOINT_M, Trace
 from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
@@ -45,6 +47,8 @@ def run(
     sensors: SensorSettings = STANDARD,
     deadlines: Deadlines | None = DEADLINES,
     rules: RulesMode = RULES_MODE,
+    ideal: frozenset[DriverPart] = frozenset(),
+    futures: Trace | None = None,
 ) -> RunResult:
     """Run a test case. The same arguments give the same trace, in any process.
 
@@ -59,6 +63,8 @@ def run(
             None: without a limit.
         rules: whether a run that passes otherwise, but in which the ego breaks a traffic rule, fails (`fail`), passes
             (`report`), or is not examined for that (`off`).
+        ideal: parts of the driver that are replaced by ideal ones; ideal perception also needs ideal `sensors`.
+        futures: the run from which an ideal prediction knows what the others do.
 
     Raises:
         SimulationError: the scene cannot be set up in SUMO.
@@ -71,6 +77,7 @@ def run(
         try:
             with Part.PLACING:
                 prepared = _Run(bundle, driver, seed, dict(meta or {}), sensors, watch, rules)
+                prepared.idealise(ideal, futures)
             result = prepared.go()
         finally:
             fault = _closed(driver, watch)
@@ -120,6 +127,13 @@ class _Run:
         self._expectations = Expectations(bundle.scene.expects, self._conditions)
         self._fails = rules is RulesMode.FAIL
         self._rules = self._conditions.rules(self._simulation.ego) if rules is not RulesMode.OFF else None
+        self._ideal: frozenset[DriverPart] = frozenset()
+        self._truth: GroundTruth | None = None
+
+    def idealise(self, ideal: frozenset[DriverPart], futures: Trace | None) -> None:
+        """Replace parts of the driver by ideal ones from its `reset` on."""
+        if ideal:
+            self._ideal, self._truth = ideal, GroundTruth(self._simulation, self._sensing, futures)
 
     def go(self) -> RunResult:
         """Take frame after frame through the parts of a run, in this order, until one decides that the run ends."""
@@ -143,7 +157,11 @@ class _Run:
         """Reset the driver; return the run's end if that fails."""
         try:
             with self._watch.call("reset"):
+                if self._truth is not None and isinstance(self._driver, WithParts):
+                    self._driver.idealise(self._ideal, self._truth)
                 self._driver.reset(self._mission, self._simulation.ego.limits, self._seed)
+                if missing := self._ideal - frozenset(parts_of(self._driver)):
+                    raise DriverError(f"the driver does not declare its {', '.join(sorted(missing))}")
         except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
             failed = self._broken(err)
             self._order()
@@ -185,8 +203,19 @@ class _Run:
             with self._watch.call("step"):
                 answer = self._driver.step(frame.observation)
             frame.control = Control(*checked(answer))
+            if DriverPart.CONTROL in self._ideal:
+                frame.control = self._exactly(frame.control)
         except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
             frame.decision = self._broken(err)
+
+    def _exactly(self, answer: Control) -> Control:
+        """Return the control that carries out the driver's plan, or else its answer, and let the vehicle follow it at
+        once."""
+        ego = self._simulation.ego
+        plan = self._driver.planned() if isinstance(self._driver, Planning) else None
+        control = answer if plan is None else Control(*checked(control_for(plan, ego.limits, float(ego.speed))))
+        ego.follow_at_once(control)
+        return control
 
     def _move(self, frame: Frame) -> None:
         """Move all actors to the next frame with the control; set the decision if SUMO fails."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.documents import or_null
 from foresee_dsl.errors import ForeseeError
@@ -41,6 +42,7 @@ class Review:
     Attributes:
         finding: as in `campaign.json`. asked: the requested name, which may be that of a sibling.
         others: the other mutations of its clip. driver, seed: of the campaign. campaign: its folder.
+        diagnosis: which part of the driver causes it, in words; "" before `foresee diagnose`.
     """
 
     finding: Mapping[str, Any]
@@ -49,6 +51,7 @@ class Review:
     driver: str
     seed: int
     campaign: Path
+    diagnosis: str = ""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -59,6 +62,7 @@ class Review:
             "withstood": self.withstood,
             "files": {"as_found": self.as_found, "to_look_at": self.file},
             "commands": self.command_lines,
+            "diagnosis": or_null(self.diagnosis),
         }
 
     @property
@@ -132,4 +136,16 @@ def review_of(wanted: NamedFailure) -> Review:
         driver=str(settings.get("driver", "pdm")),
         seed=int(settings.get("seed", 0)),
         campaign=wanted.campaign,
+        diagnosis=diagnosis_of(wanted.campaign, str(finding["name"]), _reason_of(wanted, finding)),
     )  # fmt: skip
+
+
+def _reason_of(wanted: NamedFailure, finding: Mapping[str, Any]) -> str:
+    """Return how the run of a finding ended that all statements about it are about."""
+    small = finding.get("minimised")
+    if small and wanted.minimised is not None:
+        return str(small["reason"])
+    runs = (child for clip in wanted.data.get("clip_runs", ()) for child in clip["children"])
+    mutants = (run for run in runs if run["mutant"] == finding["name"])
+    tests = (run for run in wanted.data.get("test_cases", ()) if run["test_case"] == finding["file"])
+    return next((str(run["reason"]) for run in (*mutants, *tests)), "")

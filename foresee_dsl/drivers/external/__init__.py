@@ -21,10 +21,12 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foresee_dsl.drivers.deadlines import RESET_VARIABLE, STEP_VARIABLE, seconds_of
 from foresee_dsl.drivers.external.process import Program
 from foresee_dsl.drivers.kept import leave, take
+from foresee_dsl.drivers.parts import ALWAYS, DriverPart, Truth
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import DriverError, DriverLateError
 from foresee_dsl.measuring import Part
@@ -43,6 +45,8 @@ LONGEST_ARRAY = 20_000
 treated as pictures. Ours: above a centreline of 10,000 points, below a raster of 150 by 150 pixels."""
 SHOWN = 80
 """Maximum number of characters of an invalid answer in a message. Ours."""
+FUTURE_S: NDArray[np.float64] = np.arange(1, 21, dtype=np.float64) * 0.2
+"""Times from now for which an actor's future is sent for an ideal prediction, s. Ours: 4 s, the horizon of `pdm`."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
 _LEFT_OUT = object()
 
@@ -70,11 +74,19 @@ class ExternalDriver:
         self._last_resort: weakref.finalize[[], ExternalDriver] | None = None
         self.name = f"external:{command_line}"
         self.version = ""  # read from the program's first line
+        self.parts: tuple[DriverPart, ...] = tuple(DriverPart)
+        """The parts that an ideal one can replace; any, until the program's first line declares them."""
+        self._ideal: frozenset[DriverPart] = frozenset()
+        self._truth: Truth | None = None
 
     @classmethod
     def from_argument(cls, argument: str) -> ExternalDriver:
         """Create the driver of the address `external:ARGUMENT`."""
         return cls(argument)
+
+    def idealise(self, ideal: frozenset[DriverPart], truth: Truth) -> None:
+        """Send the program the truth for these parts from the next `reset` on."""
+        self._ideal, self._truth = ideal, truth
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Start the program unless it stayed, and send it the mission; sets `version` to its name and version."""
@@ -85,12 +97,12 @@ class ExternalDriver:
             stayed = None
         self._program = stayed if stayed is not None else Program(self._command)
         self._last_resort = weakref.finalize(self, self._program.kill)
-        ready = self._exchange(reset_line(mission, vehicle, seed), self._reset_s, read_ready)
-        self.version, self._stays = f"{ready.name} {ready.version}", ready.stays
+        ready = self._exchange(reset_line(mission, vehicle, seed, self._ideal), self._reset_s, read_ready)
+        self.version, self._stays, self.parts = f"{ready.name} {ready.version}", ready.stays, ready.parts
 
     def step(self, observation: Observation) -> Control:
         """Send one observation and return the program's answer."""
-        return self._exchange(step_line(observation), self.step_deadline_s, read_control)
+        return self._exchange(step_line(observation, self._truth_now()), self.step_deadline_s, read_control)
 
     def close(self) -> None:
         """Send the program the end of the run, and end it unless it stays for the next run."""
@@ -101,6 +113,19 @@ class ExternalDriver:
         elif self._program is not None:
             self._program.end(end_line())
         self._forget()
+
+    def _truth_now(self) -> dict[str, object] | None:
+        """Return the truth of this step for the ideal parts; None without any."""
+        truth = self._truth
+        if truth is None or not self._ideal:
+            return None
+        actors: list[object] = []
+        for actor in truth.actors():
+            entry = plain(actor)
+            if DriverPart.PREDICTION in self._ideal and actor.tracks:
+                entry["future"] = plain(truth.future(actor.tracks[-1], FUTURE_S))
+            actors.append(entry)
+        return {"actors": actors, "signals": truth.signals()}
 
     @property
     def _key(self) -> tuple[str, ...]:
@@ -145,15 +170,19 @@ def _split(command_line: str) -> list[str]:
 
 
 @Part.PIPE.measured
-def reset_line(mission: Mission, vehicle: VehicleLimits, seed: int) -> bytes:
-    """Return the first line of a run."""
-    return _line({"foresee": PROTOCOL_VERSION, "type": "reset", "mission": mission, "vehicle": vehicle, "seed": seed})
+def reset_line(
+    mission: Mission, vehicle: VehicleLimits, seed: int, ideal: frozenset[DriverPart] = frozenset()
+) -> bytes:
+    """Return the first line of a run; `ideal`: parts that the program replaces by the truth."""
+    ideal_key = {"ideal": [str(part) for part in DriverPart if part in ideal]} if ideal else {}
+    first = {"foresee": PROTOCOL_VERSION, "type": "reset", "mission": mission, "vehicle": vehicle, "seed": seed}
+    return _line({**first, **ideal_key})
 
 
 @Part.PIPE.measured
-def step_line(observation: Observation) -> bytes:
-    """Return the line of one step."""
-    return _line({"type": "step", "observation": observation})
+def step_line(observation: Observation, truth: dict[str, object] | None = None) -> bytes:
+    """Return the line of one step; `truth`: for ideal parts."""
+    return _line({"type": "step", "observation": observation, **({"truth": truth} if truth is not None else {})})
 
 
 def end_line() -> bytes:
@@ -162,11 +191,15 @@ def end_line() -> bytes:
 
 
 class Ready(NamedTuple):
-    """The program's first line of a run. `stays`: whether it takes another `reset` after the `end` of a run."""
+    """The program's first line of a run. `stays`: whether it takes another `reset` after the `end` of a run.
+
+    `parts`: those that it can replace by the truth, with those of every driver.
+    """
 
     name: str
     version: str
     stays: bool = False
+    parts: tuple[DriverPart, ...] = ALWAYS
 
 
 def read_ready(line: bytes) -> Ready:
@@ -177,7 +210,7 @@ def read_ready(line: bytes) -> Ready:
     stays = answer.get("stays", False)
     if not isinstance(stays, bool):
         raise DriverError(f"its `stays` must be true or false, not {stays!r:.80}")
-    return Ready(_name(answer, "name"), _name(answer, "version"), stays)
+    return Ready(_name(answer, "name"), _name(answer, "version"), stays, _parts(answer))
 
 
 @Part.PIPE.measured
@@ -259,6 +292,14 @@ def _name(answer: dict[str, Any], key: str) -> str:
     if not isinstance(value, str) or not _NAME.fullmatch(value):
         raise DriverError(f"its {key} must be a text of letters, digits and . _ + - (64 at most), not {value!r:.80}")
     return value
+
+
+def _parts(answer: dict[str, Any]) -> tuple[DriverPart, ...]:
+    declared = answer.get("parts", [])
+    names = [str(part) for part in DriverPart]
+    if not isinstance(declared, list) or any(part not in names for part in declared):
+        raise DriverError(f"its `parts` must be a list of {', '.join(names)}, not {declared!r:.80}")
+    return tuple(part for part in DriverPart if part in declared or part in ALWAYS)
 
 
 def _readable(line: bytes) -> str:

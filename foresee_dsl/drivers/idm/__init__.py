@@ -15,12 +15,14 @@ import math
 from collections.abc import Mapping, Sequence
 
 from foresee_dsl.drivers.bundled import BundledDriver
+from foresee_dsl.drivers.ideal import Memory
 from foresee_dsl.drivers.idm import traffic
 from foresee_dsl.drivers.idm.traffic import ACCELERATION_MPS2, IdmLeader
+from foresee_dsl.drivers.parts import DriverPart, PlannedMotion
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import RoadSituation, read_situation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
-from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
+from foresee_dsl.drivers.tracking import Tracks
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.decision import pedals, steer
 
@@ -42,18 +44,24 @@ SLOWEST_MPS = 0.5
 class _State:
     """The state from one `reset` to the next."""
 
-    def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
+    def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None:
         self._route, self._vehicle = build_route(mission, vehicle), vehicle
-        self._tracker, self._signals = Tracker(), SignalMemory()
+        self._tracker, self._signals = memory.tracker, memory.signals
         self._last: tuple[RoadSituation, Tracks] | None = None
+        self._plan: PlannedMotion | None = None
 
     def step(self, observation: Observation) -> Control:
         """Keep the middle of the lane, with the acceleration of the model."""
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
         self._last = situation, tracks
-        angle = steer(situation.egos, self._route.points, 0.0)
-        return Control(*pedals(situation.egos, angle, _acceleration(situation)))
+        angle, acceleration = steer(situation.egos, self._route.points, 0.0), _acceleration(situation)
+        self._plan = PlannedMotion(acceleration, angle)
+        return Control(*pedals(situation.egos, angle, acceleration))
+
+    def planned(self) -> PlannedMotion | None:
+        """Return the model's acceleration and the wheel angle of the last step."""
+        return self._plan
 
     def explain(self) -> Sequence[Reason]:
         """Decide once more for each signal and object alone; see `drivers.pdm.reasons`."""
@@ -78,6 +86,7 @@ class IdmDriver(BundledDriver[_State]):
     name = "idm"
     version = "1"
     state_type = _State
+    parts = (DriverPart.PERCEPTION, DriverPart.TRACKING, DriverPart.RULES, DriverPart.CONTROL)
 
 
 def _acceleration(situation: RoadSituation) -> float:

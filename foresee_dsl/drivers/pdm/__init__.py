@@ -13,11 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.drivers.bundled import BundledDriver
+from foresee_dsl.drivers.ideal import NO_FUTURES, Memory
+from foresee_dsl.drivers.parts import DriverPart, PlannedMotion
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation, signal_brakings, write_state
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
-from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
-from foresee_dsl.kernels.pdm.decision import decide, hold
+from foresee_dsl.drivers.tracking import Tracks
+from foresee_dsl.kernels.pdm.decision import decide, hold, steer
+from foresee_dsl.kernels.pdm.prediction import TIMES_S
 
 
 class _Plan(NamedTuple):
@@ -40,11 +43,11 @@ class _State:
     """The state from one `reset` to the next: the route, the ego's record [1] and its view as floats, tracks,
     signals."""
 
-    def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
+    def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None:
         route = self._route = build_route(mission, vehicle)
         self._egos = ego_record(vehicle)
         self._numbers, self._strongest_mps2 = self._egos.view(np.float64), float(self._egos["strongest"][0])
-        self._tracker, self._signals = Tracker(), SignalMemory()
+        self._tracker, self._signals, self._memory = memory.tracker, memory.signals, memory
         self._plan: _Plan | None = None
         self._vehicle, self._basis = vehicle, _Basis()
         self._road = route.points, route.coarse, route.foes, route.paths, route.junctions
@@ -62,10 +65,18 @@ class _State:
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         if signals != self._basis.signals:
             self._braking = signal_brakings(route, self._strongest_mps2, signals)
-        offset, acceleration, answer = decide(egos, tracks.table, *self._road, self._braking)
+        futures = self._memory.futures(tracks, TIMES_S)
+        offset, acceleration, answer = decide(egos, tracks.table, *self._road, self._braking, futures)
         self._plan = _Plan(measured_s, offset, acceleration)
         self._basis = _Basis(observation, tracks, signals)
         return Control(*answer)
+
+    def planned(self) -> PlannedMotion | None:
+        """Return the acceleration of the decision in force, and the wheel angle for its offset."""
+        if self._plan is None:
+            return None
+        angle = float(steer(self._egos, self._route.points, self._plan.offset_m))
+        return PlannedMotion(self._plan.acceleration_mps2, angle)
 
     def explain(self) -> Sequence[Reason]:
         """Decide once more for each signal and object alone; see `reasons`."""
@@ -81,7 +92,7 @@ class _State:
 
         def decided(others: Tracks, colours: Mapping[str, SignalColour]) -> Wish:
             braking = signal_brakings(route, self._strongest_mps2, colours)
-            offset, acceleration, _ = decide(ego_now(now), others.table, *self._road, braking)
+            offset, acceleration, _ = decide(ego_now(now), others.table, *self._road, braking, NO_FUTURES)
             return Wish(acceleration, offset)
 
         self._explained = self._basis, reasons_alone(now, tracks, decided)
@@ -97,3 +108,4 @@ class PdmDriver(BundledDriver[_State]):
     name = "pdm"
     version = "2"
     state_type = _State
+    parts = tuple(DriverPart)

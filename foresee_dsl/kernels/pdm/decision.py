@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray, Records
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, TABLE, compiled, inner
+from foresee_dsl.kernels.compiling import CUBE, FLOAT, FLOATS, TABLE, compiled, inner
 from foresee_dsl.kernels.pdm import proposals
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.prediction import FRAMES, match, predict
+from foresee_dsl.kernels.pdm.prediction import FRAMES, know, match, predict
 from foresee_dsl.kernels.pdm.records import ACTOR, ROLLED
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
 from foresee_dsl.kernels.pdm.route import curvature_at, near_foes, place_actors, place_ego
@@ -89,7 +89,7 @@ def _best(egos: Records, actors: Records, predicted: Records, route: Records, wa
     return offset[best], acceleration[best]
 
 
-@compiled(r.EGOS, TRACKS, r.ROUTE, TABLE, r.FOES, r.PATHS, r.JUNCTIONS, FLOATS)
+@compiled(r.EGOS, TRACKS, r.ROUTE, TABLE, r.FOES, r.PATHS, r.JUNCTIONS, FLOATS, CUBE)
 def decide(
     egos: Records,
     tracks: Records,
@@ -99,10 +99,12 @@ def decide(
     paths: Records,
     junctions: Records,
     braking: FloatArray,
+    futures: FloatArray,
 ) -> tuple[float, float, tuple[float, float, float]]:
     """Choose the best proposal: its offset, m, its acceleration, and steering, throttle and brake for them.
 
-    Fills in the ego's position on the route. `coarse`: see `locate`; `braking`: see `find_wall`.
+    Fills in the ego's position on the route. `coarse`: see `locate`; `braking`: see `find_wall`;
+    `futures`: see `know`, without actors for the driver's own prediction.
     """
     place_ego(egos, route, coarse)
     actors = np.empty(len(tracks), ACTOR)
@@ -110,6 +112,8 @@ def decide(
     near = near_foes(egos, foes, junctions)
     matches = match(actors, near, paths)
     predicted = predict(egos, actors, near, paths, matches, route)
+    if len(futures) > 0:
+        know(egos, actors, futures, route, predicted)
     proposals.find_passable(egos, actors, route, junctions)
     wall_s = find_wall(egos, actors, near, matches, junctions, braking, route)
     offset, acceleration = _best(egos, actors, predicted, route, wall_s)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray, Records
-from foresee_dsl.kernels.compiling import compiled, inner
+from foresee_dsl.kernels.compiling import CUBE, compiled, inner
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.records import MATCH, PREDICTED
@@ -181,3 +181,19 @@ def predict(egos: Records, actors: Records, foes: Records, paths: Records, match
     project_predicted(free, out, route, egos[0]["s"], reach_of(egos[0]))
     _add_reach(actors, route, out)
     return out
+
+
+@compiled(r.EGOS, r.ACTORS, CUBE, r.ROUTE, r.PREDICTION)
+def know(egos: Records, actors: Records, futures: FloatArray, route: Records, out: Records) -> None:
+    """Replace predictions, [A, T], by what the actors will do, [A, T, 4] x, y, heading, speed (NaN: unknown)."""
+    certain = np.zeros(len(actors), dtype=np.bool_)
+    for a in range(len(actors)):
+        certain[a] = not np.isnan(futures[a, 0, 0])
+        if certain[a]:
+            for n in range(FRAMES):
+                predicted, heading = out[a, n], futures[a, n, 2]
+                predicted["x"], predicted["y"] = futures[a, n, 0], futures[a, n, 1]
+                predicted["cos"], predicted["sin"] = math.cos(heading), math.sin(heading)
+                predicted["half_length"] = actors[a]["half_length"]
+    project_predicted(certain, out, route, egos[0]["s"], reach_of(egos[0]))
+    _add_reach(actors, route, out)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.responsibility import FOLDED
+from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.grouping import case_file_name
 from foresee_dsl.report.page.entries import FindingEntry, Source
 from foresee_dsl.report.page.recorded import (
@@ -171,6 +172,7 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
             more=tuple(names[most:]),
             number=record.number,
             judgement=record.judgement,
+            diagnosis=diagnosis_of(source.folder, record.name, runs[0].outcome.reason),
         )
 
 

@@ -49,6 +49,8 @@ class FindingEntry:
     """By which commands address it; 0 for none."""
     judgement: Judgement = NO_JUDGEMENT
     """Whose failure it is; empty if the campaign's version did not say so."""
+    diagnosis: str = ""
+    """Which part of the driver causes it, in words; "" before `foresee diagnose`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -64,6 +66,7 @@ class FindingEntry:
             "preventability": self.preventability,
             "anticipation": self.anticipation,
             "test_case": self.test_case,
+            "diagnosis": self.diagnosis,
             "runs": self.runs,
             "more": self.more,
         }

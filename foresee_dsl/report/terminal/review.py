@@ -34,19 +34,19 @@ def review_text(review: Review) -> str:
 def _lines(review: Review) -> Iterator[str]:
     finding, small = review.finding, review.minimised
     answer = finding.get("preventability")
-    yield from _wrapped(f"{finding['number']}. {finding['title']}")
+    yield from wrapped(f"{finding['number']}. {finding['title']}")
     yield safe(finding["name"])
-    yield from _wrapped(f"{finding['verdict']}, {finding['class']}")
+    yield from wrapped(f"{finding['verdict']}, {finding['class']}")
     judgement = finding["judgement"]
-    yield from _wrapped(f"Judgement: {judgement['text']}: {judgement['reason']}")
+    yield from wrapped(f"Judgement: {judgement['text']}: {judgement['reason']}")
     yield ""
-    yield from _wrapped(str((small or {}).get("sentence") or finding["sentence"]))
+    yield from wrapped(str((small or {}).get("sentence") or finding["sentence"]))
     if review.asked != finding["name"]:
-        yield from ("", *_wrapped(f"{review.asked} is one of the {finding['count']} failures of this finding."))
+        yield from ("", *wrapped(f"{review.asked} is one of the {finding['count']} failures of this finding."))
     elif finding["count"] > 1:
         names, more = finding["siblings"][:_SIBLINGS], len(finding["siblings"]) - _SIBLINGS
         listed = ", ".join(names) + (f" and {more} more" if more > 0 else "")
-        yield from ("", *_wrapped(f"It stands for {finding['count']} failures, also for {listed}."))
+        yield from ("", *wrapped(f"It stands for {finding['count']} failures, also for {listed}."))
     if finding.get("clip"):
         yield from _difference(small)
         yield from _boundary(small)
@@ -55,9 +55,9 @@ def _lines(review: Review) -> Iterator[str]:
     if answer or ahead:
         yield from ("", "Would a careful driver have avoided it?")
     if answer:
-        yield from _wrapped(f"{R157}: {answer}: {finding['why']}", "  ")
+        yield from wrapped(f"{R157}: {answer}: {finding['why']}", "  ")
     if ahead:
-        yield from _wrapped(f"{ANTICIPATING}: {ahead}: {finding['anticipation_why']}", "  ")
+        yield from wrapped(f"{ANTICIPATING}: {ahead}: {finding['anticipation_why']}", "  ")
     if finding.get("references"):
         yield from ("", "Do other drivers avoid it?")
         for run in finding["references"]:
@@ -66,7 +66,9 @@ def _lines(review: Review) -> Iterator[str]:
             apart = run["apart"] or "it fails before the mutation"
             no = f"not comparable, {apart}" if passes else f"no, {run['reason']}"
             answer = f"yes, {how}" if run["avoids"] else no
-            yield from _wrapped(f"{run['driver']}: {answer}", "  ")
+            yield from wrapped(f"{run['driver']}: {answer}", "  ")
+    if review.diagnosis:
+        yield from ("", "Which part of the driver causes it?", *wrapped(review.diagnosis, "  "))
     yield from ("", "Files")
     yield from _files(review)
     yield from ("", "Commands")
@@ -77,16 +79,16 @@ def _lines(review: Review) -> Iterator[str]:
 def _difference(small: Mapping[str, Any] | None) -> Iterator[str]:
     yield from ("", "Difference")
     if small is None:
-        yield from _wrapped("not minimised yet: the campaign's command, once more, does that", "  ")
+        yield from wrapped("not minimised yet: the campaign's command, once more, does that", "  ")
         return
     for change in small["changed"]:
-        yield from _wrapped(f"change {change}", "  ")
+        yield from wrapped(f"change {change}", "  ")
     counts = (("changes", "changes"), ("actors", "actors"), ("clip_lines", "lines of the clip"))
     parts = [f"{words} {small[key]['before']} -> {small[key]['now']}" for key, words in counts]
     shorter = small["dropped"]["seconds"]
-    yield from _wrapped("minimised: " + ", ".join([*parts, *([f"{shorter:.2f} s shorter"] if shorter else [])]), "  ")
+    yield from wrapped("minimised: " + ", ".join([*parts, *([f"{shorter:.2f} s shorter"] if shorter else [])]), "  ")
     if small["note"]:
-        yield from _wrapped(small["note"], "  ")
+        yield from wrapped(small["note"], "  ")
 
 
 def _boundary(small: Mapping[str, Any] | None) -> Iterator[str]:
@@ -97,7 +99,7 @@ def _boundary(small: Mapping[str, Any] | None) -> Iterator[str]:
     for edge in edges:
         yield f"  {safe(edge['change'])}"
         yield f"  {_value(edge, edge['was']):>9} {scale(edge)} {_value(edge, edge['first'])}"
-        yield from _wrapped(edge["sentence"].removeprefix(f"{edge['change']} "), " " * 12)
+        yield from wrapped(edge["sentence"].removeprefix(f"{edge['change']} "), " " * 12)
 
 
 def scale(edge: Mapping[str, Any]) -> str:
@@ -122,8 +124,8 @@ def _others(others: Iterable[Mutation]) -> Iterator[str]:
     yield from ("", f"Other mutations of the same clip: {len(passed)} of {len(all_others)} withstood")
     for mutation in all_others:
         changes = "; ".join(mutation.changes) or "?"
-        yield from _wrapped(f"{mutation.name.rpartition('_')[2]}: {changes}", "  ", more="    ")
-        yield from _wrapped(_margins(mutation) if mutation.verdict == "pass" else mutation.reason, "      ")
+        yield from wrapped(f"{mutation.name.rpartition('_')[2]}: {changes}", "  ", more="    ")
+        yield from wrapped(_margins(mutation) if mutation.verdict == "pass" else mutation.reason, "      ")
 
 
 def _margins(mutation: Mutation) -> str:
@@ -149,7 +151,7 @@ def _files(review: Review) -> Iterator[str]:
     yield f"  {'test case:':<11}{safe(review.finding['test_case'], _LONGEST)}"
 
 
-def _wrapped(text: str, indent: str = "", *, more: str = "") -> list[str]:
+def wrapped(text: str, indent: str = "", *, more: str = "") -> list[str]:
     """Return text in lines of 80 columns with an indent; the second and later lines are indented by `more` too."""
     whole = " ".join(safe(text, _LONGEST).split())
     return textwrap.wrap(

@@ -59,6 +59,15 @@ class EgoVehicle(SimulatedActor):
         super().join(state_table, number, row)
         self._state = row.view(dtype_of(VehicleState))
 
+    def follow_at_once(self, control: Control) -> None:
+        """Let the next step take a control's acceleration and wheel angle without lag or steering rate (ideal
+        control); the tyres still limit both."""
+        limits, state = self.limits, self._state[0]
+        fade = max(0.0, 1.0 - state["speed"] / limits.max_speed_mps)
+        motor = control.throttle * limits.acceleration_mps2 * fade
+        state["acceleration"] = motor - control.brake * limits.emergency_braking_mps2
+        state["steer"] = control.steer * limits.steer_max_rad
+
     def drive(self, control: Control) -> None:
         """Move one step; the lane is read from the network, not from SUMO.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, make_dataclass
 from functools import lru_cache
 from typing import Any, cast
@@ -57,6 +57,8 @@ class SensedTracks:
         self._forgets = forgets_frames
         self._count = 0
         self._last: dict[int, tuple[int, int]] = {}
+        self.objects: dict[int, int] = {}
+        """The object of each number so far, in the order of the numbers' first use."""
 
     def of(self, index: int, frame: int) -> int:
         """Return the number of an object that is seen at a frame (frames come in order)."""
@@ -67,6 +69,7 @@ class SensedTracks:
             rounds, k = divmod(self._count, _AT_ONCE)
             number = self._order[k] + rounds * _AT_ONCE
             self._count += 1
+            self.objects[number] = index
         self._last[index] = (number, frame)
         return number
 
@@ -102,6 +105,11 @@ class ObjectList:
         self._poses = np.empty((2, 3))
         self._noise = Streams(seed, names, (slow, slow, slow, slow, 1.0, 1.0), max(frames_of(noise.slow_s), 1))
         self._tracks = SensedTracks(seed, frames_of(settings.forgets_s))
+
+    @property
+    def numbered(self) -> Mapping[int, int]:
+        """The index of the object of each track number so far, in the order of the numbers' first use."""
+        return self._tracks.objects
 
     def measure(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
         """Return the measured objects, the nearest first; arguments as for `table`."""

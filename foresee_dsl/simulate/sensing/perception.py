@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -141,6 +141,16 @@ class Sensing:
             x, y, heading = states[0, :3].tolist()
             self._reported = frame, self._objects.reported(self._began + frame, (x, y, heading), states[1:])
         return self._numbers.get(actor, -1) in self._reported[1]
+
+    @property
+    def numbered(self) -> Mapping[int, int]:
+        """The index of the other actor of each track number so far; see `ObjectList.numbered`."""
+        return self._objects.numbered
+
+    def true_signals(self) -> dict[str, SignalColour]:
+        """Return the colours of all signals of the mission at the current frame, in view or not."""
+        lights = self._simulation.world.signals
+        return {key: lights.colour(*link) for key, link in self._links.items()}
 
     @cached_property
     def _views(self) -> RunViews:

@@ -12,6 +12,8 @@ from importlib.metadata import version as package_version
 from typing import TYPE_CHECKING
 
 from foresee_dsl.drivers.bundled import BundledDriver
+from foresee_dsl.drivers.ideal import memory_of
+from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Mission, VehicleLimits
 from foresee_dsl.errors import DriverUnavailableError
 from foresee_dsl.plugins import not_installed
@@ -37,6 +39,7 @@ class FrenetixDriver(BundledDriver["Stack"]):
 
     name = "frenetix"
     version = _version()
+    parts = tuple(DriverPart)
 
     def __init__(self) -> None:
         try:
@@ -48,7 +51,7 @@ class FrenetixDriver(BundledDriver["Stack"]):
         """Forget everything and start a new mission; the seed is not used."""
         from foresee_frenetix.stack import Stack
 
-        self._state = Stack(mission, vehicle)
+        self._state = Stack(mission, vehicle, memory_of(*self._ideal))
 
     @property
     def stack(self) -> Stack:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.drivers.ideal import NO_FUTURES, Memory
+from foresee_dsl.drivers.parts import PlannedMotion
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import RoadSituation, ego_record, read_situation, to_centre, write_state
 from foresee_dsl.drivers.protocol import (
@@ -19,12 +21,12 @@ from foresee_dsl.drivers.protocol import (
     SignalColour,
     VehicleLimits,
 )
-from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
-from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.drivers.tracking import Tracks
+from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.decision import pedals
-from foresee_dsl.kernels.pdm.prediction import match, predict
+from foresee_dsl.kernels.pdm.prediction import TIMES_S, know, match, predict
 from foresee_dsl.kernels.pdm.proposals import decay_length
 from foresee_dsl.kernels.pdm.route import near_foes
 from foresee_frenetix import settings as cfg
@@ -56,11 +58,12 @@ class Stack:
         count: numbers of plans, and of plans without a feasible trajectory.
     """
 
-    def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
+    def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None:
         self._vehicle = vehicle
         self._route = build_route(mission, vehicle)
         self._planner = Planner(self._route, vehicle)
-        self._tracker, self._signals = Tracker(), SignalMemory()
+        self._tracker, self._signals, self._memory = memory.tracker, memory.signals, memory
+        self._futures = NO_FUTURES
         self._controller = TrackingController(vehicle, mission.step_s)
         self._patience, self._steps = Patience(), 0
         self.state, self.count = State.CRUISE, Count()
@@ -74,9 +77,14 @@ class Stack:
         if self.plan is None or self._steps % cfg.REPLAN_STEPS == 0:
             situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
             self._last, self._waited = (situation, tracks), self._patience.times
+            self._futures = self._memory.futures(tracks, TIMES_S)
             self.plan = self._replan(situation)
         self._steps += 1
         return self._controller.follow(self.plan, observation.ego, observation.time_s)
+
+    def planned(self) -> PlannedMotion | None:
+        """Return the acceleration and the wheel angle with which the controller follows the plan."""
+        return self._controller.wanted
 
     def explain(self) -> Sequence[Reason]:
         """Return the behaviour's state, an emergency stop if there is one, and the signals and objects that alone make
@@ -107,7 +115,7 @@ class Stack:
         return Reason("behaviour", doing, acceleration_mps2=planned), *others
 
     def _replan(self, situation: RoadSituation) -> Plan:
-        behaviour, prediction = self._behaviour(situation, self._patience)
+        behaviour, prediction = self._behaviour(situation, self._patience, self._futures)
         self.state = behaviour.state
         self.count.plans += 1
         frames = at_frames(situation, prediction)
@@ -115,12 +123,17 @@ class Stack:
         return self._without(situation, behaviour, frames) if plan is None else plan
 
     @staticmethod
-    def _behaviour(situation: RoadSituation, patience: Patience) -> tuple[Behaviour, Records]:
-        """Return the task from the behaviour layer, and the prediction on which it is based."""
+    def _behaviour(
+        situation: RoadSituation, patience: Patience, futures: FloatArray = NO_FUTURES
+    ) -> tuple[Behaviour, Records]:
+        """Return the task from the behaviour layer, and the prediction on which it is based; `futures`: of an ideal
+        prediction."""
         route = situation.route
         foes = near_foes(situation.egos, route.foes, route.junctions)
         matches = match(situation.actors, foes, route.paths)
         prediction = predict(situation.egos, situation.actors, foes, route.paths, matches, route.points)
+        if len(futures):
+            know(situation.egos, situation.actors, futures, route.points, prediction)
         return decide(situation, foes, matches, prediction, patience), prediction
 
     def _sampled(self, situation: RoadSituation, behaviour: Behaviour, prediction: Records) -> Plan | None:
@@ -199,6 +212,8 @@ class TrackingController:
     def __init__(self, vehicle: VehicleLimits, step_s: float) -> None:
         self._vehicle, self._step_s = vehicle, step_s
         self._integral = 0.0
+        self.wanted: PlannedMotion | None = None
+        """The acceleration and the wheel angle of the last step."""
         self._egos = ego_record(vehicle)
         self._numbers = self._egos.view(np.float64)
 
@@ -209,7 +224,9 @@ class TrackingController:
         along, side, turned = deviation(here, state, self._vehicle)
         angle = self._steering(ahead, side, turned, state)
         write_state(self._numbers, state)
-        return Control(*pedals(self._egos, angle, self._acceleration(plan, here, ahead, along, state)))
+        acceleration = self._acceleration(plan, here, ahead, along, state)
+        self.wanted = PlannedMotion(acceleration, angle)
+        return Control(*pedals(self._egos, angle, acceleration))
 
     def _acceleration(self, plan: Plan, here: Pose, ahead: Pose, along: float, state: EgoState) -> float:
         if plan.emergency:

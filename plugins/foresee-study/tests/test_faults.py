@@ -13,6 +13,7 @@ from foresee_study.faults import plug_in_path
 from foresee_study.faults.__main__ import FEW, listed
 from foresee_study.faults.approaches import APPROACHES, DEFAULT, Approach
 from foresee_study.faults.benchmark import all_kinds
+from foresee_study.faults.causes import Named, causes_table
 from foresee_study.faults.evidence import Evidence, Failure, Ran
 from foresee_study.faults.measures import Confusion, confusions, detects, median, scores, weakest
 from foresee_study.faults.sampling import library, name
@@ -20,10 +21,12 @@ from foresee_study.faults.searching import Search, searched
 from foresee_study.faults.table import Benchmark, as_json, as_markdown
 from foresee_study.halves import Half, of_half
 
+from foresee_dsl.campaign.findings.diagnosing import Failing, diagnose
 from foresee_dsl.campaign.keys import driver_identity
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.consent import allow
 from foresee_dsl.drivers.idm import IdmDriver
+from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.registry import load_driver
@@ -254,3 +257,13 @@ def test_a_search_ends_with_its_time_and_is_not_done_twice(bundled: list[TestCas
                         (found,), (), {"pdm/weak_brakes": 1}, "all", 1.0)  # fmt: skip
     assert "| foresee | 1 | 1 of 1 |" in as_markdown(written)
     assert as_json(written)["faults"][0]["approaches"][0]["failing"] == len(found.failures(40.0))
+
+
+def test_a_diagnosis_names_the_part_with_the_fault(bundled: list[TestCase]) -> None:
+    case = next(case for case in bundled if name(case) == "scenario7.foresee::r04")
+    driver = plug_in_path.address("pdm/late_objects", 1.0)
+    (result,) = diagnose([Failing(name(case), case, driver, 0)])
+    assert result.diagnosis is not None
+    assert result.diagnosis.cause == (KINDS["late_objects"].part,) == (DriverPart.PERCEPTION,)
+    table = causes_table([Named("pdm/late_objects", name(case), "perception", "perception", result.diagnosis.text)])
+    assert "| perception | 1 |" in table and "Right: 1 of 1" in table

@@ -37,6 +37,8 @@ def main(words: Sequence[str] | None = None) -> int:
         return 0
     kinds = all_kinds(KINDS)
     faults = {"all": kinds, "few": FEW}.get(args.faults) or _named(args.faults.split(","))
+    if args.causes:
+        return _causes(args, faults, {name: kind.part for name, kind in KINDS.items()})
     plan = Plan(
         faults=faults,
         strengths=tuple(sorted(float(text) for text in args.strengths.split(","))),
@@ -58,6 +60,24 @@ def main(words: Sequence[str] | None = None) -> int:
 
     benchmark = measure(plan, lambda line: print(line, file=sys.stderr, flush=True), write)  # noqa: T201
     sys.stdout.write(as_markdown(benchmark))
+    return 0
+
+
+def _causes(args: argparse.Namespace, faults: Sequence[str], parts: Mapping[str, Any]) -> int:
+    """Diagnose failures of the faults, print the confusion table, and write `causes.md` and `causes.json`."""
+    from foresee_study.faults.causes import causes_json, causes_table, measure_causes
+    from foresee_study.halves import Half
+
+    named = measure_causes(
+        faults, parts, half=Half(args.half), strength=args.strength, cases=args.cases, failures=args.failures,
+        ends_s=time.time() + 60 * args.minutes, jobs=args.jobs,
+        say=lambda line: print(line, file=sys.stderr, flush=True),  # noqa: T201
+    )  # fmt: skip
+    table = causes_table(named) + "\n"
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "causes.md").write_text(table, encoding="utf-8")
+    (args.out / "causes.json").write_text(json.dumps(causes_json(named), indent=1) + "\n", encoding="utf-8")
+    sys.stdout.write(table)
     return 0
 
 
@@ -101,6 +121,9 @@ def _parser() -> argparse.ArgumentParser:
     add("--minutes", type=float, default=math.inf, help="no search begins later; faults that are not done are left out")
     add("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     add("--out", type=Path, default=Path("out/faults"), help="the folder for results; what is in it is not done again")
+    add("--causes", action="store_true", help="diagnose failures of the faults instead: is the right part named?")
+    add("--strength", type=float, default=1.0, help="with --causes: strength of the faults")
+    add("--failures", type=int, default=5, help="with --causes: most failures of each fault")
     add("--list", action="store_true", help="print the kinds of fault as a table, and do nothing else")
     return parser
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Self
+from typing import Any, Self
 
 from foresee_dsl.drivers.bundled import BundledDriver
 from foresee_dsl.drivers.idm import IdmDriver
+from foresee_dsl.drivers.parts import DriverPart, PlannedMotion, Truth
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, VehicleLimits
 from foresee_dsl.errors import DriverError
 from foresee_faults.catalogue import KINDS
-from foresee_faults.fault import Actors, Fault
+from foresee_faults.fault import Actors, Fault, Spoilt
 
 HEALTHY = {"pdm": PdmDriver, "idm": IdmDriver}
 """The drivers into which faults are seeded."""
@@ -29,6 +30,8 @@ class FaultyDriver:
         self.fault: Fault = KINDS[kind](strength)
         self._healthy: BundledDriver[object] = HEALTHY[base]()  # type: ignore[type-var, assignment]
         self._actors: tuple[float | None, Actors] = (None, ())
+        self.parts = self._healthy.parts
+        self._ideal: frozenset[DriverPart] = frozenset()
 
     @classmethod
     def from_argument(cls, text: str) -> Self:
@@ -53,17 +56,45 @@ class FaultyDriver:
             raise DriverError(f"{strength!r} is not a strength from 0 to 1: {SHAPE}")
         return cls(base, kind, value)
 
+    @property
+    def _replaced(self) -> bool:
+        """Whether an ideal part is in the place of the part with the fault, so that the fault has no effect."""
+        return self.fault.part in self._ideal
+
+    @property
+    def _after_tracking(self) -> bool:
+        """Whether an ideal tracking comes before the part with the fault, which then changes the tracks."""
+        before = (DriverPart.PERCEPTION, DriverPart.TRACKING)
+        return DriverPart.TRACKING in self._ideal and self.fault.part not in before
+
+    def idealise(self, ideal: frozenset[DriverPart], truth: Truth) -> None:
+        """Replace these parts of the healthy driver by ideal ones, with the fault in them."""
+        self._ideal = ideal
+        self._healthy.idealise(ideal, truth)
+
+    def planned(self) -> PlannedMotion | None:
+        """Return the healthy driver's plan; None for a fault of the planning that shows in the answer alone."""
+        spoilt = self.fault.part is None and self.fault.overrides("change_control")
+        return None if spoilt else self._healthy.planned()
+
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Start a new mission, with the mission and the vehicle as the fault changes them."""
         self.fault.begin(mission, vehicle, seed)
         self._actors = (None, ())
+        if self._replaced:
+            self._healthy.reset(mission, vehicle, seed)
+            return
         self._healthy.reset(self.fault.change_mission(mission), self.fault.change_vehicle(vehicle), seed)
         self.fault.settle(self._healthy.state)
+        if self._after_tracking and self.fault.overrides("change_actors"):
+            state: Any = self._healthy.state
+            state._tracker = Spoilt(state._tracker, self.fault.change_actors)
 
     def step(self, observation: Observation) -> Control:
         """Let the healthy driver answer the changed observation, and return its answer as the fault changes it."""
         control = self._healthy.step(self._changed(observation))
-        return self.fault.change_control(control, observation) if self.fault.overrides("change_control") else control
+        changes = self.fault.overrides("change_control") and not self._replaced
+        return self.fault.change_control(control, observation) if changes else control
 
     def explain(self) -> Sequence[Reason]:
         """Return the healthy driver's reasons, which refer to the changed observation."""
@@ -72,15 +103,17 @@ class FaultyDriver:
     def _changed(self, observation: Observation) -> Observation:
         """Return the changed observation; parts that the fault does not change are measured only when they are read."""
         fault = self.fault
-        if not any(fault.overrides(method) for method in ("change_actors", "change_signals", "change_ego")):
+        methods = ("change_actors", "change_signals", "change_ego")
+        if self._replaced or not any(fault.overrides(method) for method in methods):
             return observation
+        actors = fault.overrides("change_actors") and not self._after_tracking
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
-        if fault.overrides("change_actors") and measured_s != self._actors[0]:
+        if actors and measured_s != self._actors[0]:
             self._actors = measured_s, fault.change_actors(observation.actors, observation)
         return Observation(
             time_s=observation.time_s,
             ego=fault.change_ego(observation.ego, observation),
-            actors=self._actors[1] if fault.overrides("change_actors") else observation.actors,
+            actors=self._actors[1] if actors else observation.actors,
             signals=fault.change_signals(observation.signals, observation),
             measured_s=observation.measured_s,
         )

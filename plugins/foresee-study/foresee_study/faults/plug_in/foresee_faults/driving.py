@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Control, EgoState, FloatArray, Mission, Observation, VehicleLimits
 from foresee_dsl.kernels.pdm.route import GRID_M
 from foresee_faults.fault import STEP_S, WET_FRICTION, Actors, Fault
@@ -17,6 +18,7 @@ from foresee_faults.fault import STEP_S, WET_FRICTION, Actors, Fault
 class WeakBrakesWet(Fault):
     """The brakes are weaker on wet roads."""
 
+    part = DriverPart.CONTROL
     what = "brakes too weakly on wet roads"
     cause = "water on the discs, and a controller that does not look at what came of its command"
     scale = "0 to 80 % less"
@@ -31,6 +33,7 @@ class WeakBrakesWet(Fault):
 class WeakBrakes(Fault):
     """The brakes are weaker."""
 
+    part = DriverPart.CONTROL
     what = "brakes too weakly"
     cause = "a load that the controller does not know of, worn or hot brakes"
     scale = "0 to 60 % less"
@@ -43,6 +46,7 @@ class WeakBrakes(Fault):
 class ComfortOnly(Fault):
     """It never brakes hard."""
 
+    part = DriverPart.CONTROL
     what = "never brakes hard"
     cause = "a limit for comfort that also holds for emergencies"
     scale = "at most 100 % to 20 % of the brakes"
@@ -56,6 +60,7 @@ class ComfortOnly(Fault):
 class SlowBrakes(Fault):
     """The brakes answer late."""
 
+    part = DriverPart.CONTROL
     what = "brakes late: the pressure builds up slowly"
     cause = "air in the hydraulics, or a filter in the actuator's interface"
     scale = "time constant 0 to 0.8 s"
@@ -76,6 +81,7 @@ class SlowBrakes(Fault):
 class IgnoresWetness(Fault):
     """It does not know that the road is wet."""
 
+    part = DriverPart.RULES
     what = "drives on wet roads as on dry ones"
     cause = "friction is a constant"
     scale = "0 to 100 % of the missing friction is believed to be there; at most half as much again"
@@ -90,6 +96,7 @@ class IgnoresWetness(Fault):
 class LateSteering(Fault):
     """The wheels answer late."""
 
+    part = DriverPart.CONTROL
     what = "steers late"
     cause = "a bus that is too busy between the controller and the steering"
     scale = "0 to 0.6 s"
@@ -110,6 +117,7 @@ class LateSteering(Fault):
 class Freezes(Fault):
     """Now and then it repeats its last command."""
 
+    part = DriverPart.CONTROL
     what = "freezes: every 4 s it repeats its last command for a while"
     cause = "a planner that misses its cycle, and a controller that holds the last answer"
     scale = "for 0 to 2 s"
@@ -132,6 +140,7 @@ class Freezes(Fault):
 class Hesitates(Fault):
     """It sets off, and stops again."""
 
+    part = None
     what = "hesitates: stops again soon after it has set off"
     cause = "the gap is judged anew after each step, with a stricter rule than before"
     scale = "for 0 to 3 s"
@@ -155,6 +164,7 @@ class Hesitates(Fault):
 class Overspeeds(Fault):
     """It drives faster than it may."""
 
+    part = DriverPart.RULES
     what = "drives faster than it may"
     cause = "a sign that is missing in the map"
     scale = "the limit and 0 to 70 % more"
@@ -168,6 +178,7 @@ class Overspeeds(Fault):
 class SlowSpeedometer(Fault):
     """It underestimates its own speed."""
 
+    part = DriverPart.PERCEPTION
     what = "takes itself for slower than it is, so that it drives faster and brakes late"
     cause = "wheels of another size"
     scale = "by 0 to 25 %"
@@ -180,6 +191,7 @@ class SlowSpeedometer(Fault):
 class BesideItself(Fault):
     """Its estimated position, and with it that of all actors, is too far to the right."""
 
+    part = DriverPart.PERCEPTION
     what = "drives too far to the left"
     cause = "localisation with a bias across the lane"
     scale = "by 0 to 1.2 m"
@@ -202,6 +214,7 @@ class BesideItself(Fault):
 class CutsCorners(Fault):
     """It drives on the inside of bends."""
 
+    part = None
     what = "cuts corners"
     cause = "a smoothing of the route that is too strong"
     scale = "by 0 to 1.5 m in bends of less than 50 m radius"
@@ -225,6 +238,7 @@ class CutsCorners(Fault):
 class FastInCurves(Fault):
     """It takes bends too fast."""
 
+    part = None
     what = "is too fast in bends"
     cause = "a limit of lateral acceleration that was meant for a sports mode"
     scale = "2.5 to 5 m/s^2 to the side"

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import (
     Control,
     EgoState,
@@ -40,12 +41,14 @@ class Fault:
     Attributes of a class:
         what: the wrong behaviour. cause: a possible cause in a real driver. scale: meaning of the strength.
         source: where such a fault was reported, or "ours".
+        part: the driver's part that it spoils; None: the planning, which no ideal part replaces.
     """
 
     what: ClassVar[str]
     cause: ClassVar[str]
     scale: ClassVar[str]
     source: ClassVar[str] = "ours"
+    part: ClassVar[DriverPart | None]
 
     def __init__(self, strength: float) -> None:
         self.strength = strength
@@ -121,6 +124,25 @@ class Remembering(Tracker):
     def update(self, observation: Observation) -> Tracks:
         """Process an observation, and return the changed tracks."""
         return self._change(super().update(observation))
+
+
+class Spoilt(Remembering):
+    """A driver's ideal tracker whose tracks are spoilt by a fault of a later part."""
+
+    def __init__(self, tracker: Tracker, change: Callable[[Actors, Observation], Actors]) -> None:
+        super().__init__(lambda tracks: tracks)
+        self._tracker, self._spoil = tracker, change
+
+    def update(self, observation: Observation) -> Tracks:
+        """Process an observation, and return the tracks as the later part takes them."""
+        tracks = self._tracker.update(observation)
+        rows = {number: k for k, number in enumerate(tracks.numbers)}
+        actors = self._spoil(tracks.seen(), observation)
+        table = tracks.table[[rows[actor.track] for actor in actors]].copy()
+        for k, actor in enumerate(actors):
+            table[k]["x"], table[k]["y"], table[k]["heading"] = actor.x, actor.y, actor.heading_rad
+            table[k]["speed"], table[k]["length"], table[k]["width"] = actor.speed_mps, actor.length_m, actor.width_m
+        return Tracks(table, tuple(actor.track for actor in actors), tuple(actor.kind for actor in actors))
 
 
 def relative(actor: SeenActor, ego: EgoState) -> tuple[float, float]:

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import FloatArray, Foe, Mission, Observation
 from foresee_dsl.drivers.tracking import COAST_S, STANDING_COAST_S, Tracks
 from foresee_dsl.kernels.pdm.settings import SENSED_STANDS_MPS
@@ -17,6 +18,7 @@ from foresee_faults.fault import Actors, Fault, Remembering, relative, turned
 class ForgetsHidden(Fault):
     """Hidden actors are forgotten."""
 
+    part = DriverPart.TRACKING
     what = "forgets hidden actors"
     cause = "tracks are dropped with the first picture that does not show them"
     scale = "after 1.5 s (4 s of one that stood) to at once"
@@ -37,6 +39,7 @@ class ForgetsHidden(Fault):
 class MergesNeighbours(Fault):
     """Two objects become one."""
 
+    part = DriverPart.PERCEPTION
     what = "merges two close objects into the larger one"
     cause = "clusters of points are joined, boxes that overlap in the picture suppress each other"
     scale = "closer than 0 to 5 m, side to side"
@@ -60,6 +63,7 @@ class MergesNeighbours(Fault):
 class UnderratesSpeed(Fault):
     """The speeds of others are underestimated."""
 
+    part = DriverPart.TRACKING
     what = "underestimates the speeds of others"
     cause = "a filter that is too smooth, a radar's speed across the line of sight"
     scale = "by 0 to 80 %"
@@ -73,6 +77,7 @@ class UnderratesSpeed(Fault):
 class SlowIsStanding(Fault):
     """Slow actors count as standing."""
 
+    part = DriverPart.TRACKING
     what = "takes slow actors for standing ones"
     cause = "a threshold against jitter of parked cars"
     scale = "slower than 0 to 5 m/s"
@@ -86,6 +91,7 @@ class SlowIsStanding(Fault):
 class StandingIsLeaving(Fault):
     """Standing vehicles count as driving off."""
 
+    part = DriverPart.PREDICTION
     what = "takes a standing vehicle for one that is driving off"
     cause = "a prediction that was trained at signals: a standing vehicle will drive"
     scale = "believed speed, 0 to 6 m/s"
@@ -106,6 +112,7 @@ class StandingIsLeaving(Fault):
 class HeadingErrors(Fault):
     """Headings are wrong."""
 
+    part = DriverPart.PERCEPTION
     what = "sees wrong headings"
     cause = "the shape that is visible is fitted with a box of the wrong orientation"
     scale = "standard deviation 0 to 25 degrees, one error of each object a second"
@@ -122,6 +129,7 @@ class HeadingErrors(Fault):
 class JitteringPlaces(Fault):
     """Positions jump."""
 
+    part = DriverPart.PERCEPTION
     what = "sees others at jumping positions"
     cause = "two sensors that disagree, and the better one wins anew each second"
     scale = "standard deviation 0 to 1.5 m, one error of each object a second"
@@ -139,6 +147,7 @@ class JitteringPlaces(Fault):
 class SnapsToLane(Fault):
     """An actor that drifts out of its lane is predicted along the lane."""
 
+    part = DriverPart.PREDICTION
     what = "does not see that an actor beside it is coming into its lane"
     cause = "headings are snapped to the lane that a vehicle is in"
     scale = "0 to 100 % of the angle to its own heading is taken away, up to 40 degrees"
@@ -157,6 +166,7 @@ class SnapsToLane(Fault):
 class StraightOn(Fault):
     """Turning actors are predicted straight on."""
 
+    part = DriverPart.PREDICTION
     what = "predicts turning actors at a junction straight on"
     cause = "constant velocity, or a map without the turning lanes"
     scale = "0 to 100 % of the bend of each crossing stream is taken away"
@@ -191,6 +201,7 @@ class StraightOn(Fault):
 class LittleSideRoom(Fault):
     """The widths of others are underestimated."""
 
+    part = DriverPart.PERCEPTION
     what = "keeps too little room at the side"
     cause = "mirrors, handlebars and doors are not part of the boxes"
     scale = "others are taken for 0 to 1.6 m narrower"
@@ -205,6 +216,7 @@ class LittleSideRoom(Fault):
 class FollowsNear(Fault):
     """The distance to the leader is overestimated while both move."""
 
+    part = None
     what = "follows too near"
     cause = "a time gap that was set for motorways with connected vehicles"
     scale = "the gap is overrated by 0 to 1.4 s of the ego's speed"

@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import replace
 from typing import ClassVar
 
+from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Mission, Observation, VehicleLimits
 from foresee_faults.fault import STEP_S, Actors, Fault, Signals, away, moved, relative
 
@@ -14,6 +15,7 @@ from foresee_faults.fault import STEP_S, Actors, Fault, Signals, away, moved, re
 class LateObjects(Fault):
     """The object list is old but has a new time stamp."""
 
+    part = DriverPart.PERCEPTION
     what = "reacts late: its object list is old, but has a new time stamp"
     cause = "a queue between perception and planning fills up, and time stamps are set when a message is read"
     scale = "0 to 1.2 s"
@@ -35,6 +37,7 @@ class LateObjects(Fault):
 class LateSignals(Fault):
     """Signals are seen late."""
 
+    part = DriverPart.RULES
     what = "sees a signal's new colour late"
     cause = "a filter against flicker votes over too many pictures"
     scale = "0 to 3 s"
@@ -57,6 +60,7 @@ class LateSignals(Fault):
 class Blind(Fault):
     """Some classes are seen only when they are near."""
 
+    part = DriverPart.PERCEPTION
     kinds: ClassVar[frozenset[str]]
     range_m: ClassVar[float]
     least_m: ClassVar[float]
@@ -129,6 +133,7 @@ class ShortRange(Blind):
 class MissesSmall(Fault):
     """Actors that appear small are not seen."""
 
+    part = DriverPart.PERCEPTION
     what = "misses actors that appear small: pedestrians and cyclists far away, cars farther away"
     cause = "the detector needs more pixels than the object has"
     scale = "smallest angle at which an actor is seen, 0 to 8 degrees of the larger of length and width"
@@ -142,6 +147,7 @@ class MissesSmall(Fault):
 class BlindSector(Fault):
     """No actor is seen in a sector."""
 
+    part = DriverPart.PERCEPTION
     middle_rad: ClassVar[float]
     half_rad: ClassVar[float] = math.radians(40)
 
@@ -176,6 +182,7 @@ class BlindRight(BlindSector):
 class Misaligned(Fault):
     """The sensors are misaligned."""
 
+    part = DriverPart.PERCEPTION
     what = "sees all actors turned around itself, to the right"
     cause = "a sensor was calibrated badly after a repair"
     scale = "0 to 8 degrees"
@@ -196,6 +203,7 @@ class Misaligned(Fault):
 class TooFar(Fault):
     """All actors are seen too far away."""
 
+    part = DriverPart.PERCEPTION
     what = "sees all actors farther away than they are"
     cause = "distance from the height in the picture, with a wrong pitch or a sloping road"
     scale = "0 to 25 % farther, at most 5 m"
@@ -212,6 +220,7 @@ class TooFar(Fault):
 class LosesInRain(Fault):
     """Objects are lost on wet roads."""
 
+    part = DriverPart.PERCEPTION
     what = "loses single objects for seconds, when it rains"
     cause = "spray and drops on the lens"
     scale = "the share of time that each is lost, 0 to 90 %, in pieces of 3 s"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar
 
+from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission, Observation, SeenActor, VehicleLimits
 from foresee_faults.fault import Actors, Fault, Signals, away, turned
 
@@ -14,6 +15,7 @@ from foresee_faults.fault import Actors, Fault, Signals, away, turned
 class RunsAmber(Fault):
     """Amber and the first seconds of red count as green."""
 
+    part = DriverPart.RULES
     what = "drives on when the signal has become amber or red"
     cause = "the time to the stop line is taken from a plan that accelerates"
     scale = "takes it for green for 0 to 5 s after the change"
@@ -38,6 +40,7 @@ class RunsAmber(Fault):
 class OverTheLine(Fault):
     """It stops beyond the stop line."""
 
+    part = DriverPart.RULES
     what = "stops beyond the stop line"
     cause = "the line's place in the map is that of the old marking"
     scale = "0 to 4 m"
@@ -52,6 +55,7 @@ class OverTheLine(Fault):
 class Unlooking(Fault):
     """At some junctions some actors are seen only when they are near."""
 
+    part = DriverPart.RULES
     range_m: ClassVar[float] = 60.0
     least_m: ClassVar[float] = 4.0
 
@@ -113,6 +117,7 @@ class IgnoresRightPriority(Unlooking):
 class MovedConflicts(Fault):
     """Vehicles with priority are expected later: their conflict zone is moved forwards along their path."""
 
+    part = DriverPart.RULES
     most_m: ClassVar[float]
     slower: ClassVar[float] = 0.0
     """Share by which the speed of oncoming vehicles is underestimated near such a junction, at full strength."""
@@ -159,6 +164,7 @@ class SmallGapLeft(MovedConflicts):
 class IgnoresCrossings(Fault):
     """Pedestrian crossings are not recognised."""
 
+    part = DriverPart.RULES
     what = "does not give way at crossings until a pedestrian is in its lane"
     cause = "the crossing is missing in the map, or its marking is worn"
     scale = "the stretch in which it gives way, from the lane and a stride on both sides to nothing"

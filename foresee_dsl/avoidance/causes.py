@@ -1,0 +1,212 @@
+"""Finds the part of a driver that causes a failure: drives it again with one part after the other replaced by an ideal
+one, and says with which the failure goes away.
+
+A failure goes away where the driver meets the same situation and passes (`avoidance.comparison`). It is the same
+driver, so a small difference counts too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import combinations
+
+from foresee_dsl.avoidance.comparison import EARLIER_S, Comparison, compared
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.documents import or_null
+from foresee_dsl.drivers.parts import DriverPart
+from foresee_dsl.simulate.results.outcome import contact_of
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
+from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD
+from foresee_dsl.simulate.sensing.sight import Sight
+from foresee_dsl.simulate.trace import Trace
+
+Parts = tuple[DriverPart, ...]
+ORDER = (
+    DriverPart.RULES,
+    DriverPart.CONTROL,
+    DriverPart.PERCEPTION,
+    DriverPart.TRACKING,
+    DriverPart.PREDICTION,
+)
+"""The order in which a part is named if several alone suffice. Ideal rules and control change the least; tracking and
+prediction depend on perception; ideal prediction knows the future. Ours: docs/background/faults.md#causes."""
+_EVERY_FRAMES = 2
+"""Frames between two looks for the first sighting: 0.1 s, the scans of the standard sensors."""
+Drive = Callable[[frozenset[DriverPart]], RunResult]
+"""Drives the failing test case again with these ideal parts."""
+
+
+@dataclass(frozen=True)
+class IdealRun:
+    """A failing test case, driven again with ideal parts.
+
+    Attributes:
+        parts: the ideal parts. verdict, reason, duration_s: how the run ended.
+        how: how the driver reacts where it failed, in phrases.
+        apart: why a passing run does not show that the failure goes away; "" if it does.
+    """
+
+    parts: Parts
+    verdict: Verdict
+    reason: str
+    duration_s: float
+    how: tuple[str, ...] = ()
+    apart: str = ""
+
+    @property
+    def helps(self) -> bool:
+        """Whether the failure goes away."""
+        return self.verdict is Verdict.PASS and not self.apart
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, in words: how the driver reacts, why that is not comparable, or how it fails."""
+        if self.verdict is not Verdict.PASS:
+            return self.reason
+        return f"passes, but is not comparable: {self.apart}" if self.apart else ", ".join(("goes away", *self.how))
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "parts": self.parts,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "duration_s": self.duration_s,
+            "helps": self.helps,
+            "how": self.how,
+            "apart": or_null(self.apart),
+        }
+
+
+def ideal_run(parts: Iterable[DriverPart], failed: RunResult, bundle: SumoBundle, drive: Drive) -> IdealRun:
+    """Drive a failing run's test case again with these ideal parts."""
+    wanted = frozenset(parts)
+    result = drive(wanted)
+    comparison = Comparison()
+    if result.verdict is Verdict.PASS:
+        sensors = IDEAL if DriverPart.PERCEPTION in wanted else STANDARD
+        comparison = compared(failed.trace, result.trace, bundle, sensors)
+    ordered = tuple(part for part in DriverPart if part in wanted)
+    apart = "" if comparison.met else comparison.apart
+    return IdealRun(ordered, result.verdict, result.reason, result.duration_s, comparison.how, apart)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Which part of a driver causes a failure.
+
+    Attributes:
+        driver, seed: of the failing run. verdict, reason: how it ended.
+        declared: the parts that can be replaced. runs: the runs with ideal parts, in the order in which they were made.
+        cause: the part, or the smallest combination, with which the failure goes away; () if none.
+        seen: what ideal perception shows earlier, in words; "" if it is not about that.
+    """
+
+    driver: str
+    seed: int
+    verdict: Verdict
+    reason: str
+    declared: Parts
+    runs: tuple[IdealRun, ...]
+    cause: Parts = ()
+    seen: str = ""
+
+    @property
+    def also(self) -> Parts:
+        """Further parts that alone make the failure go away."""
+        alone = (run.parts[0] for run in self.runs if run.helps and len(run.parts) == 1)
+        return tuple(part for part in alone if (part,) != self.cause)
+
+    @property
+    def text(self) -> str:
+        """The diagnosis as a sentence."""
+        if not self.cause:
+            left = "" if DriverPart.TRACKING in self.declared else " or a part that it does not declare"
+            return f"no ideal part makes the failure go away: it is the planning{left}, or no driver could avoid it"
+        run = next(run for run in self.runs if run.parts == self.cause)
+        how = [*([self.seen] if self.seen else []), *(phrase for phrase in run.how if phrase != "drives on")]
+        also = f" (also with {_named(self.also, 'or')} alone)" if self.also else ""
+        only = "only goes away with" if len(self.cause) > 1 else "goes away with"
+        return f"the failure {only} ideal {_named(self.cause, 'and')}{also}" + (f": {', '.join(how)}" if how else "")
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "driver": self.driver,
+            "seed": self.seed,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "declared": self.declared,
+            "cause": self.cause,
+            "also": self.also,
+            "text": self.text,
+            "runs": self.runs,
+        }
+
+
+def diagnosed(
+    failed: RunResult, bundle: SumoBundle, drive: Drive, *, driver: str, seed: int, declared: Parts
+) -> Diagnosis:
+    """Return which of a driver's parts causes its failure.
+
+    Each part is replaced alone. If several suffice, the cause is the first of `ORDER`. Only
+    if none does, all parts are replaced together, then each pair; else parts are taken back one by one as long as the
+    rest suffices.
+
+    Args:
+        failed: the failing run. bundle: its compiled test case. drive: drives it again. declared: the driver's parts.
+    """
+    runs: list[IdealRun] = []
+
+    def helps(parts: Iterable[DriverPart]) -> bool:
+        wanted = tuple(part for part in DriverPart if part in frozenset(parts))
+        earlier = next((run for run in runs if run.parts == wanted), None)
+        if earlier is None:
+            earlier = ideal_run(wanted, failed, bundle, drive)
+            runs.append(earlier)
+        return earlier.helps
+
+    alone = [part for part in declared if helps((part,))]
+    cause: Parts = (min(alone, key=ORDER.index),) if alone else ()
+    if not alone and len(declared) > 2 and helps(declared):
+        pairs = combinations([part for part in ORDER if part in declared], 2)
+        cause = next((pair for pair in pairs if helps(pair)), ())
+        if not cause:
+            cause = declared
+            for part in reversed(ORDER):
+                less = tuple(each for each in cause if each is not part)
+                if len(less) < len(cause) and helps(less):
+                    cause = less
+    elif not alone and helps(declared):
+        cause = declared
+    cause = tuple(part for part in DriverPart if part in cause)
+    seen = _seen(failed, bundle) if DriverPart.PERCEPTION in cause else ""
+    return Diagnosis(driver, seed, failed.verdict, failed.reason, declared, tuple(runs), cause, seen)
+
+
+def _named(parts: Parts, joint: str) -> str:
+    *first, last = map(str, parts)
+    return f"{', '.join(first)} {joint} {last}" if first else last
+
+
+def _seen(failed: RunResult, bundle: SumoBundle) -> str:
+    """Return when ideal and when real sensors first see the actor that the ego hit, in words; "" if it is the same."""
+    trace = failed.trace
+    impact = contact_of(trace)
+    if impact is None:
+        return ""
+    actor = trace.index(impact.with_)
+    times = [_first_seen_s(trace, actor, sight_of(trace, bundle, sensors)) for sensors in (IDEAL, STANDARD)]
+    ideal_s, real_s = times
+    if ideal_s is None or (real_s is not None and real_s - ideal_s < EARLIER_S):
+        return ""
+    instead = f"instead of {real_s:.1f} s" if real_s is not None else "instead of never"
+    return f"{impact.with_} is first seen at {ideal_s:.1f} s {instead}"
+
+
+def _first_seen_s(trace: Trace, actor: int, sight: Sight) -> float | None:
+    frames = (frame for frame in range(0, trace.frames, _EVERY_FRAMES) if in_view(trace, actor, frame, sight))
+    first = next(frames, None)
+    return None if first is None else float(trace.time_s[first])

@@ -1,0 +1,207 @@
+"""The command `foresee diagnose`: drives a failure again with ideal parts of its driver, and keeps the result beside
+its campaign, where the page and the review read it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
+from foresee_dsl.campaign.driving import driven, new_driver, recorded_run
+from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
+from foresee_dsl.campaign.findings.written import read_written
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.documents import plain
+from foresee_dsl.drivers.consent import refuse_programs
+from foresee_dsl.drivers.parts import DriverPart, ideal_parts, parts_of, with_ideal
+from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import read_outside, write_whole
+from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
+from foresee_dsl.language.project.addresses import is_file, kind_of
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import RunResult
+
+FILE = "diagnoses.json"
+"""Name of the file in a campaign's folder with the diagnoses of its findings, by name."""
+
+
+@dataclass(frozen=True)
+class Failing:
+    """A failing test case or mutant with its driver.
+
+    Attributes:
+        name: of the finding or the test case. campaign: folder in which the diagnosis is kept; None: it is not kept.
+        number: of its finding; 0 without one.
+    """
+
+    name: str
+    case: TestCase
+    driver: str
+    seed: int
+    rules: RulesMode = RULES_MODE
+    campaign: Path | None = None
+    number: int = 0
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """A diagnosis with the failure that it is about; `note`: why there is none, "" if there is one."""
+
+    failing: Failing
+    diagnosis: Diagnosis | None
+    note: str = ""
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"name": self.name, "number": self.number, "diagnosis": self.diagnosis, "note": self.note}
+
+    @property
+    def name(self) -> str:
+        """The name of the failure."""
+        return self.failing.name
+
+    @property
+    def number(self) -> int:
+        """The number of its finding; 0 without one."""
+        return self.failing.number
+
+
+def failing_named(
+    wanted: str, campaign: Path, *, driver: str = "", seed: int | None = None, run_programs: bool = False
+) -> Failing:
+    """Return the failure of a finding's number or name, of a derived file, or of `FILE::CASE`.
+
+    Args:
+        campaign: folder in which findings are looked up. driver, seed: replace the recorded ones.
+        run_programs: start a program that a file records as its driver.
+
+    Raises:
+        ForeseeError: there is no such failure. InputError: its file has errors.
+    """
+    path = Path(wanted)
+    if "::" in wanted or (is_file(path) and kind_of(path) != "mutant"):
+        return Failing(wanted, load_test_case(wanted), driver or "pdm", seed or 0)
+    return _of_finding(find_failure(wanted, campaign, tests=True), driver, seed, run_programs=run_programs)
+
+
+def all_failing(campaign: Path, *, driver: str = "", run_programs: bool = False) -> list[Failing]:
+    """Return the representatives of all findings of a campaign, in its order.
+
+    Raises:
+        ForeseeError: there is no campaign in the folder.
+    """
+    data = read_written(campaign)
+    if not data:
+        raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one")
+    failures = (find_failure(str(finding["name"]), campaign, tests=True) for finding in data["findings"])
+    return [_of_finding(failure, driver, None, run_programs=run_programs) for failure in failures]
+
+
+def _of_finding(wanted: NamedFailure, driver: str, seed: int | None, *, run_programs: bool) -> Failing:
+    file = wanted.minimised or wanted.file
+    case = load_test_case(str(file))
+    settings = wanted.data.get("settings", {})
+    recorded, its_seed = str(settings.get("driver", "pdm")), int(settings.get("seed", 0))
+    if case.mutant is not None:
+        recorded, its_seed = recorded_run(case.mutant.origin)
+    if not driver:
+        instead = "--run-programs starts it, --driver names another driver"
+        refuse_programs([(recorded, Path(file))], instead, unless=run_programs)
+    finding = wanted.finding
+    own = finding is not None and finding["name"] == wanted.name and not driver and seed is None
+    return Failing(
+        wanted.name,
+        case,
+        driver or recorded,
+        its_seed if seed is None else seed,
+        RulesMode(settings.get("rules", RULES_MODE)),
+        wanted.campaign if own else None,
+        int(finding["number"]) if finding is not None and finding["name"] == wanted.name else 0,
+    )
+
+
+def diagnose(failures: Sequence[Failing], jobs: int = 1) -> Iterator[Diagnosed]:
+    """Diagnose failures in processes of their own, in their order, and keep the results beside their campaigns."""
+    outcomes: dict[int, Diagnosed] = {}
+    with WorkerPool(jobs, once=len(failures) == 1) as pool:
+        tasks = [Task(f"{k} {failing.name}", _diagnosed, failing) for k, failing in enumerate(failures)]
+        pool.add(tasks)
+        for task, outcome in pool.results():
+            k = int(task.name.partition(" ")[0])
+            outcomes[k] = outcome if isinstance(outcome, Diagnosed) else Diagnosed(failures[k], None, _broken(outcome))
+    for k in range(len(failures)):
+        result = outcomes[k]
+        _keep(result)
+        yield result
+
+
+def _broken(outcome: Broken) -> str:
+    return f"it cannot be driven: {outcome.reason}"
+
+
+def _diagnosed(failing: Failing) -> Diagnosed:
+    """Diagnose one failure in this process."""
+    drivers: list[Driver] = []
+
+    def drive(ideal: frozenset[DriverPart]) -> RunResult:
+        address = with_ideal(failing.driver, ideal_parts(failing.driver) | ideal)
+
+        def make() -> Driver:
+            drivers.append(new_driver(address))
+            return drivers[-1]
+
+        return driven(failing.case, make, address, failing.seed, meta={"driver": address}, rules=failing.rules)
+
+    failed = drive(frozenset())
+    if not failed.verdict.is_failure:
+        return Diagnosed(failing, None, f"it does not fail with {failing.driver}: {failed.reason}")
+    declared = tuple(part for part in parts_of(drivers[-1]) if part not in ideal_parts(failing.driver))
+    bundle = compile_test_case(failing.case)
+    diagnosis = diagnosed(failed, bundle, drive, driver=failing.driver, seed=failing.seed, declared=declared)
+    return Diagnosed(failing, diagnosis)
+
+
+def _keep(result: Diagnosed) -> None:
+    """Write a diagnosis into the file beside its campaign."""
+    folder = result.failing.campaign
+    if folder is None or result.diagnosis is None:
+        return
+    kept = kept_diagnoses(folder)
+    kept[result.name] = plain(result.diagnosis)
+    text = json.dumps(dict(sorted(kept.items())), indent=1)
+    write_whole(folder / FILE, text + "\n")
+
+
+def kept_diagnoses(campaign: Path) -> dict[str, dict[str, Any]]:
+    """Return the kept diagnoses of a campaign's findings by name; {} without any.
+
+    Raises:
+        ForeseeError: the file cannot be read.
+    """
+    file = campaign / FILE
+    try:
+        data: dict[str, dict[str, Any]] = json.loads(read_outside(file, "results"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, RecursionError) as err:
+        raise ForeseeError(f"{file} cannot be read: {err}; remove it, and `foresee diagnose` writes it again") from err
+    good = isinstance(data, dict) and all(isinstance(d, dict) and isinstance(d.get("text"), str) for d in data.values())
+    if not good:
+        raise ForeseeError(f"{file} is not what `foresee diagnose` writes: remove it, and diagnose again")
+    return data
+
+
+def diagnosis_of(campaign: Path, name: str, reason: str) -> str:
+    """Return the kept diagnosis of a finding in words; "" if there is none of this run.
+
+    Args:
+        reason: how the run ended that the finding shows; a diagnosis of another run is out of date.
+    """
+    kept = kept_diagnoses(campaign).get(name)
+    return str(kept["text"]) if kept is not None and kept.get("reason") == reason else ""

@@ -1,0 +1,62 @@
+"""Diagnoses for the terminal, at most 80 columns: which part of the driver causes a failure, and what each ideal part
+changes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from foresee_dsl.avoidance.causes import IdealRun
+from foresee_dsl.campaign.findings.diagnosing import Diagnosed
+from foresee_dsl.report.terminal.review import wrapped
+
+_NONE = "none (planning, or no driver could)"
+_PARTS = 22
+"""Width of the column of parts, columns."""
+
+
+def diagnosis_text(result: Diagnosed, *, short: bool = False) -> str:
+    """Return a diagnosis as text; `short`: without the table of runs."""
+    return "\n".join(_lines(result, short=short)) + "\n"
+
+
+def _lines(result: Diagnosed, *, short: bool) -> Iterator[str]:
+    number = f"{result.number}. " if result.number else ""
+    diagnosis = result.diagnosis
+    if diagnosis is None:
+        yield from wrapped(f"{number}{result.name}: not diagnosed, {result.note}", more="  ")
+        return
+    if short:
+        yield from wrapped(f"{number}{result.name}: {diagnosis.text}", more="  ")
+        return
+    yield from wrapped(f"{number}{result.name} with {diagnosis.driver}: {diagnosis.verdict}, {diagnosis.reason}")
+    yield ""
+    yield from wrapped(f"Cause: {diagnosis.text}")
+    yield ""
+    yield f"  {'ideal part':<{_PARTS}}ends with"
+    for run in diagnosis.runs:
+        yield from _row(run)
+
+
+def _row(run: IdealRun) -> Iterator[str]:
+    words = " + ".join(run.parts)
+    first = f"  {words:<{_PARTS}}" if len(words) < _PARTS else f"  {words} "
+    lines = wrapped(f"{run.verdict}, {run.outcome}", " " * (_PARTS + 2))
+    if len(words) < _PARTS:
+        yield first + lines[0].strip()
+        yield from lines[1:]
+    else:
+        yield first.rstrip()
+        yield from lines
+
+
+def counts_text(results: Sequence[Diagnosed]) -> str:
+    """Return the number of findings by the part that causes them."""
+    causes = Counter(" + ".join(r.diagnosis.cause) or _NONE for r in results if r.diagnosis is not None)
+    lines = [
+        "",
+        f"Causes of {len(results)} findings",
+        *(f"  {count:>3}  {part}" for part, count in causes.most_common()),
+    ]
+    left = sum(result.diagnosis is None for result in results)
+    return "\n".join([*lines, *([f"  {left:>3}  not diagnosed"] if left else [])]) + "\n"

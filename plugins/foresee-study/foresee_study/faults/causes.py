@@ -1,0 +1,129 @@
+"""Measures how often a diagnosis names the part of a driver into which a fault was seeded.
+
+A failure is the fault's where the healthy driver passes the same run. Each fault states its part (`Fault.part`); for a
+fault of the planning, which no ideal part replaces, the right answer is that no part makes the failure go away.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.findings.diagnosing import Failing, diagnose
+from foresee_dsl.drivers.parts import DriverPart
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_study.faults.plug_in_path import address, healthy
+from foresee_study.faults.sampling import library, name
+from foresee_study.halves import Half
+
+NONE = "none"
+"""The answer that no ideal part makes a failure go away."""
+SEVERAL = "several"
+"""The answer that only several parts together do."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """A diagnosed failure of a fault.
+
+    Attributes:
+        fault, case: the fault and the test case. right: the part with the fault, or `NONE`. answer: the part that the
+            diagnosis names, `NONE` or `SEVERAL`. text: the diagnosis in words.
+    """
+
+    fault: str
+    case: str
+    right: str
+    answer: str
+    text: str
+
+
+def measure_causes(
+    faults: Sequence[str],
+    parts: Mapping[str, DriverPart | None],
+    *,
+    half: Half,
+    strength: float,
+    cases: int,
+    failures: int,
+    ends_s: float,
+    jobs: int,
+    say: Callable[[str], None],
+) -> tuple[Named, ...]:
+    """Diagnose failures of seeded faults.
+
+    Args:
+        faults: such as `pdm/late_objects`. parts: the part of each kind of fault. half: of the test cases.
+        cases: number of test cases that are driven at most for each fault. failures: most failures of each fault.
+        ends_s: time, as of `time.time`, after which no test case is driven. say: gets a line for each fault.
+    """
+    pool = library(half)
+    passing = _Passing()
+    failing: list[tuple[str, str, Failing]] = []
+    for fault in faults:
+        driver, count = address(fault, strength), 0
+        for case in pool[:cases]:
+            if count == failures or time.time() > ends_s:
+                break
+            if not passing.passes(case, healthy(fault)):
+                continue
+            verdict = run_test_case(case, driver, 0).verdict
+            if verdict.is_failure:
+                count += 1
+                failing.append((fault, name(case), Failing(name(case), case, driver, 0)))
+        say(f"{fault}: {count} failures")
+    named = []
+    for (fault, case_name, _), result in zip(failing, diagnose([each for *_, each in failing], jobs), strict=True):
+        if result.diagnosis is None:
+            say(f"{fault} in {case_name}: {result.note}")
+            continue
+        cause = result.diagnosis.cause
+        answer = NONE if not cause else str(cause[0]) if len(cause) == 1 else SEVERAL
+        right = parts[fault.partition("/")[2]]
+        named.append(Named(fault, case_name, str(right) if right is not None else NONE, answer, result.diagnosis.text))
+    return tuple(named)
+
+
+class _Passing:
+    """Which test cases the healthy drivers pass; each is driven once."""
+
+    def __init__(self) -> None:
+        self._passes: dict[tuple[str, str], bool] = {}
+
+    def passes(self, case: TestCase, driver: str) -> bool:
+        """Return whether a healthy driver passes a test case."""
+        key = case.id, driver
+        if key not in self._passes:
+            self._passes[key] = run_test_case(case, driver, 0).verdict is Verdict.PASS
+        return self._passes[key]
+
+
+def causes_table(named: Sequence[Named]) -> str:
+    """Return the confusion table as Markdown: the parts with the faults, and the parts that the diagnoses name."""
+    columns = [*map(str, DriverPart), SEVERAL, NONE]
+    counts = Counter((each.right, each.answer) for each in named)
+    rows = []
+    for right in (*map(str, DriverPart), NONE):
+        total = sum(counts[right, column] for column in columns)
+        if total:
+            cells = [str(counts[right, column] or "") for column in columns]
+            rows.append(f"| {right} | {' | '.join(cells)} | {counts[right, right]} of {total} |")
+    right_ones = sum(each.right == each.answer for each in named)
+    with_part = [each for each in named if each.right != NONE]
+    of_parts = sum(each.right == each.answer for each in with_part)
+    head = ["part with the fault", *columns, "right"]
+    return "\n".join([
+        f"| {' | '.join(head)} |", "|" + " --- |" * len(head), *rows, "",
+        f"Right: {right_ones} of {len(named)}; "
+        f"of faults in a part that can be replaced {of_parts} of {len(with_part)}.",
+    ])  # fmt: skip
+
+
+def causes_json(named: Sequence[Named]) -> list[dict[str, Any]]:
+    """Return the diagnosed failures as JSON data."""
+    return [vars(each).copy() for each in named]
