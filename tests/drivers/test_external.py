@@ -159,7 +159,8 @@ def test_new_fields_appear_by_themselves_and_pictures_do_not() -> None:
 
 
 def test_unknown_keys_are_ignored() -> None:
-    assert read_ready(b'{"type": "ready", "name": "a", "version": "1.2+b", "more": [1]}') == ("a", "1.2+b", False)
+    ready = read_ready(b'{"type": "ready", "name": "a", "version": "1.2+b", "more": [1]}')
+    assert (ready.name, ready.version, ready.stays) == ("a", "1.2+b", False)
     assert read_control(b'{"steer": -2, "throttle": 0, "brake": 1e3, "why": "x"}') == Control(-2.0, 0.0, 1000.0)
 
 
