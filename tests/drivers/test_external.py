@@ -158,6 +158,19 @@ def test_new_fields_appear_by_themselves_and_pictures_do_not() -> None:
     json.dumps(said, allow_nan=False)
 
 
+def test_what_pictures_are_drawn_from_is_not_sent(program: Write, tmp_path: Path, scenarios: Path) -> None:
+    answers = """
+ready(); seen = hear()
+open(__file__ + ".seen", "w").write(json.dumps(seen)); say(GO)
+sys.exit(hear())
+"""
+    address = program(answers)
+    drive_through(town(tmp_path, scenarios, end=1), address)
+    seen = Path(address.split()[-1] + ".seen").read_text(encoding="utf-8")
+    assert set(json.loads(seen)["observation"]) == {"time_s", "ego", "actors", "signals", "measured_s"}
+    assert len(seen) < 1000
+
+
 def test_unknown_keys_are_ignored() -> None:
     ready = read_ready(b'{"type": "ready", "name": "a", "version": "1.2+b", "more": [1]}')
     assert (ready.name, ready.version, ready.stays) == ("a", "1.2+b", False)

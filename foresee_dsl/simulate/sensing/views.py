@@ -53,9 +53,10 @@ class RunViews:
         return self._loaded[name]
 
 
-@dataclass(frozen=True, slots=True)
 class StepViews:
     """The pictures of one step (`Observation.views`); each call draws the picture again.
+
+    Not a dataclass: a driver in another process gets the fields of dataclasses, and no road network or true positions.
 
     Attributes:
         run: the constant data of the run. ego, actors, signals: as in the observation.
@@ -63,12 +64,18 @@ class StepViews:
             not change them.
     """
 
-    run: RunViews
-    ego: EgoState
-    actors: tuple[SeenActor, ...]
-    signals: Mapping[str, SignalColour]
-    pose: Pose
-    states: FloatArray
+    __slots__ = ("actors", "ego", "pose", "run", "signals", "states")
+
+    def __init__(
+        self,
+        run: RunViews,
+        ego: EgoState,
+        actors: tuple[SeenActor, ...],
+        signals: Mapping[str, SignalColour],
+        pose: Pose,
+        states: FloatArray,
+    ) -> None:
+        self.run, self.ego, self.actors, self.signals, self.pose, self.states = run, ego, actors, signals, pose, states
 
     @Part.PICTURES.measured
     def draw(self, view: str) -> NDArray[np.uint8]:

@@ -385,7 +385,7 @@ def test_the_view_from_above_shows_what_is_sensed_and_the_camera_what_is_there()
     above, ahead = views.birds_eye(), views.forward()
     assert above[ABOVE["vehicle"]].any() and not above[ABOVE["pedestrian"]].any()
     assert ahead[AHEAD["pedestrian"]].any() and not ahead[AHEAD["vehicle"]].any()
-    lost = replace(views, ego=ego(2.0))
+    lost = StepViews(views.run, ego(2.0), views.actors, views.signals, views.pose, views.states)
     assert np.array_equal(lost.forward(), ahead), "the camera is where the car is"
     assert not np.array_equal(lost.birds_eye(), above), "the map is where the localisation has it"
 
