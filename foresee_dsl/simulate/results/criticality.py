@@ -95,8 +95,8 @@ def criticality(trace: Trace, actor: int) -> Series:
             of_contacts(run, actor, contacts_with(run, actor, frames, predicted(run, frames))),
             of_place(run, actor, frames),
         ):
-            for measure, found in part.values.items():
-                values[measure][part.frames] = found
+            for measure, at_frames in part.values.items():
+                values[measure][part.frames] = at_frames
     return values
 
 
