@@ -18,6 +18,7 @@ from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.drivers.registry import sees_all
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.story.story import ContactClass, Story
+from foresee_dsl.story.wording import quoted
 
 REACTION_S = EVALUATION_S + DELAY_S
 """Time that a driver needs from the first sign of a conflict until it brakes, 1.15 s: R157's evaluation and delay."""
@@ -128,12 +129,13 @@ def _not_driving(story: Story) -> Iterator[Responsibility]:
     """Yield the judgement of a contact in which the ego or the other actor stands."""
     grounds = story.grounds
     if grounds.stands:
-        yield Responsibility(Whose.DRIVER, f"{story.opponent} stands, and the ego drives into it")
+        yield Responsibility(Whose.DRIVER, f"{quoted(story.opponent)} stands, and the ego drives into it")
     if not story.opponent or grounds.stood_s < STOOD_S or grounds.steered or grounds.gives_way:
         return
     if story.opponent_kind in ("pedestrian", "bicycle"):
         yield Responsibility(
-            Whose.TOOL, f"{story.opponent} follows its path into an ego that has stood for {grounds.stood_s:.1f} s"
+            Whose.TOOL,
+            f"{quoted(story.opponent)} follows its path into an ego that has stood for {grounds.stood_s:.1f} s",
         )
     yield Responsibility(Whose.UNAVOIDABLE, f"the ego has stood for {grounds.stood_s:.1f} s")
 
@@ -146,7 +148,7 @@ def _steered(story: Story, avoided: str) -> Iterator[Responsibility]:
     acts_s = story.grounds.acts_s
     if story.grounds.steered:
         when = "" if acts_s is None else f" {acts_s:.1f} s before the contact"
-        what = f"{story.opponent} is steered into the ego{when}"
+        what = f"{quoted(story.opponent)} is steered into the ego{when}"
         if avoided and acts_s is not None and acts_s >= LOOKED_S:
             yield Responsibility(Whose.ARGUABLE, f"{what}; {avoided}")
         yield Responsibility(Whose.UNAVOIDABLE, what)
@@ -158,7 +160,7 @@ def _by_rule(story: Story) -> Iterator[Responsibility]:
     if grounds.gives_way and grounds.seen_s >= REACTION_S:
         yield Responsibility(Whose.DRIVER, f"{grounds.gives_way}, in sight for {grounds.seen_s:.1f} s")
     if grounds.breaks_rule:
-        broken = f"{story.opponent} comes {grounds.breaks_rule}, in sight for {grounds.seen_s:.1f} s"
+        broken = f"{quoted(story.opponent)} comes {grounds.breaks_rule}, in sight for {grounds.seen_s:.1f} s"
         yield Responsibility(Whose.ARGUABLE if grounds.seen_s >= LOOKED_S else Whose.UNAVOIDABLE, broken)
 
 
@@ -169,7 +171,7 @@ def _late(story: Story) -> Iterator[Responsibility]:
         could_s = min(grounds.acts_s, grounds.seen_s)
         if could_s - grounds.braked_s > REACTION_S:
             brakes = f"brakes {could_s - grounds.braked_s:.1f} s later" if grounds.braked_s else "does not brake"
-            what = f"{story.opponent} is in sight and on its way {could_s:.1f} s before the contact"
+            what = f"{quoted(story.opponent)} is in sight and on its way {could_s:.1f} s before the contact"
             yield Responsibility(Whose.DRIVER, f"{what}, and the ego {brakes}")
 
 
@@ -178,7 +180,7 @@ def _unseen(story: Story) -> Iterator[Responsibility]:
 
     The actor was seen or moved too late, so only a slower ego could avoid it.
     """
-    grounds, other = story.grounds, story.opponent or "the other"
+    grounds, other = story.grounds, quoted(story.opponent) if story.opponent else "the other"
     if grounds.seen_s < REACTION_S:
         seen = f"{other} is in sight only {grounds.seen_s:.1f} s before the contact"
         if story.opponent_kind == "pedestrian":

@@ -10,13 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from foresee_dsl.compile.roads.polyline import wrap
-from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, YAW_RATE, X, Y
 from foresee_dsl.story.facts import Facts, spans
-from foresee_dsl.story.place import StoryPlace, kind_of, movement_near
+from foresee_dsl.story.place import StoryPlace, entries, movement_near
 from foresee_dsl.story.story import Moment
-from foresee_dsl.story.wording import kmh
+from foresee_dsl.story.wording import kmh, quoted
 
 STANDS_FOR_S = 0.5
 """A stop shorter than this is left out, s. Ours: a passenger does not notice it."""
@@ -49,7 +48,8 @@ class EgoMotion:
     Attributes:
         state: `stands`, `creeps`, `brakes`, `accelerates` or `drives on`.
         going: `turning left`, `changing lane`, ...; "" if it drives straight on.
-        fastest_mps: its highest speed within the last second, or since its last braking began if that is earlier.
+        from_mps: its speed where its last braking or acceleration began; 0 if it did neither.
+        speed_mps: its speed at the end. fastest_mps: its highest speed within the last second.
         braking_mps2: the strongest deceleration of that last braking; 0 if it did not brake.
         stood_s: how long it has stood at the end; 0 if it moves.
         braked_s: how long before the end that braking began; 0 if it did not brake.
@@ -57,6 +57,8 @@ class EgoMotion:
 
     state: str
     going: str
+    from_mps: float
+    speed_mps: float
     fastest_mps: float
     braking_mps2: float
     stood_s: float
@@ -75,30 +77,36 @@ class EgoMotion:
         return f"{what}, {self.going}" if self.going else what
 
 
-def ego_of(facts: Facts, place: StoryPlace) -> EgoMotion:
-    """Return the manoeuvre and motion of the ego at the end of a run that ended at a place."""
+def ego_of(facts: Facts, place: StoryPlace, whole: Facts) -> EgoMotion:
+    """Return the manoeuvre and motion of the ego at the end of a story, the first frames of a whole run.
+
+    The brakings and accelerations are those of the whole run, which its moments name.
+    """
     speed, last = facts.speed(0), facts.last
-    brakings = _brakings(facts)
     stand = next((s for s in spans(speed < STANDS_MPS, 0.0) if s[1] == last), None)
     until = stand[0] if stand else last
+    brakings = [span for span in _brakings(whole) if (last - span[0]) * STEP_S >= BRAKES_FOR_S - 1e-9]
     final = next((b for b in reversed(brakings) if (until - b[1]) * STEP_S <= EASES_S), None)
-    first = min(final[0] if final else last, max(0, last - round(1 / STEP_S)))
+    pushed = next((s for s in _accelerations(whole, last) if s[0] <= last <= s[1]), None)
+    began = final or pushed
     return EgoMotion(
-        state=_state(facts, final is not None),
+        state=_state(facts, braking=final is not None, accelerating=pushed is not None),
         going=_going(facts, place),
-        fastest_mps=float(speed[first:].max()),
-        braking_mps2=_strongest(facts, final) if final else 0.0,
+        from_mps=float(speed[began[0]]) if began else 0.0,
+        speed_mps=float(speed[last]),
+        fastest_mps=float(speed[max(0, last - round(1 / STEP_S)) :].max()),
+        braking_mps2=_strongest(whole, final) if final else 0.0,
         stood_s=(stand[1] - stand[0]) * STEP_S if stand else 0.0,
         braked_s=(last - final[0]) * STEP_S if final else 0.0,
     )
 
 
-def ego_moments(facts: Facts) -> tuple[Moment, ...]:
-    """Return the moments of the ego in the whole run, in the order of time."""
-    return tuple(sorted(_moments(facts, _brakings(facts)), key=lambda moment: moment.time_s))
+def ego_moments(facts: Facts, end: int) -> tuple[Moment, ...]:
+    """Return the moments of the ego in the whole run, in the order of time; `end`: the last frame of its story."""
+    return tuple(sorted(_moments(facts, _brakings(facts), end), key=lambda moment: moment.time_s))
 
 
-def _state(facts: Facts, braking: bool) -> str:
+def _state(facts: Facts, *, braking: bool, accelerating: bool) -> str:
     speed = facts.speed(0)[max(0, facts.last - round(1 / STEP_S)) :]
     if speed[-1] < STANDS_MPS:
         return "stands"
@@ -106,7 +114,7 @@ def _state(facts: Facts, braking: bool) -> str:
         return "creeps"
     if braking:
         return "brakes"
-    return "accelerates" if facts.trace.states[-1, 0, ACCELERATION] > ACCELERATES_MPS2 else "drives on"
+    return "accelerates" if accelerating else "drives on"
 
 
 def _going(facts: Facts, place: StoryPlace) -> str:
@@ -134,11 +142,17 @@ def _brakings(facts: Facts) -> list[tuple[int, int]]:
     return spans((states[:, ACCELERATION] <= -EGO_BRAKES_MPS2) & (states[:, SPEED] > STANDS_MPS), BRAKES_FOR_S, EASES_S)
 
 
+def _accelerations(facts: Facts, end: int) -> list[tuple[int, int]]:
+    """Return the accelerations that last for `ACCELERATES_FOR_S`, and the one at the frame `end`, however short."""
+    stretches = spans(facts.trace.states[:, 0, ACCELERATION] >= ACCELERATES_MPS2, 0.0, EASES_S)
+    return [s for s in stretches if (s[1] - s[0]) * STEP_S >= ACCELERATES_FOR_S - 1e-9 or s[0] <= end <= s[1]]
+
+
 def _strongest(facts: Facts, span: tuple[int, int]) -> float:
     return -float(facts.trace.states[span[0] : span[1] + 1, 0, ACCELERATION].min())
 
 
-def _moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[Moment]:
+def _moments(facts: Facts, brakings: list[tuple[int, int]], story_end: int) -> Iterator[Moment]:
     speed = facts.speed(0)
     begins = f"the ego drives {kmh(speed[0])}" if speed[0] >= STANDS_MPS else "the ego stands"
     yield _moment(0, "begins", begins)
@@ -148,12 +162,12 @@ def _moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[Moment]:
             yield _moment(start, "stops", "the ego stops")
         if end < facts.last:
             yield _moment(end + 1, "moves off", "the ego moves off")
-    for start, _ in spans((speed >= STANDS_MPS) & (speed < CREEPS_MPS), 1.5, EASES_S):
+    for start, _ in spans((speed >= STANDS_MPS) & (speed < CREEPS_MPS), 1.5):
         if start > 0:
             yield _moment(start, "creeps", f"the ego creeps, at under {kmh(CREEPS_MPS)}")
-    acceleration = facts.trace.states[:, 0, ACCELERATION]
-    for start, end in spans(acceleration >= ACCELERATES_MPS2, ACCELERATES_FOR_S, EASES_S):
-        yield _moment(start, "accelerates", f"the ego accelerates from {kmh(speed[start])} to {kmh(speed[end])}")
+    for start, end in _accelerations(facts, story_end):
+        if kmh(speed[start]) != kmh(speed[end]):
+            yield _moment(start, "accelerates", f"the ego accelerates from {kmh(speed[start])} to {kmh(speed[end])}")
     yield from _route_moments(facts)
     yield from _slippery_moments(facts)
 
@@ -164,7 +178,7 @@ def _slippery_moments(facts: Facts) -> Iterator[Moment]:
     for patch in facts.bundle.scene.slippery:
         on = np.hypot(states[:, X] - patch.x, states[:, Y] - patch.y) <= patch.radius_m + half_m
         for start, _ in spans(on, 0.0, EASES_S):
-            text = f"the ego comes onto {patch.name}, slippery ground with friction {patch.friction:g}"
+            text = f"the ego comes onto {quoted(patch.name)}, slippery ground with friction {patch.friction:g}"
             yield _moment(start, "slippery", text)
 
 
@@ -185,12 +199,10 @@ def _braking_moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[
 def _route_moments(facts: Facts) -> Iterator[Moment]:
     """Yield the junctions that it enters, its lane changes and its swerves."""
     inside = np.zeros(facts.trace.frames, dtype=np.bool_)
-    for start, end, movement in facts.passages(0):
+    for start, end, _ in facts.passages(0):
         inside[start : end + 1] = True
-        where = kind_of(facts.network, movement.junction)
-        if start > 0 and where not in ("bend", "end of the road"):
-            turn = _turn_words(facts, movement, start)
-            yield _moment(start, "enters", f"the ego enters the {where} {movement.junction}, {turn}")
+    for start, where in entries(facts, 0):
+        yield _moment(start, "enters", f"the ego enters {where}")
     network, previous = facts.network, facts.lane(0, 0)
     for frame in (np.flatnonzero(np.diff(facts.trace.lanes[:, 0])) + 1).tolist():
         lane, before = network.lanes.get(facts.lane(0, frame)), network.lanes.get(previous)
@@ -203,12 +215,6 @@ def _route_moments(facts: Facts) -> Iterator[Moment]:
     for start, end in spans((np.abs(lateral) >= SWERVES_MPS2) & ~inside, SWERVES_FOR_S):
         side = "left" if lateral[start : end + 1].mean() > 0 else "right"
         yield _moment(start, "swerves", f"the ego swerves to the {side}")
-
-
-def _turn_words(facts: Facts, movement: Movement, frame: int) -> str:
-    turn = "straight on" if movement.turn == "straight" else f"turning {movement.turn}"
-    colour = facts.colour(movement, max(0, frame - 1))
-    return f"{turn}, on {colour}" if colour else turn
 
 
 def _moment(frame: int, kind: str, text: str) -> Moment:

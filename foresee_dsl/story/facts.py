@@ -16,7 +16,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import Box, gaps
+from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
@@ -122,7 +122,7 @@ class Facts:
         """Return the facts of the run up to the frame at which the opponent was nearest to the ego."""
         if self.opponent is None:
             return self
-        gaps_m = self._apart()[:, self.opponent - 1]
+        gaps_m = self.gaps_m(self.opponent)
         if np.isnan(gaps_m).all():
             return self
         end = int(np.nanargmin(gaps_m)) + 1
@@ -137,18 +137,13 @@ class Facts:
 
     def _nearest(self) -> int | None:
         """Return the column of the moving actor that came nearest to the ego; None if it stayed beyond `NEAR_M`."""
-        moving = self.trace.states[:, 1:, SPEED] >= STUCK_SPEED_MPS
-        apart = np.where(moving, self._apart(), np.nan)
-        if not apart.size or np.isnan(apart).all() or np.nanmin(apart) > NEAR_M:
-            return None
-        return int(np.nanargmin(apart)) % len(self.trace.actors[1:]) + 1
-
-    def _apart(self) -> FloatArray:
-        """Return the distances [T, A - 1] from the ego's middle to the others', less half of both lengths, m."""
-        xy = self.trace.states[:, :, [X, Y]]
-        between = np.hypot(*np.moveaxis(xy[:, 1:] - xy[:, :1], 2, 0))
-        halves = np.array([info.front_m for info in self.trace.actors])
-        return np.asarray(between - halves[0] - halves[1:], dtype=np.float64)
+        nearest: tuple[float, int | None] = (NEAR_M, None)
+        for actor in range(1, len(self.trace.actors)):
+            moving = self.speed(actor) >= STUCK_SPEED_MPS
+            if moving.any():
+                least = float(np.min(np.where(moving, self.gaps_m(actor), np.inf)))
+                nearest = min(nearest, (least, actor), key=lambda pair: pair[0])
+        return nearest[1]
 
     def info(self, actor: int) -> ActorInfo:
         """Return the properties of an actor that are constant over a run, such as its size and route."""
@@ -186,10 +181,13 @@ class Facts:
         cos, sin = math.cos(heading), math.sin(heading)
         return (ox - x) * cos + (oy - y) * sin, (oy - y) * cos - (ox - x) * sin
 
+    def gaps_m(self, actor: int) -> FloatArray:
+        """Return the distance between an actor's footprint and the ego's at every frame, [T] m; NaN if it is absent."""
+        return pairwise_box_distance(self.trace.boxes(0), self.trace.boxes(actor))
+
     def gap_m(self, actor: int, frame: int) -> float:
-        """Return the distance between an actor's footprint and the ego's, m; NaN if the actor is absent."""
-        rows = (self._box(0, frame), self._box(actor, frame))
-        return float(gaps(*(np.array([row]) for row in rows))[0])
+        """Return the distance between an actor's footprint and the ego's at a frame, m; NaN if the actor is absent."""
+        return float(pairwise_box_distance(self.trace.boxes(0)[frame], self.trace.boxes(actor)[frame]))
 
     def relative_course(self, actor: int, frame: int) -> float:
         """Return an actor's course minus the ego's heading, rad, from -pi to pi (left positive)."""
@@ -241,10 +239,6 @@ class Facts:
         route = self.info(actor).route
         on_route = (m for m in movements if m.from_edge in route and m.to_edge in route)
         return next(on_route, movements[0] if movements else None)
-
-    def _box(self, actor: int, frame: int) -> Box:
-        info = self.info(actor)
-        return Box(*self.xy(actor, frame), self.heading(actor, frame), info.length_m, info.width_m)
 
 
 def spans(mask: NDArray[np.bool_], least_s: float, bridged_s: float = 0.0) -> list[tuple[int, int]]:

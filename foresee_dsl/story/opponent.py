@@ -17,7 +17,7 @@ from foresee_dsl.language.model import Quantity
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, X, Y
 from foresee_dsl.story.contact import ALONG_RAD, moved_towards, side_of, steered_from, steering_of
 from foresee_dsl.story.facts import Facts, spans
-from foresee_dsl.story.place import StoryPlace, kind_of, movement_near
+from foresee_dsl.story.place import StoryPlace, entries, movement_near
 from foresee_dsl.story.sighting import Sighting, sighting_of
 from foresee_dsl.story.story import ContactClass, Moment
 from foresee_dsl.story.wording import full_name, kmh, metres, name_of
@@ -199,7 +199,10 @@ class Opponent:
                          f"the ego sees {self.name}, {gap} away{hidden}")  # fmt: skip
         elif self.sighting.since_s is None:
             by = f", hidden by {self.sighting.hidden_by}" if self.sighting.hidden_by else ""
-            yield self._moment(facts.last, "unseen", f"the ego does not see {self.name}{by}")
+            lost_s = self.sighting.lost_s
+            frame = facts.last if lost_s is None else round(lost_s / STEP_S) + 1
+            verb = "does not see" if lost_s is None else "loses sight of"
+            yield self._moment(frame, "unseen", f"the ego {verb} {self.name}{by}")
         change = steering_of(facts)
         if change is not None and change.property == "steer" and isinstance(change.start, Quantity):
             yield self._moment(round(change.start.si / STEP_S), "steered", f"{name} is steered {self._steered_side}")
@@ -217,13 +220,8 @@ class Opponent:
 
     def _driven(self) -> Iterator[Moment]:
         facts, name = self.facts, name_of(self.facts.info(self.actor))
-        for start, _, movement in () if self.follows_path else facts.passages(self.actor):
-            if start > 0:
-                turn = "straight on" if movement.turn == "straight" else f"turning {movement.turn}"
-                colour = facts.colour(movement, start - 1)
-                where = f"the {kind_of(facts.network, movement.junction)} {movement.junction}"
-                text = f"{name} enters {where}, {turn}" + (f", on {colour}" if colour else "")
-                yield self._moment(start, "enters", f"{text}, {metres(self.ahead_m(start))} from the ego")
+        for start, where in () if self.follows_path else entries(facts, self.actor):
+            yield self._moment(start, "enters", f"{name} enters {where}, {metres(self.ahead_m(start))} from the ego")
         states = facts.trace.states[:, self.actor]
         with np.errstate(invalid="ignore"):
             braking = (states[:, ACCELERATION] <= -OPPONENT_BRAKES_MPS2) & (states[:, SPEED] > STANDS_MPS)

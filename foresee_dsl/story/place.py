@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import XY, distance_to, inside
+from foresee_dsl.compile.roads.polyline import XY, distance_to, inside, wrap
 from foresee_dsl.compile.roads.topology import Crossing, Movement
 from foresee_dsl.story.facts import Facts
+from foresee_dsl.story.wording import quoted
 
 NEAR_JUNCTION_M = 20.0
 """Within this distance of a junction the ego is before or behind it, farther away between junctions, m. Ours: three
@@ -28,7 +29,9 @@ _CONTROLS = {
     "allway_stop": "all-way stop",
 }
 """SUMO's types of junctions in words; at all others, roads with priority meet roads without."""
-_ARMS = {2: "bend", 3: "three-arm junction", 4: "crossroads"}
+_ARMS = {3: "three-arm junction", 4: "crossroads"}
+BENDS_RAD = math.radians(20)
+"""Two roads whose directions differ by less than this where they meet, rad, are one straight road. Ours."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,8 @@ def place_of(facts: Facts, at: XY, frame: int) -> StoryPlace:
             where = "behind" if _behind(facts, crossing, frame) else "before"
             kind, equal = kind_of(network, crossing.junction), control_of(network, crossing.junction)
             name = f"the {equal}" if other and other.kind == "bicycle" else f"the crossing {where} the {equal}"
-            return StoryPlace("crossing", name, crossing.junction, f"the crossing {where} the {kind}")
+            text = "the crossing" if kind == "crossing" else f"the crossing {where} the {kind}"
+            return StoryPlace("crossing", text if kind == "crossing" else name, crossing.junction, text)
     for junction in network.junctions.values():
         if len(junction.polygon) < 3 or layout.arms[junction.id] < 3:
             continue
@@ -129,9 +133,47 @@ def kind_of(network: RoadNetwork, junction: str) -> str:
     if junction in layout.rings:
         return "roundabout"
     arms = layout.arms[junction]
-    shape = _ARMS.get(arms, f"junction of {arms} arms" if arms > 4 else "end of the road")
+    if arms < 2:
+        return "end of the road"
+    if arms == 2:
+        crossed = any(crossing.junction == junction for crossing in network.crossings.values())
+        return "bend" if _bends(network, junction) else "crossing" if crossed else "joint of the road"
     control = _CONTROLS.get(network.junctions[junction].type, "priority")
-    return shape if arms < 3 else f"{control} {shape}"
+    return f"{control} {_ARMS.get(arms, f'junction of {arms} arms')}"
+
+
+def entries(facts: Facts, actor: int) -> Iterator[tuple[int, str]]:
+    """Yield where an actor enters junctions: the frame, and in words the junction, the turn and the signal's colour.
+
+    A roundabout is entered once, from a road outside it. Bends, ends of roads, and crossings without a signal are not
+    junctions here.
+    """
+    network, rings = facts.network, _layout(facts.network).rings
+    for start, _, movement in facts.passages(actor):
+        where, colour = kind_of(network, movement.junction), facts.colour(movement, max(0, start - 1))
+        ring, before = rings.get(movement.junction), network.edges[movement.from_edge].start
+        inside = ring is not None and rings.get(before) == ring
+        if start == 0 or inside or where in ("bend", "end of the road", "joint of the road"):
+            continue
+        if where == "crossing" and not colour:
+            continue
+        turn = "straight on" if movement.turn == "straight" else f"turning {movement.turn}"
+        parts = ("" if ring is not None else turn, f"on {colour}" if colour else "")
+        yield start, ", ".join((f"the {where} {quoted(movement.junction)}", *filter(None, parts)))
+
+
+def _bends(network: RoadNetwork, junction: str) -> bool:
+    """Return whether a road turns at a junction of two arms."""
+    edges = [edge for edge in network.edges.values() if edge.drivable]
+    ends = [edge for edge in edges if edge.end == junction]
+    starts = [edge for edge in edges if edge.start == junction]
+    turns = (
+        abs(wrap(after.drivable[0].line.angles[0] - before.drivable[0].line.angles[-1]))
+        for before in ends
+        for after in starts
+        if after.end != before.start
+    )
+    return any(turn > BENDS_RAD for turn in turns)
 
 
 def control_of(network: RoadNetwork, junction: str) -> str:
@@ -143,10 +185,10 @@ def control_of(network: RoadNetwork, junction: str) -> str:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Number of roads at each junction, and the junctions of roundabouts; computed once per network."""
+    """Number of roads at each junction, and the roundabout that each junction belongs to; computed once per network."""
 
     arms: Mapping[str, int]
-    rings: frozenset[str]
+    rings: Mapping[str, int]
 
 
 @lru_cache(maxsize=8)
@@ -158,18 +200,18 @@ def _layout(network: RoadNetwork) -> _Layout:
     return _Layout({name: len(others) for name, others in beside.items()}, _rings(network))
 
 
-def _rings(network: RoadNetwork) -> frozenset[str]:
-    """Return the junctions of roundabouts: of small rings of one-way edges."""
+def _rings(network: RoadNetwork) -> Mapping[str, int]:
+    """Return the junctions of roundabouts, small rings of one-way edges, each with the number of its roundabout."""
     import networkx as nx  # imported here: the import is slow, and few runs need a story
 
     pairs = {(edge.start, edge.end) for edge in network.edges.values() if edge.for_kind("car")}
     graph: nx.DiGraph[str] = nx.DiGraph()
     graph.add_edges_from((a, b) for a, b in pairs if (b, a) not in pairs)
-    junctions: set[str] = set()
-    for ring in nx.strongly_connected_components(graph):
+    junctions: dict[str, int] = {}
+    for number, ring in enumerate(nx.strongly_connected_components(graph)):
         places = [network.junctions[name] for name in ring if name in network.junctions]
         if len(places) > 2:
             x, y = sum(j.x for j in places) / len(places), sum(j.y for j in places) / len(places)
             if max(math.hypot(j.x - x, j.y - y) for j in places) <= ROUNDABOUT_M:
-                junctions |= ring
-    return frozenset(junctions)
+                junctions |= dict.fromkeys(ring, number)
+    return junctions

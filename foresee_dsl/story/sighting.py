@@ -30,11 +30,15 @@ class Sighting:
         since_s: time from which it is visible without a break until the end, s; None if it is not visible at the end.
         from_start: it is visible in the whole searched part of the run.
         hidden_by: what hid it just before, in words; "" if nothing did (it was out of range or absent).
+        lost_s: time at which it was visible last, s, if it is not visible at the end; None if it never was.
+        searched_s: length of the searched part, up to the end of the run, s.
     """
 
     since_s: float | None
     from_start: bool
     hidden_by: str = ""
+    lost_s: float | None = None
+    searched_s: float = 0.0
 
     def before_s(self, end_s: float) -> float:
         """Return how long it was visible without a break before a time, s; 0 if it was not."""
@@ -45,7 +49,7 @@ def sighting_of(facts: Facts, actor: int) -> Sighting:
     """Return when an actor was visible to the sensors of the drivers under test, without their noise."""
     trace, sight = facts.trace, sight_of(facts.trace, facts.bundle)
     first = max(0, facts.last - round(LOOKS_BACK_S / STEP_S))
-    since, blind = None, 0
+    since, blind, searched_s = None, 0, round((facts.last - first) * STEP_S, 6)
     for frame in range(facts.last, first - 1, -1):
         if in_view(trace, actor, frame, sight):
             since, blind = frame, 0
@@ -54,10 +58,13 @@ def sighting_of(facts: Facts, actor: int) -> Sighting:
         if blind * STEP_S >= BLINK_S:
             break
     if since is None:
-        return Sighting(None, False, hidden_by(facts, actor, facts.last))
+        lost = next((k for k in range(facts.last - blind, first - 1, -1) if in_view(trace, actor, k, sight)), None)
+        lost_s = None if lost is None else round(lost * STEP_S, 6)
+        hider = hidden_by(facts, actor, facts.last if lost is None else lost + 1)
+        return Sighting(None, False, hider, lost_s, searched_s)
     if blind * STEP_S < BLINK_S:
-        return Sighting(round(since * STEP_S, 6), True)
-    return Sighting(round(since * STEP_S, 6), False, hidden_by(facts, actor, since - 1))
+        return Sighting(round(since * STEP_S, 6), True, searched_s=searched_s)
+    return Sighting(round(since * STEP_S, 6), False, hidden_by(facts, actor, since - 1), searched_s=searched_s)
 
 
 def hidden_by(facts: Facts, actor: int, frame: int) -> str:

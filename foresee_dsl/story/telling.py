@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import assert_never
 
 import numpy as np
@@ -22,7 +23,8 @@ from foresee_dsl.story.grounds import grounds_of
 from foresee_dsl.story.opponent import Opponent
 from foresee_dsl.story.place import StoryPlace, kind_of, place_of
 from foresee_dsl.story.story import ContactClass, Moment, Story
-from foresee_dsl.story.wording import full_name, kmh, metres, name_of, short, with_side
+from foresee_dsl.story.title import title_of
+from foresee_dsl.story.wording import full_name, kmh, metres, name_of, quoted, short, with_side
 
 STOOD_S = 1.0
 """An ego that has stood for less than this has just stopped, s. Ours."""
@@ -48,11 +50,11 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
     contact, impact = contact_class(facts), facts.impact
     at = touched_at(facts.trace, impact) if impact else facts.xy(0, facts.last)
     place = place_of(facts, at, facts.last)
-    ego = ego_of(facts, place)
+    ego = ego_of(facts, place, whole)
     other = Opponent(facts, facts.opponent, place, contact) if facts.opponent else None
     broken, steered = whole.infraction, contact is ContactClass.STRUCK_BY_STEERED
     return Story(
-        moments=_moments(whole, ego_moments(whole), other, impact),
+        moments=_moments(whole, ego_moments(whole, facts.last), other, impact),
         sentence=_sentence(facts, ego, other, place) if broken is None else _of_rule(broken, ego),
         opponent=facts.info(other.actor).id if other else "",
         opponent_kind=other.kind if other else "",
@@ -62,7 +64,7 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
         place=place.name,
         touch=_touch(contact, impact),
         mutation="; ".join(_changed(change) for change in facts.changes),
-        title=_title(facts, ego, other, contact, place) if broken is None else f"the ego {broken.clause}",
+        title=title_of(facts, ego, other, contact, place),
         grounds=grounds_of(facts, ego, other, place),
     )
 
@@ -71,13 +73,14 @@ def _moments(
     facts: Facts, ego: tuple[Moment, ...], other: Opponent | None, impact: Impact | None
 ) -> tuple[Moment, ...]:
     moments = [*ego, *(other.moments() if other else ())]
-    moments += [Moment(broken.time_s, "ego", "rule", f"the ego {broken.clause}") for broken in facts.infractions]
+    moments += [Moment(broken.time_s, "ego", "rule", f"the ego {_clause(broken)}") for broken in facts.infractions]
     moments += [Moment(0.0, change.actor, "mutation", _changed(change)) for change in facts.changes]
     if impact is not None:
-        text = f"contact, {with_side(impact.side)}, {impact.relative_mps:.1f} m/s: {impact.struck}"
+        struck = replace(impact, with_=quoted(impact.with_)).struck
+        text = f"contact, {with_side(impact.side)}, relative speed {impact.relative_mps:.1f} m/s: {struck}"
         moments.append(Moment(facts.end_s, "ego", "contact", text))
     elif facts.verdict is not None:
-        if other is not None and other.facts is not facts:
+        if other is not None and facts.verdict is Verdict.PASS:
             text = f"{name_of(facts.info(other.actor))} is nearest, {metres(other.ahead_m(other.facts.last))} away"
             moments.append(Moment(other.facts.end_s, facts.info(other.actor).id, "nearest", text))
         ends = "the ego leaves the road" if facts.verdict is Verdict.F1 else f"the run ends: {facts.verdict.label}"
@@ -88,7 +91,12 @@ def _moments(
 def _of_rule(broken: Infraction, ego: EgoMotion) -> str:
     """Return the sentence of a run that failed by a traffic rule."""
     going = f", {ego.going}," if ego.going else ""
-    return f"the ego{going} {broken.clause} at {broken.time_s:.2f} s; it {_drives(ego)}"
+    return f"the ego{going} {_clause(broken)} at {broken.time_s:.2f} s; it {_drives(ego)} then"
+
+
+def _clause(broken: Infraction) -> str:
+    """Return a broken rule in words, with its names in quotes: `runs red at 'king_oak'`."""
+    return replace(broken, other=broken.other and quoted(broken.other), place=quoted(broken.place)).clause
 
 
 def _touch(contact: ContactClass, impact: Impact | None) -> str:
@@ -106,53 +114,17 @@ def _sentence(facts: Facts, ego: EgoMotion, other: Opponent | None, place: Story
     return f"{other.clause()}; {_ego_clause(facts, ego, other, impact)}{where}"
 
 
-_ENDS = {
-    ContactClass.HIT_WHILE_STANDING: "hits the standing ego",
-    ContactClass.STRUCK_BY_STEERED: "",
-    ContactClass.EGO_DROVE_INTO: "the ego drives into it",
-    ContactClass.BOTH_MOVING: "they collide",
-}
-_NOUNS = {"bicycle": "cyclist"}
-
-
-def _title(facts: Facts, ego: EgoMotion, other: Opponent | None, contact: ContactClass, place: StoryPlace) -> str:
-    """Return the story as a title of at most twelve words: the opponent's act, where the ego was going, the end."""
-    if other is None or facts.impact is None:
-        going = f" {ego.going}" if ego.going else ""
-        if facts.verdict is Verdict.F1:
-            return f"the ego{going} leaves the road"
-        return f"the ego{going} {'stands' if ego.state == 'stands' else 'drives'} {place.text}".rstrip()
-    going = f"ego {ego.going}" if ego.going else ""
-    parts = (f"{_NOUNS.get(other.kind, other.kind)} {_act(other)}", going, _ENDS.get(contact, ""))
-    return ", ".join(part for part in parts if part)
-
-
-def _act(other: Opponent) -> str:
-    """Return what the opponent did in at most five words."""
-    if other.stands:
-        return "stands in the way"
-    if other.steered:
-        return "steered into the ego"
-    if other.sudden:
-        return "comes out of hiding"
-    if other.pulls_out:
-        return "pulls out"
-    if other.breaks_rule:
-        return f"comes {other.breaks_rule}"
-    return other.relation.replace(" the ego on its ", " it on the ")
-
-
 def _ego_clause(facts: Facts, ego: EgoMotion, other: Opponent, impact: Impact | None) -> str:
     going = f", {ego.going}," if ego.going else ""
     if impact is None:
-        return f"the ego{going} {_drives(ego)}, and they pass each other {metres(other.ahead_m(facts.last))} apart"
+        return f"the ego{going} {_drives(ego)}, and they come as near as {metres(other.ahead_m(facts.last))}"
     parts = [text for text in (_sees(facts, ego, other), _drives(ego)) if text]
     return f"the ego{going} {', '.join(parts)} and {_ends(ego, impact)}"
 
 
 def _ends(ego: EgoMotion, impact: Impact) -> str:
     """Return the contact as the end of the sentence: who hit whom, with which side, at which speed."""
-    speed = f"at {impact.relative_mps:.1f} m/s"
+    speed = f"at a relative speed of {impact.relative_mps:.1f} m/s"
     side, theirs = with_side(impact.side), with_side(impact.other_side)
     match impact.struck_by:
         case "ego":
@@ -171,12 +143,17 @@ def _ends(ego: EgoMotion, impact: Impact) -> str:
 
 def _sees(facts: Facts, ego: EgoMotion, other: Opponent) -> str:
     if other.sighting.since_s is None:
+        if other.sighting.lost_s is not None:
+            return f"last sees it {facts.end_s - other.sighting.lost_s:.1f} s before the contact"
         return "does not see it"
     before = other.sighting.before_s(facts.end_s)
     if not other.sighting.from_start and before < SEEN_SHORTLY_S:
         return f"sees it {before:.1f} s before the contact"
     unmoved = ego.state not in ("stands", "creeps") and not ego.braking_mps2
-    return "has it in sight all the time" if unmoved else ""
+    if not unmoved:
+        return ""
+    whole_run = other.sighting.from_start and other.sighting.searched_s >= facts.end_s
+    return "has it in sight all the time" if whole_run else f"has had it in sight for {before:.1f} s"
 
 
 def _drives(ego: EgoMotion) -> str:
@@ -187,13 +164,13 @@ def _drives(ego: EgoMotion) -> str:
         case "stands":
             return f"brakes to a stand {braking}" if ego.braking_mps2 else "has just stopped"
         case "brakes" | "creeps" if ego.braking_mps2:
-            return f"brakes from {kmh(ego.fastest_mps)} {braking}"
+            return f"brakes from {kmh(ego.from_mps)} {braking}"
         case "creeps":
-            return f"creeps at {kmh(ego.fastest_mps)}" if ego.fastest_mps > 0.5 else "hardly moves"
-        case "accelerates":
-            return f"accelerates to {kmh(ego.fastest_mps)}"
+            return f"creeps at {kmh(ego.speed_mps)}" if ego.fastest_mps > 0.5 else "hardly moves"
+        case "accelerates" if kmh(ego.from_mps) != kmh(ego.speed_mps):
+            return f"accelerates from {kmh(ego.from_mps)} to {kmh(ego.speed_mps)}"
         case _:
-            return f"drives on at {kmh(ego.fastest_mps)}"
+            return f"drives on at {kmh(ego.speed_mps)}"
 
 
 def _alone(facts: Facts, ego: EgoMotion, place: StoryPlace) -> str:
@@ -203,16 +180,16 @@ def _alone(facts: Facts, ego: EgoMotion, place: StoryPlace) -> str:
         case Verdict.STUCK:
             return f"the ego{going} stands for {ego.stood_s:.0f} s, {_waiting(facts)}"
         case Verdict.F1:
-            return f"the ego{going} leaves the road at {kmh(ego.fastest_mps)} {place.text}".rstrip()
+            return f"the ego{going} leaves the road at {kmh(ego.speed_mps)} {place.text}".rstrip()
         case _:
             return str(facts.trace.meta.get("reason", "")) or f"the ego{going} {ego.state}"
 
 
 def _changed(change: Change) -> str:
     """Return the effect of a change in words: `walker is 1.38 times as fast`."""
-    actor = short(change.actor)
+    actor = quoted(change.actor)
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
-        return f"{actor} is {_written(change.now)} instead of {_written(change.was)}"
+        return f"{actor} has the {change.property} {_written(change.now)} instead of {_written(change.was)}"
     now, was = change.now.si, change.was.si
     more, amount, side = now > was, abs(now - was), "left" if now > was else "right"
     start = f" from {change.start.si:.2f} s" if isinstance(change.start, Quantity) else ""
@@ -255,7 +232,7 @@ def _signal(facts: Facts) -> str:
         if passage.exit_s < here or room > WAITS_FOR_SIGNAL_M:
             continue
         where = f"{metres(room)} before" if room > 0 else "inside"
-        text = f"{where} the {kind_of(facts.network, passage.junction)} {passage.junction}"
+        text = f"{where} the {kind_of(facts.network, passage.junction)} {quoted(passage.junction)}"
         colour = facts.colour(passage.movement, facts.last)
         if not colour:
             return text

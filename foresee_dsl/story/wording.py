@@ -11,12 +11,17 @@ _SAYS_ITSELF = {"walker": "pedestrian", "pedestrian": "pedestrian", "cyclist": "
 
 
 def name_of(actor: ActorInfo) -> str:
-    """Return an actor's name, cut to `LONGEST_NAME` characters."""
-    return "the ego" if actor.id == "ego" else short(actor.id)
+    """Return an actor's name in quotes, or `the ego`."""
+    return "the ego" if actor.id == "ego" else quoted(actor.id)
+
+
+def quoted(name: str) -> str:
+    """Return a name of the file in quotes, cut to `LONGEST_NAME` characters."""
+    return f"'{short(name)}'"
 
 
 def full_name(actor: ActorInfo) -> str:
-    """Return an actor's name and, unless the name states it, its class: `second (van)`."""
+    """Return an actor's name and, unless the name states it, its class: `'second' (van)`."""
     clear = _SAYS_ITSELF.get(actor.id) == actor.kind or actor.kind in actor.id or what_is(actor) in actor.id
     return name_of(actor) if clear else f"{name_of(actor)} ({what_is(actor)})"
 
@@ -38,8 +43,8 @@ def kmh(speed_mps: float) -> str:
 
 
 def metres(distance_m: float) -> str:
-    """Return a distance in words: `14 m`, `0.6 m`."""
-    return f"{distance_m:.0f} m" if distance_m >= 9.5 else f"{distance_m:.1f} m"
+    """Return a distance in words: `14 m`, `2.4 m`, `0.71 m`."""
+    return f"{distance_m:.{0 if distance_m >= 9.5 else 1 if distance_m >= 0.995 else 2}f} m"
 
 
 def with_side(side: str) -> str:

@@ -130,8 +130,8 @@ def test_a_bus_that_does_not_stop_there_drives_past(folder: Path) -> None:
 
 def test_the_story_names_the_bus_that_hid_a_child(folder: Path) -> None:
     story = tell(driven(folder, HIDDEN), case_of(folder, HIDDEN))
-    assert story.sentence.startswith("kid (pedestrian) steps onto the road from behind local (bus)")
-    assert any("kid" in m.text and "hidden by local (bus)" in m.text for m in story.moments)
+    assert story.sentence.startswith("'kid' (pedestrian) steps onto the road from behind 'local' (bus)")
+    assert any("kid" in m.text and "hidden by 'local' (bus)" in m.text for m in story.moments)
     assert not any("market_" in m.text or "church_" in m.text for m in story.moments)
 
 

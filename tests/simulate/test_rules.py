@@ -189,9 +189,9 @@ def test_the_story_of_a_broken_rule_ends_where_it_is_broken(tmp_path: Path) -> N
     told = explained(case, result)
     at = result.infractions[0].time_s
     assert told.story is not None
-    assert told.story.sentence == f"the ego runs red at middle at {at:.2f} s; it drives on at 36 km/h"
+    assert told.story.sentence == f"the ego runs red at 'middle' at {at:.2f} s; it drives on at 36 km/h then"
     assert (told.story.contact, told.story.ego_manoeuvre) == (ContactClass.RULE, "red light")
-    assert (at, "rule", "the ego runs red at middle") in {(m.time_s, m.kind, m.text) for m in told.story.moments}
+    assert (at, "rule", "the ego runs red at 'middle'") in {(m.time_s, m.kind, m.text) for m in told.story.moments}
     assert all("broke a traffic rule" in judgement.why for judgement in told.judgements)
 
 

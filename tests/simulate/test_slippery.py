@@ -130,4 +130,4 @@ def test_a_clip_has_the_patch_where_it_was_and_drives_over_it_in_the_same_way(
 def test_the_story_says_where_the_ego_comes_onto_it(on_ice: tuple[TestCase, RunResult]) -> None:
     case, result = on_ice
     told = [moment.text for moment in tell(result.trace, case).moments if moment.kind == "slippery"]
-    assert told == ["the ego comes onto ice, slippery ground with friction 0.1"]
+    assert told == ["the ego comes onto 'ice', slippery ground with friction 0.1"]

@@ -87,8 +87,8 @@ def test_somebody_steered_into_the_ego_is_a_class_of_its_own(steered: Told) -> N
     assert steered.result.verdict in (Verdict.F3, Verdict.F4)
     assert steered.story.contact is ContactClass.STRUCK_BY_STEERED
     assert steered.story.opponent_manoeuvre == "comes the other way, is steered towards the ego"
-    assert steered.story.sentence.startswith("oncoming (van) comes the other way and is steered to its left into")
-    assert steered.story.mutation == "oncoming is steered to the left from 4.00 s"
+    assert steered.story.sentence.startswith("'oncoming' (van) comes the other way and is steered to its left into")
+    assert steered.story.mutation == "'oncoming' is steered to the left from 4.00 s"
 
 
 def test_children_that_differ_in_numbers_tell_the_same_story(clip_case: TestCase, steered: Told) -> None:
@@ -102,7 +102,7 @@ def test_who_is_steered_away_did_not_strike(clip_case: TestCase) -> None:
     assert away.result.verdict is Verdict.PASS
     assert (away.story.contact, away.story.opponent) == (ContactClass.NONE, "oncoming")
     assert "is steered" not in away.story.opponent_manoeuvre
-    assert "they pass each other" in away.story.sentence
+    assert "they come as near as" in away.story.sentence
     (nearest,) = (moment for moment in away.story.moments if moment.kind == "nearest")
     assert nearest.time_s < away.result.duration_s
 

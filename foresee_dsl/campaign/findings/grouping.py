@@ -204,22 +204,44 @@ def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(replace(finding, number=k + 1, title=titles[k]) for k, finding in enumerate(ordered))
 
 
-TITLE_WORDS, TELLING_WORDS = 12, 6
-"""Maximum number of words of a title, and of those by which a reader tells titles apart."""
+TITLE_WORDS, TELLING_WORDS, CASE_WORDS = 12, 6, 4
+"""Maximum number of words of a title, of those by which a reader tells titles apart, and of those for a test case."""
+_NOT_LAST = frozenset(
+    (
+        "a",
+        "after",
+        "an",
+        "and",
+        "at",
+        "before",
+        "behind",
+        "by",
+        "for",
+        "from",
+        "in",
+        "of",
+        "on",
+        "or",
+        "out",
+        "over",
+        "the",
+        "to",
+        "under",
+        "with",
+        "without",
+    )
+)
+"""Words with which the shortened name of a test case does not end."""
 
 
 def _titles(findings: Sequence[Finding]) -> list[str]:
     """Return a title for each finding; titles that begin alike get the test case or the mutant in front."""
     stories = [finding.story.title for finding in findings]
-    cases = [" ".join(_case_words(finding)) for finding in findings]
     ways = (
         stories,
-        [f"{case}: {story}" for case, story in zip(cases, stories, strict=True)],
-        [
-            f"{f.name.rpartition('_p')[2]} {case}: {story}"
-            for f, case, story in zip(findings, cases, stories, strict=True)
-        ],
-        [f"{f.name} {story}" for f, story in zip(findings, stories, strict=True)],
+        [f"{_case_words(f, s)}: {s}" for f, s in zip(findings, stories, strict=True)],
+        [f"{f.name.rpartition('_p')[2]} {_case_words(f, s)}: {s}" for f, s in zip(findings, stories, strict=True)],
+        [f"{f.name}: {s}" for f, s in zip(findings, stories, strict=True)],
     )
     titles = [""] * len(findings)
     left = list(range(len(findings)))
@@ -227,17 +249,21 @@ def _titles(findings: Sequence[Finding]) -> list[str]:
         words = [_beginning(titles[k] if k not in left else way[k]) for k in range(len(findings))]
         titles = [way[k] if k in left else titles[k] for k in range(len(findings))]
         left = [k for k in left if words.count(words[k]) > 1]
-    return [" ".join(title.split()[:TITLE_WORDS]).rstrip(",:") for title in titles]
+    return titles
 
 
 def _beginning(title: str) -> tuple[str, ...]:
     return tuple(title.lower().split()[:TELLING_WORDS])
 
 
-def _case_words(finding: Finding) -> list[str]:
-    """Return at most four words for a finding's test case: the name of the case, or of its file."""
+def _case_words(finding: Finding, story: str) -> str:
+    """Return the name of a finding's test case, or of its file, in as many words as a title with its story has room."""
     path, _, case = finding.test_case.partition("::")
-    return (case or PurePosixPath(path).stem).replace("_", " ").split()[:4]
+    words = (case or PurePosixPath(path).stem).replace("_", " ").split()
+    room = max(1, min(CASE_WORDS, TITLE_WORDS - 1 - len(story.split())))
+    while len(words) > room or (len(words) > 1 and words[-1] in _NOT_LAST):
+        words.pop()
+    return " ".join(words)
 
 
 def _family_order(family: str) -> tuple[bool, int, str]:
