@@ -58,6 +58,7 @@ READ: dict[str, Row] = {
         [file, "--out", str(out / "small"), "--budget", "2"],
         ["crosser_after_p1_m2", "--campaign", file, "--out", str(out / "small")],
     ],
+    "diagnose": lambda file, _: [[file], ["--all", "--campaign", file], ["crosser_after_p1_m2", "--campaign", file]],
     "assess": alone("--first", "1"),
     "campaign": lambda file, out: [
         [file, "--out", str(out / "a"), *SHORT],

@@ -11,9 +11,10 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from foresee_dsl.drivers.protocol import ActorClass, FloatArray, SignalColour
+if TYPE_CHECKING:  # consent needs the suffixes alone: a check of a file must not load numpy
+    from foresee_dsl.drivers.protocol import ActorClass, FloatArray, SignalColour
 
 
 class DriverPart(StrEnum):

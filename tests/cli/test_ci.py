@@ -190,7 +190,7 @@ def test_pytest_says_what_a_failure_is_and_keeps_its_trace(project: Path, tmp_pa
     for said in (
         "came back: F2 collision with passenger (pedestrian)",
         "expected: pdm passes",
-        "passenger (pedestrian) steps onto the road",
+        "'passenger' (pedestrian) steps onto the road",
         f"{file}:5: change passenger.timing: 1.00 => 1.36",
         f"reproduce: foresee run {file} --driver pdm",
         "what happened",
@@ -350,7 +350,7 @@ def test_the_steps_of_the_action(root: Path, project: Path, tmp_path: Path) -> N
     codes = {name: code for name, code, _ in steps}
     assert (codes["Install"], codes["Check the files"], codes["Run kept failures again"]) == (0, 0, 0), steps
     assert (codes["Run the campaign"], codes["Summary"]) == (1, 0) and "::error file=" in steps[-2][2], steps
-    assert "passenger (pedestrian) steps onto the road" in (tmp_path / "summary.md").read_text()
+    assert "'passenger' (pedestrian) steps onto the road" in (tmp_path / "summary.md").read_text()
     for report in ("verify.xml", "campaign.xml"):
         junit((project / "kept" / report).read_text(), root)
     shutil.rmtree(project / "kept")

@@ -138,9 +138,9 @@ def test_the_selforacle_page_says_what_fusion_safe_gave(stored: dict[str, Result
         hits, runs = colliding(found, False)
         counts.append((hits, runs, *(sum(m.count(what) for m in found)
                                      for what in (Counted.FINDINGS, Counted.AVOIDABLE))))  # fmt: skip
-    one, own, chance = counts
+    one, own, chance = counts  # each: collisions, children, findings, avoidable findings
     assert (
-        f"of `selforacle`'s children {one[0]} of {one[1]:,} collide ({one[2]} findings, counted in each seed, {one[3]} "
-        f"of them avoidable), of `foresee`'s {own[0]} of {own[1]:,} ({own[2]}, {own[3]}), of `random`'s {chance[0]} of "
-        f"{chance[1]:,} ({chance[2]}, {chance[3]})."
+        f"{one[0]} of {one[1]:,} mutants of `selforacle` collide ({one[2]} findings, counted for each seed, "
+        f"{one[3]} of them avoidable), {own[0]} of {own[1]:,} of `foresee` ({own[2]} and {own[3]}), and "
+        f"{chance[0]} of {chance[1]:,} of `random` ({chance[2]} and {chance[3]})."
     ) in page("selforacle")
