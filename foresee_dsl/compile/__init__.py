@@ -86,7 +86,7 @@ class _Mistakes:
             everywhere = len(alike) == self._cases[source] and len({d.message for _, d in alike}) == 1
             if name and not everywhere:
                 more = f" (and {others} more)" if others else ""
-                first = replace(first, message=f"in case '{name}'{more} {first.message}")
+                first = replace(first, message=f"in case '{name}'{more}, {first.message}")
             named[first] = None
         return tuple(named)
 

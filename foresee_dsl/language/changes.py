@@ -131,13 +131,15 @@ def _of_actor(
     actor, rule = actors[change.actor], m.PROPERTIES.get(change.property)
     if rule is None:
         help = did_you_mean(change.property, m.PROPERTIES)
-        raise _RefusedError("property", UNKNOWN_PROPERTY, f"actors have no '{change.property}' to change", help)
+        raise _RefusedError(
+            "property", UNKNOWN_PROPERTY, f"an actor has no property '{change.property}' that a change can name", help
+        )
     if isinstance(actor, m.Ego) and not rule.for_ego:
-        message = f"the ego's {change.property} cannot change: the driver under test drives it"
+        message = f"the ego's {change.property} cannot change, because the driver under test drives it"
         raise _RefusedError("actor", BAD_CHANGE, message, "name another actor")
     has = _had(actor, change.property, rule)
     if has is None:
-        message = f"{actor.name} has no {change.property} that could change"
+        message = f"{actor.name} has no {change.property} that can change"
         help = f"replace its whole statement: `change {actor.kind} {actor.name}: ...`" if models is None else ""
         raise _RefusedError("property", BAD_CHANGE, message, help)
     _check_was(change, has, place)
@@ -177,15 +179,19 @@ def _of_scenario(
         raise _not_there(change, body, place)
     has = _read(change, item)
     if has is None:
-        message = f"'{change.property}' does not compare with one single value"
-        help = f"write it anew in a scenario that extends this one: `change expect {change.property}: ...`"
+        message = (
+            f"the expectation '{change.property}' does not compare a measure with one value, so no value can change"
+        )
+        help = (
+            f"replace the whole expectation in a scenario that extends this one: `change expect {change.property}: ...`"
+        )
         raise _RefusedError("property", BAD_CHANGE, message, help)
     _check_was(change, has, place)
     if change.actor == "weather" and isinstance(now, m.Quantity) and not 0 <= now.si <= 1:
         message = f"{_label(change)} cannot be {value_text(now)}"
-        raise _RefusedError("now", BAD_CHANGE, message, "weather goes from 0 (none) to 1 (as much as there can be)")
+        raise _RefusedError("now", BAD_CHANGE, message, "write a number from 0 (none) to 1 (the strongest)")
     if isinstance(has, m.Quantity | str) and isinstance(now, m.Quantity | str) and not same_kind(has, now):
-        message = f"{_label(change)} is {value_text(has)}, so it cannot be {value_text(now)}"
+        message = f"{_label(change)} is {value_text(has)}, so it cannot change to {value_text(now)}"
         raise _RefusedError("now", BAD_CHANGE, message, "give it a value of the same kind")
     return item, _written(change, now, item)
 
@@ -198,7 +204,7 @@ def _not_there(change: m.Change, body: tuple[m.ScenarioItem, ...], place: str) -
         help = did_you_mean(change.property, names) or "it has no parameters"
         return _RefusedError("property", NOT_IN_PARENT, f"{place} has no parameter '{change.property}'", help)
     named = [item.name for item in body if isinstance(item, m.Expect) and item.name is not None]
-    help = did_you_mean(change.property, named) or "give it a name where it stands: `expect safe: ...`"
+    help = did_you_mean(change.property, named) or "give the expectation a name where it is written: `expect safe: ...`"
     return _RefusedError("property", NOT_IN_PARENT, f"{place} has no expectation called '{change.property}'", help)
 
 

@@ -155,13 +155,13 @@ def test_two_spellings_of_one_value(one: str, other: str, same: bool):
         ("end after 2 gap", "FS060", "the sign between `2` and 'gap' is missing", "did you mean `2 * gap`?"),
         ("end after width * pace", "FS062", "is in m^2/s, but a time is needed here", "did you mean `width / pace`?"),
         ("end after min(gap, width)", "FS062", "only values of one kind are compared", ""),
-        ("end after gap * kind", "FS062", "'kind' is of type model, a word", ""),
+        ("end after gap * kind", "FS062", "'kind' is of type model, which holds a word", ""),
         ("end after gaap + 1 s", "FS031", "unknown parameter 'gaap'", "did you mean 'gap'?"),
-        ("end after gap / (share - 0.5)", "FS063", "by default `gap / (share - 0.5)` divides by zero", ""),
-        ("end after gap - 2 s", "FS050", "by default `gap - 2 s` is -0.5 s (gap is 1.5 s), too small for `after`", ""),
-        ("weather rain 3 * share", "FS043", "is 1.5 (share is 0.5), too large for `rain`", "use at most `1`"),
+        ("end after gap / (share - 0.5)", "FS063", "with the defaults, `gap / (share - 0.5)` divides by zero", ""),
+        ("end after gap - 2 s", "FS050", "`gap - 2 s` is -0.5 s (gap is 1.5 s), which is too small for `after`", ""),
+        ("weather rain 3 * share", "FS043", "is 1.5 (share is 0.5), which is too large for `rain`", "use at most `1`"),
         ("require gap + 1 s < width", "FS062", "`gap + 1 s` is a time, but `width` is a length", ""),
-        ("require gap < 2 * gap - 2 s", "FS053", "by default gap is 1.5 s", ""),
+        ("require gap < 2 * gap - 2 s", "FS053", "with the defaults, gap is 1.5 s", ""),
         ("expect never 3 s < time", "FS061", "a quantity that is measured in the run belongs", "`time > 3 s`"),
         ("expect never distance(ego, x) > ego.speed", "FS061", "both sides of this comparison are measured", ""),
         ("expect never gap + 1 s > 3 s", "FS052", "'gap + 1 s' does not change during the run", ""),
@@ -174,7 +174,7 @@ def test_two_spellings_of_one_value(one: str, other: str, same: bool):
         ("end after " + "-(" * 60 + "gap" + ")" * 60, "FS018", "nested too deeply", ""),
         ("end after " + " + ".join(["gap"] * 60), "FS018", "a calculation of 60 values", ""),
         ("traffic others { count n * share; models [car.compact]; within 9 m of ego.route; seed 1 }",
-         "FS032", "is 1.5 (n is 3, share is 0.5), but a whole number is needed here", ""),
+         "FS032", "is 1.5 (n is 3, share is 0.5), but this place needs a whole number", ""),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense(line: str, code: str, message: str, help: str):
@@ -193,7 +193,7 @@ def test_a_result_that_does_not_fit_names_its_case():
         "end after gap - 1 s\n  case a { gap = 1.2 s }\n  case b { gap = 0.5 s }\n  case c { gap = 1 s / 2 }"
     )
     assert [d.message for d in found] == [
-        "in case 'b' (and 1 more) `gap - 1 s` is -0.5 s (gap is 0.5 s), too small for `after`"
+        "in case 'b' (and 1 more), `gap - 1 s` is -0.5 s (gap is 0.5 s), which is too small for `after`"
     ]
 
 

@@ -180,7 +180,7 @@ def test_drawn_cases_are_drawn_with_the_whole(tmp_path: Path) -> None:
         (["drop when"], "this does not name the when to drop", 3),
         (["change lead.speed: 9 m/s => 8 m/s"], "lead.speed is pace in 'base.foresee' now, not 9 m/s", 22),
         (["change expect.save: 1 s => 2 s"], "'base.foresee' has no expectation called 'save'", 10),
-        (["change expect.safe: 1 s => 2 m"], "expect.safe is 1 s, so it cannot be 2 m", 30),
+        (["change expect.safe: 1 s => 2 m"], "expect.safe is 1 s, so it cannot change to 2 m", 30),
         (["change weather.rain: 0.3 => 1.2"], "weather.rain cannot be 1.2", 31),
         (["change param.gab: 40 m => 30 m"], "'base.foresee' has no parameter 'gab'", 10),
         (["change lead.model: car.compact => car.nosuch"], "there is no model 'car.nosuch'", 3),
@@ -207,7 +207,7 @@ def test_what_breaks_in_the_other_is_shown_at_extends_with_its_line(
     lines = ("drop vehicle lead", "drop expect safe")
     assert [d.message for d in mistakes(Path(), *lines)] == ["unknown actor 'lead' (in 'base.foresee', line 15)"]
     (found,) = mistakes(Path(), "add require gap < 30 m")
-    assert found.message == "in case 'far' gap is 60 m, but `require gap < 30 m` (in 'base.foresee', line 19)"
+    assert found.message == "in case 'far', gap is 60 m, but `require gap < 30 m` (in 'base.foresee', line 19)"
 
 
 def test_a_mistake_of_the_other_is_said_of_the_other_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

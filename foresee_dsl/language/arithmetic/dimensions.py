@@ -106,7 +106,7 @@ class Dimensions:
         type_ = self._types.get(reference.name)
         dimension: Dimension | None = next((d for d in POWERS if d == type_), None)
         if type_ is not None and dimension is None:
-            message = f"'{reference.name}' is of type {type_}, a word, so a calculation cannot use it"
+            message = f"'{reference.name}' is of type {type_}, which holds a word, so a calculation cannot use it"
             numbers = [name for name, word in self._types.items() if any(d == word for d in POWERS)]
             which = ": " + one_of(numbers) if 0 < len(numbers) <= 8 else ", such as one of type " + write("time")
             self._add(reference, message, "use a parameter that holds a number" + which)

@@ -91,14 +91,16 @@ def _problem(use: Use, values: Values) -> _Problem | None:
             use.item,
             use.field,
             c.MISFIT,
-            f"{statement}, but a whole number is needed here",
+            f"{statement}, but this place needs a whole number",
             "write one such as " + write("2"),
         )
     bounds = form.bounds
     if bounds is None or bounds.low <= result.si <= bounds.high:
         return None
     small = result.si < bounds.low
-    message = f"{statement}, too {'small' if small else 'large'} for `{word_before(type(use.item), use.field)}`"
+    message = (
+        f"{statement}, which is too {'small' if small else 'large'} for `{word_before(type(use.item), use.field)}`"
+    )
     kept = f"{'max' if small else 'min'}({written(use.value)}, {written(nearest(bounds, result))})"
     help = (
         f"use at {'least' if small else 'most'} "
@@ -156,9 +158,9 @@ def not_by_zero(item: m.Item, values: Values) -> HelpText:
 
 def _where(name: str, more: int) -> str:
     if not name:
-        return "by default "
+        return "with the defaults, "
     others = f" (and {more} more)" if more else ""
-    return f"in case '{name}'{others} "
+    return f"in case '{name}'{others}, "
 
 
 def _with(use: Use, values: Values) -> str:

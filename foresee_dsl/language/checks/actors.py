@@ -27,7 +27,9 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     groups = [item for item in body if isinstance(item, m.Traffic)]
     named = [actor for actor in actors if isinstance(actor, m.Actor)]
     for other in [actor for actor in named if actor.name == "ego"][:1]:
-        findings.add(other, "name", "FS030", "only the ego is called 'ego'", rename("give this actor another name"))
+        findings.add(
+            other, "name", "FS030", "only the ego can have the name 'ego'", rename("give this actor another name")
+        )
     for other in named:
         if other.name in m.TAKEN or other.name in m.OWNERS:
             message = "'" + subject(other.name) + "' is a word of the language"
@@ -78,7 +80,9 @@ def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
     for item in actor.body:
         if isinstance(item, m.Joins) and not any(isinstance(other, m.AnyPath) for other in actor.body):
             help = "write " + write("path [PLACE, PLACE]") + " before it, or `route [...]` instead"
-            findings.add(item, "", "FS042", f"'{actor.name}' joins the traffic, but has no path", help)
+            findings.add(
+                item, "", "FS042", f"'{actor.name}' joins the traffic at the end of a path, but it has no path", help
+            )
 
 
 def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
@@ -86,14 +90,14 @@ def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
     on_path = any(isinstance(item, m.AnyPath) for item in actor.body)
     for item in actor.body:
         if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):
-            message = f"'{actor.name}' follows a path, whose line takes no times"
+            message = f"'{actor.name}' follows a path, so its `line` cannot have times"
             findings.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
         if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
             findings.add(
                 item,
                 "",
                 "FS042",
-                "the ego cannot have `brakes`: its driver brakes",
+                "the ego cannot have `brakes`, because its driver decides when it brakes",
                 "move it to another actor, or " + remove("remove it"),
             )
 
@@ -111,7 +115,13 @@ def _check_passes(
         return
     passes = write("passes in lane")
     if isinstance(actor, m.Ego):
-        findings.add(statement, "", "FS042", "the ego's driver steers", remove("remove it"))
+        findings.add(
+            statement,
+            "",
+            "FS042",
+            "the ego cannot have `passes in lane`, because its driver steers",
+            remove("remove it"),
+        )
         return
     classes = {model.partition(".")[0] for _, _, model in _models(actor, parameters, cases)}
     if not classes <= set(_PASSING_CLASSES):
@@ -119,14 +129,14 @@ def _check_passes(
         help = passes + " is for bicycles and motorcycles: " + remove("remove it")
         findings.add(statement, "", "FS042", message, help)
     if any(isinstance(item, m.AnyPath) for item in actor.body):
-        message = f"'{actor.name}' follows a path, which leads past other actors or does not"
+        message = f"'{actor.name}' follows a path, which fixes its line, so it cannot have `passes in lane`"
         findings.add(statement, "", "FS042", message, "write a route instead of the path, or " + remove("remove it"))
     for line in (item for item in actor.body if isinstance(item, m.Line)):
-        message = f"'{actor.name}' passes within its lane, and cannot keep a line in it too"
+        message = f"'{actor.name}' passes within its lane, so SUMO sets its line and `line` cannot"
         findings.add(line, "", "FS042", message, remove("keep one of the two"))
     for action in (part for item in body if isinstance(item, m.When) for part in walk(item)):
         if isinstance(action, _SET_LINE) and action.actor == actor.name:
-            message = f"'{actor.name}' passes within its lane, where SUMO decides about its line"
+            message = f"'{actor.name}' passes within its lane, so SUMO sets its line and this action cannot"
             help = remove("remove this action") + ", or `passes in lane` from the actor"
             findings.add(action, "", "FS042", message, help)
 
@@ -136,8 +146,8 @@ def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
     for item in actor.body:
         kind = "way" if item.kind in _WAYS else item.kind
         if kind in seen and kind not in _MAY_REPEAT:
-            what = "a second route or path" if kind == "way" else "a second statement of this kind"
-            findings.add(item, "", "FS047", f"{what} for '{actor.name}'", remove("keep one of the two"))
+            what = "route or path" if kind == "way" else "statement of this kind"
+            findings.add(item, "", "FS047", f"'{actor.name}' has a second {what}", remove("keep one of the two"))
         seen[kind] = item
 
 
@@ -152,13 +162,13 @@ def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
                 item,
                 "",
                 "FS056",
-                f"'{actor.name}' has a recorded state",
-                "only the ego can follow one: " + remove("remove it"),
+                f"'{actor.name}' has a recorded state, but only the ego can follow recorded states",
+                remove("remove it"),
             )
         elif isinstance(item.time, m.Quantity):
             if item.time.si <= before:
-                message = "the recorded states are not in the order of their times"
-                findings.add(item, "time", "FS056", message, "move it before the later ones")
+                message = "the time of this recorded state is not later than that of the state before it"
+                findings.add(item, "time", "FS056", message, "write the recorded states in the order of their times")
             before = item.time.si
 
 

@@ -62,7 +62,12 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
         findings.add(scenario, "name", "FS035", f"scenario '{scenario.name}' has no ego", help)
     for ego in egos[1:]:
         findings.add(
-            ego, "", "FS035", "a second ego", "a scenario has exactly one: " + remove("remove it"), head_only=True
+            ego,
+            "",
+            "FS035",
+            "this scenario has a second ego",
+            "a scenario has exactly one ego: " + remove("remove it"),
+            head_only=True,
         )
     if not networks:
         help = "add " + write('use network "town.foresee"') + " or a block `network { ... }`"
@@ -72,8 +77,8 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
             network,
             "",
             "FS036",
-            "a second network",
-            "a scenario has exactly one: " + remove("remove it"),
+            "this scenario has a second network",
+            "a scenario has exactly one network: " + remove("remove it"),
             head_only=True,
         )
     for kind in (m.End, m.Weather, m.Tags):
@@ -143,7 +148,7 @@ def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
         if owner is not None and owner.not_in_clips:
             others = " and ".join(f"`{name}`" for name, other in m.OWNERS.items() if not other.not_in_clips)
             message = f"a clip {owner.not_in_clips}, so a mutant cannot change it"
-            findings.add(change, "property", "FS006", message, f"change a property of an actor, {others}")
+            findings.add(change, "property", "FS006", message, f"change a property of an actor, or {others}")
 
 
 def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameters: bool) -> None:
@@ -180,13 +185,13 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
         needed = m.OWNERS[change.actor].dimension
     elif change.property == "model":
         if not isinstance(value, str):
-            message = "the model of an actor is written as a name"
+            message = "the model of an actor must be the name of a model"
             findings.add(change, side, "FS046", message, "write one such as " + write("car.compact"))
         return
     else:
         rule = m.PROPERTIES.get(change.property)
         if rule is not None and rule.words and value not in rule.words:
-            message = f"the value of `{change.property}` is a word"
+            message = f"the value of `{change.property}` must be a word"
             findings.add(change, side, "FS046", message, f"write one of {', '.join(rule.words)}")
         needed = rule.dimension if rule is not None and not rule.words else None
     if needed is None:
@@ -248,7 +253,7 @@ def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
     sum_m, length_m = sum(part.si for part in lengths.values()), model.length.si
     over_m = sum_m - length_m
     if over_m > SUM_SLACK_M or (len(lengths) == len(parts) and over_m < -SUM_SLACK_M):
-        message = f"{' + '.join(lengths)} is {sum_m:.2f} m, and the length is {length_m:.2f} m"
+        message = f"{' + '.join(lengths)} is {sum_m:.2f} m, but the length is {length_m:.2f} m"
         last = next(reversed(lengths))
         left_m = length_m - (sum_m - lengths[last].si)
         help = "write " + write(f"{last} {left_m:.2f} m") if left_m > 0 else "correct these lengths, or `length`"
@@ -304,7 +309,7 @@ def _check_junction(findings: Findings, junction: m.Junction, network: m.Network
         findings.add(junction, "name", "FS048", f"the signals of '{junction.name}' have no stages", help)
     if junction.control != "signals" and junction.stages:
         help = "write " + write("signals") + f" after the position of '{junction.name}', or " + remove("remove it")
-        findings.add(junction.stages[0], "", "FS048", "a stage at a junction without signals", help)
+        findings.add(junction.stages[0], "", "FS048", f"this stage is at '{junction.name}', which has no signals", help)
     named: list[tuple[m.Item, str, str]]
     named = [(junction, f"crossings.{k}", name) for k, name in enumerate(junction.crossings or ())]
     named += [(stage, f"green.{k}", name) for stage in junction.stages for k, name in enumerate(stage.green)]

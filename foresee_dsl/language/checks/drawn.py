@@ -61,7 +61,7 @@ def _check_cases(findings: Findings, cases: m.Cases) -> bool:
             )
             sound = False
         elif not low <= value.value <= high:
-            message = f"`{written(value)}` is no {'number of cases' if field == 'count' else 'seed'} that can be drawn"
+            message = f"`{written(value)}` cannot be the {'number of cases' if field == 'count' else 'seed'} of a draw"
             findings.add(cases, field, "FS050", message, "use " + write(str(low)) + " to " + write(str(high)))
             sound = False
     return sound
@@ -88,7 +88,7 @@ def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.
         low, high = parameter.range.low, parameter.range.high
         steps = f"{written(low)}..{written(high)} step {written(_tenth(parameter.range))}"
         help = "write it like " + write(f"{_head(parameter)} in {steps} as grid")
-        findings.add(distribution, "", "FS051", "a grid needs steps, and this range has none", help)
+        findings.add(distribution, "", "FS051", "a grid needs steps, but this range has no step", help)
 
 
 def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> None:
@@ -96,7 +96,7 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
     if limits is None:
         weights = ", ".join("1" for _ in parameter.options or ())
         help = "draw options as " + write("uniform") + ", " + write(f"choice({weights})") + " or " + write("grid")
-        findings.add(normal, "", "FS051", "a normal distribution needs a range, and this parameter has options", help)
+        findings.add(normal, "", "FS051", "a normal distribution needs a range, but this parameter has options", help)
         return
     needed = limits.low.dimension
     for field in ("mean", "deviation"):
@@ -126,10 +126,10 @@ def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> N
     options, weights = parameter.options, choice.weights
     if options is None:
         help = "write the values to choose from, in brackets behind " + write("in") + ", or draw as " + write("uniform")
-        findings.add(choice, "", "FS051", "a choice needs options, and this parameter has a range", help)
+        findings.add(choice, "", "FS051", "a choice needs options, but this parameter has a range", help)
         return
     if len(options) != len(weights):
-        message = f"{len(weights)} weights for {len(options)} options"
+        message = f"the number of weights, {len(weights)}, differs from the number of options, {len(options)}"
         more = [m.Quantity(value=Decimal(1))] * max(len(options) - len(weights), 0)
         example = ", ".join(written(weight) for weight in [*weights[: len(options)], *more])
         help = "write one weight for each option, in their order: " + write(f"choice({example})")
@@ -144,7 +144,7 @@ def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> N
                 "a weight has no unit: " + write(written(m.Quantity(value=weight.value))),
             )
         elif weight.value <= 0:
-            help = "a weight is more than zero, such as " + write("1") + "; remove an option that is not to be drawn"
+            help = "a weight is more than zero, such as " + write("1") + "; to draw an option never, remove it"
             findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is not a weight", help)
 
 

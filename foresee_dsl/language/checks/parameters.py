@@ -113,7 +113,7 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
         if isinstance(item, m.Assignment):
             help = "write a value: " + write(f"{item.name} = {value_text(plain(parameters[item.name].default))}")
             item = item if any(item is assignment for assignment in case.values) else case
-        findings.add(item, "", c.NO_RESULT, f"in case '{case.name}' {error.message}", help)
+        findings.add(item, "", c.NO_RESULT, f"in case '{case.name}', {error.message}", help)
         return
     for assignment in computed:
         _check_value(findings, parameters[assignment.name], assignment, "value", values[assignment.name])

@@ -32,10 +32,10 @@ def check_requirements(findings: Findings, scenario: m.Scenario) -> None:
             except ExpressionError:
                 continue  # which was reported
             if holds(require.condition, values) is False:
-                message = f"in case '{case.name}' {violation(require, values)}"
+                message = f"in case '{case.name}', {violation(require, values)}"
                 findings.add(case, "name", "FS053", message, "change the value, or the requirement")
         if not written_cases and not scenario.all(m.Cases) and holds(require.condition, defaults) is False:
-            message = f"by default {violation(require, defaults)}"
+            message = f"with the defaults, {violation(require, defaults)}"
             findings.add(require, "", "FS053", message, "change a default, or the requirement")
 
 

@@ -119,19 +119,19 @@ class Streets:
                 wider = math.ceil((half + MOUTH_M) / max(between, 0.01))
                 message = (
                     f"the arms '{first.name}' and '{last.name}' of '{item.name}' overlap: "
-                    f"{math.degrees(between):.0f} degrees are between them"
+                    f"the angle between them is {math.degrees(between):.0f} degrees"
                 )
                 fits = in_block(f"radius {wider} m", item.name) + ", or " if wider <= 200 else ""
                 end = "end" if last.end == item.name else "start"
-                self._add(last, end, message, fits + "let one of them come in from another side with " + write("via"))
+                self._add(last, end, message, fits + "lead one of them in from another side with " + write("via"))
         for _, road in ring.arms:
             far = road.end if road.start == item.name else road.start
             points = [(road, f"via.{k}", point) for k, point in enumerate(road.via)]
             others = [j for j in self._network.body if isinstance(j, m.Junction) and j.name == far]
             for where, field, point in (*points, *((road, "start", j.at) for j in others)):
                 if math.dist((number(point.x), number(point.y)), ring.centre) < ring.outer_m + FROM_END_M:
-                    message = f"road '{road.name}' has a point in or right beside the roundabout '{item.name}'"
-                    help = f"its points are at least {ring.outer_m + FROM_END_M:.0f} m from the centre"
+                    message = f"road '{road.name}' has a point inside the roundabout or too close to it, '{item.name}'"
+                    help = f"move the point: it must be at least {ring.outer_m + FROM_END_M:.0f} m from the centre"
                     self._add(where, field, message, help)
 
     # ---- what has its place on a road -------------------------------------------------------------------------------
@@ -150,7 +150,7 @@ class Streets:
                 self._add(
                     item,
                     "speed",
-                    f"the bump is not slower than its road '{edge.road.name}'",
+                    f"the speed limit of the bump is not lower than that of its road '{edge.road.name}'",
                     "use less, such as " + write(_slower(item.speed)),
                 )
             return
@@ -190,8 +190,8 @@ class Streets:
             long_m, at_m = end_m - begin_m, item.at.si % edge.length_m if item.at.si < 0 else item.at.si
             first, last = math.ceil(low + at_m - begin_m), math.floor(high - (end_m - at_m))
             message = (
-                f"no room for this bay at {written(item.at)}: with its tapers it is {long_m:.0f} m long, "
-                f"'{edge.id}' {edge.length_m:.0f} m"
+                f"there is no room for this bay at {written(item.at)}: with its tapers it is {long_m:.0f} m long, "
+                f"and '{edge.id}' is {edge.length_m:.0f} m long"
             )
             fits = "use a length from " + write(f"{first} m") + " to " + write(f"{last} m")
             short = "use a longer road, a shorter stop, or " + leave_out("bay")
@@ -215,7 +215,10 @@ class Streets:
         low, high = FROM_END_M, edge.length_m - FROM_END_M
         if length > high - low:
             field = "length" if item.length is not None else "at"
-            message = f"the extra lane of '{item.name}' is {length:g} m long, '{edge.id}' only {edge.length_m:.0f} m"
+            message = (
+                f"the extra lane of '{item.name}' is {length:g} m long, but '{edge.id}' is only "
+                f"{edge.length_m:.0f} m long"
+            )
             self._add(
                 item,
                 field,
@@ -252,9 +255,9 @@ class Streets:
             return
         long = f"'{edge.id}' is {edge.length_m:.0f} m long"
         if high < low:
-            self._add(item, "at", f"{long}, too short for a {word}", "use a longer road")
+            self._add(item, "at", f"{long}, which is too short for a {word}", "use a longer road")
         else:
-            message = f"no place for a {word} at {at_m:g} m: {long}"
+            message = f"there is no place for a {word} at {at_m:g} m: {long}"
             self._add(
                 item,
                 "at",
@@ -291,7 +294,10 @@ class Streets:
                 late = max(item, other, key=self._network.body.index)
                 early = other if late is item else item
                 apart = APART_M + _half(early) + _half(late)
-                message = f"this is on top of {_called(early)}: {abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
+                message = (
+                    f"this is too close to {_called(early)}: the two are "
+                    f"{abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
+                )
                 free = number(early.at) + math.copysign(math.ceil(apart), number(late.at) - number(early.at) or 1)
                 self._findings.add(
                     late, "at", "FS270", message, "leave room between them, for example with " + write(f"{free:g} m")
@@ -301,13 +307,17 @@ class Streets:
                 if not cut.last and open_ramp is not None:
                     message = f"its extra lane overlaps that of {_called(open_ramp.item)}"
                     self._findings.add(
-                        item, "at", "FS270", message, "let one end before the other begins, or " + remove("remove one")
+                        item,
+                        "at",
+                        "FS270",
+                        message,
+                        "move one, so that it ends before the other begins, or " + remove("remove one"),
                     )
                     return
                 open_ramp = None if cut.last else cut
             elif isinstance(item, m.LaneEnd):
                 if open_ramp is not None:
-                    help = "let it end before the ramp's extra lane, or behind it, or " + remove("remove it")
+                    help = "move the end of the lane before or behind the ramp's extra lane, or " + remove("remove it")
                     message = f"a lane ends beside the extra lane of {_called(open_ramp.item)}"
                     self._findings.add(item, "at", "FS270", message, help)
                     return
@@ -337,7 +347,7 @@ class Streets:
                     late = max(bay, other, key=self._network.body.index)
                     reach = f"which reaches from {begin_m:g} m to {end_m:g} m of '{edge.id}'"
                     where = f"the bay of {_called(bay)}" if late is other else "this bay"
-                    message = f"{_called(other)} lies in {where}, {reach}, or right beside it"
+                    message = f"{_called(other)} is inside or too close to {where}, {reach}"
                     apart = f"leave {APART_M:g} m between the two, or "
                     self._findings.add(late, "at", "FS270", message, apart + remove("remove one"))
                     return True

@@ -54,8 +54,8 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | No
     if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside | m.Reverses) and (
         actor.kind == "pedestrian" or ways & {m.Path, m.PathAlong}
     ):
-        help = "bend its " + write("path") + " instead, or " + remove("remove this")
-        return f"'{actor.name}' follows a path, which has no lanes", help
+        help = "lead its " + write("path") + " there instead, or " + remove("remove this")
+        return f"'{actor.name}' moves without lanes, so it cannot do this", help
     return None
 
 
@@ -113,7 +113,7 @@ def _gap_between_legs(route: m.Route, roads: Roads) -> LintFinding | None:
             return None  # an unknown name, which is reported elsewhere
         reached = roads.reached(edges)
         if junction not in reached:
-            help = "write first how the route goes over " + one_of(sorted(reached), " or ")
+            help = "write how the route first goes over " + one_of(sorted(reached), " or ")
             return LintFinding(leg, "junction", c.BROKEN_ROUTE, f"{before} does not lead to '{junction}'", help)
         edges = roads.leaving(junction)
         before = f"the way over '{junction}'"

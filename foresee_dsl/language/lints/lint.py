@@ -132,8 +132,11 @@ def _of_case(case: TestCase) -> Iterator[LintFinding]:
 def _expectation(expect: m.Expect, limits: Limits) -> Iterator[LintFinding]:
     until = expect.within.si if isinstance(expect.within, m.Quantity) else limits.end_s
     if until > limits.end_s and expect.within is not None:
-        message = f"the run ends after {limits.end_s:g} s, before the {written(expect.within)} are over"
-        help = "write " + write(f"end after {written(expect.within)}") + ", or a shorter time"
+        message = (
+            f"the run ends after {limits.end_s:g} s, which is before the {written(expect.within)} of this "
+            "expectation are over"
+        )
+        help = "write " + write(f"end after {written(expect.within)}") + ", or give the expectation a shorter time"
         yield LintFinding(expect, "within", c.CUT_SHORT, message, help)
     inside = replace(limits, end_s=min(until, limits.end_s))
     cannot, must = never(expect.condition, inside), always(expect.condition, inside)
@@ -215,8 +218,11 @@ def hidden_characters(text: str, path: str) -> Iterator[Diagnostic]:
             name = unicodedata.name(sign, "a control character").lower()
             yield Diagnostic(
                 c.HIDDEN_CHARACTER,
-                f"a character that is not seen, U+{ord(sign):04X} ({name}), may make this line look like another",
-                "delete it",
+                (
+                    f"the invisible character U+{ord(sign):04X} ({name}) may make this line look different "
+                    "from what it says"
+                ),
+                "delete the character",
                 path,
                 Span(number, column + 1, number, column + 2),
                 line,

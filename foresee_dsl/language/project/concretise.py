@@ -77,7 +77,7 @@ def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[
     try:
         values = case_values(scenario, by_name[case])
     except ExpressionError as error:
-        findings.add(error.item, "", c.NO_RESULT, f"in case '{case}' {error.message}", "write another value")
+        findings.add(error.item, "", c.NO_RESULT, f"in case '{case}', {error.message}", "write another value")
         findings.raise_if_any()
         raise
     params = {param.name: param for param in scenario.all(m.Param)}
@@ -122,7 +122,7 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | N
         try:
             return evaluate(part, values)
         except ExpressionError as error:
-            where = f"in case '{case}' " if case is not None else ""
+            where = f"in case '{case}', " if case is not None else ""
             findings.add(
                 error.item, "", c.NO_RESULT, f"{where}{error.message}", "exclude such values with a " + write("require")
             )

@@ -48,8 +48,8 @@ def softened(document: Document) -> Iterator[Diagnostic]:
     for old in document.base.model.all(m.Expect):
         now = new.get(old.name)
         if old.name is not None and now is not None and weakened((old,), (now,)) is not None:
-            message = f"'{old.name}' is easier to meet than in '{document.written.parent}'"
-            help = "leave it, make it stricter, or explain in a comment why it is easier"
+            message = f"'{old.name}' is easier to meet here than in '{document.written.parent}'"
+            help = "leave the expectation as it is, make it stricter, or explain in a comment why it may be easier"
             yield replace(document.diagnostic(now, "", c.WEAKENED, message, help), severity="warning")
 
 

@@ -246,7 +246,7 @@ class Project:
     def _check_parent(self, use: _Use, chain: tuple[_File, ...]) -> None:
         _check_cycle(use, chain)
         if len(chain) > DEPTH_LIMIT:
-            use.fail(c.TOO_DEEP, f"more than {DEPTH_LIMIT} parents, one above the other")
+            use.fail(c.TOO_DEEP, f"more than {DEPTH_LIMIT} parents in a row, each the parent of the one before")
         self._check_reachable(use, chain)
 
     def _read(self, path: Path, shown_as: str) -> _File:
@@ -320,7 +320,7 @@ class Project:
             help = did_you_mean(case, names) or "it has no cases: leave out the case"
             _fail_case(file, use, c.UNKNOWN_CASE, message, help)
         if case is None and names:
-            message = f"'{file.document.path}' has {len(names)} cases, and one is needed here"
+            message = f"'{file.document.path}' has {len(names)} cases, but this needs a single one"
             written = f"case {names[0]}" if use else f"{file.document.path}::{names[0]}"
             _fail_case(
                 file,

@@ -161,7 +161,7 @@ def _assigned(text: str) -> Foreign | None:
     if match is None:
         return None
     what = {"end": "end after", "start": "start speed"}.get(match["what"], match["what"])
-    message = f"`{match[0]}`: this statement has no `{match['sign']}`"
+    message = f"`{match[0]}`: this statement takes no `{match['sign']}`"
     return Foreign(0, len(match[0]), message, meant_code(f"{what} {match['rest']}"))
 
 
@@ -193,7 +193,7 @@ def _action(text: str, word: str) -> Foreign | None:
     if (match := _TURNS.match(text)) is not None:
         turns = f"{match['name']} turns to ns_go"
         which = "name the stage, and behind it a colour if needed: " + write(turns) + " or " + write(f"{turns} amber")
-        message = "a signal shows different lights to different ways, so it turns to one of its stages"
+        message = "a signal shows several lights at once, so an action sets it to one of its stages"
         return Foreign(match.start("colour"), match.end("colour"), message, which)
     ours, help = ("when", "") if word == "when" else FIRST.get(word, ("", ""))
     if ours == "when":

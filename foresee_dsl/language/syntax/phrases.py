@@ -78,7 +78,7 @@ PHRASES = (
     _phrase(
         TOP,
         r"^(?:when|expect|if)\b.*?(?P<place>\b(?P<a>[a-z]\w*)\s+(?:is\s+)?(?:near|close\s+to)\s+(?P<b>[a-z]\w*))",
-        "nearness needs a length",
+        "how near an actor must be is a length",
         meant_code(r"\g<a> within 10 m of \g<b>"),
     ),
     _phrase(
@@ -122,7 +122,7 @@ PHRASES = (
     _phrase(
         _ACTION,
         rf"^(?P<a>[a-z]\w*)\s+brakes?(?:\s+(?:hard|fully|suddenly))?{_END}",
-        "braking needs a deceleration",
+        "`brakes` needs a deceleration",
         meant_code(r"\g<a> brakes 6 m/s^2"),
     ),
     _phrase(

@@ -126,9 +126,9 @@ class _Reader:
             return None
         meant = word if word in _DEFINITIONS else closest(word, _DEFINITIONS)
         if not word:
-            self._error("FS003", "a block without a statement in front of it", _NO_HEAD, raw.open, raw.open + 1)
+            self._error("FS003", "this block has no statement in front of it", _NO_HEAD, raw.open, raw.open + 1)
         elif not is_first and word in _DEFINITIONS:
-            message = f"a second definition, `{word[:40]}`, in one file"
+            message = f"this file has a second definition, `{word[:40]}`"
             self._error_of(raw, "FS008", message, "give it a file of its own")
         elif not is_first:
             self._error_of(raw, "FS008", f"`{word[:40]}` is outside the braces", move_inside("move it inside"))
@@ -221,7 +221,7 @@ class _Reader:
         place = self.lines.span(raw.open, raw.open + 1)
         word = self._word(raw)
         if raw.start == raw.end:
-            return TextError("FS003", "a block without a statement in front of it", _NO_HEAD, place)
+            return TextError("FS003", "this block has no statement in front of it", _NO_HEAD, place)
         if rule in PLACES and word in USAGE and "{" not in USAGE[word]:
             return TextError("FS003", f"`{word}` takes no block", "write it like " + write(USAGE[word]), place)
         return TextError(refusal.code, refusal.message, refusal.help, place)

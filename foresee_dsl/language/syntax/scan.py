@@ -186,7 +186,9 @@ class _Scanner:
                 self._unclosed(start)
             if self._after_brace and len(self.errors) < MOST:
                 help = "begin a new line, or write " + write(";") + " between them"
-                self.errors.append(TextError("FS003", "two statements on one line", help, self._lines.span(start, end)))
+                self.errors.append(
+                    TextError("FS003", "this line has two statements", help, self._lines.span(start, end))
+                )
                 self._after_brace = False
             self._current = Raw(start, end)
             self._stack[-1].statements.append(self._current)
