@@ -1,4 +1,4 @@
-"""Bounds, kinds and defaults of settings that an option and a statement share.
+"""Bounds and defaults of the campaign settings that the command line and the campaign file share.
 
 Nothing of the package is imported here: `foresee campaign --help` needs them without the model.
 """
@@ -8,11 +8,11 @@ from __future__ import annotations
 from enum import StrEnum
 
 AROUND_S = (0.5, 60)
-"""Seconds of a clip before and after its risky point."""
+"""Allowed seconds of a clip before and after its risky point, from the shortest to the longest."""
 RISKY_POINTS = (1, 1000)
 CHILDREN = (0, 1000)
 REPEAT = (1, 100_000)
-"""Ours: beyond the study's size (34,416 runs) by far."""
+"""Allowed numbers of repetitions. Ours: far above those of the study, whose runs were 34,416."""
 SEED = (0, 2**31 - 1)
 
 
@@ -26,4 +26,5 @@ class RulesMode(StrEnum):
 
 
 RULES_MODE = RulesMode.FAIL
-"""The default: a driver that runs a red light does not pass."""
+"""Default of `--rules`: a run in which the ego breaks a rule fails, because a driver that runs a red light should not
+pass."""

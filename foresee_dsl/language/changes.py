@@ -1,4 +1,5 @@
-"""Applies `change X.Y: WAS => NOW`: reads and writes each property, and checks its values."""
+"""Applies lines such as `change X.Y: WAS => NOW` to a scenario: reads the old value, checks the new one and writes
+it."""
 
 from __future__ import annotations
 
@@ -45,11 +46,13 @@ def changed_body(
 ) -> tuple[m.ScenarioItem, ...]:
     """Return a scenario's statements with one `change` line applied; all other statements are the same objects.
 
-    If the name is unknown, WAS is not the present value or NOW does not fit, `findings` gets the error and the
+    If the name is unknown, WAS is not the present value, or NOW does not fit, the error is added to `findings` and the
     statements come back unchanged.
 
-    `models`: every model that may be named; None if the caller checks models. `place`: the changed file, in words.
-    `parameters`: the names that NOW may refer to.
+    Args:
+        models: every model that may be named; None if the caller checks models.
+        place: the changed file, in words for messages.
+        parameters: the names of parameters that NOW may refer to.
     """
     named = isinstance(change.now, str) and change.now in parameters
     now: _Value = m.Ref(name=str(change.now)) if named else change.now
@@ -88,7 +91,7 @@ def value_of(actor: Participant, name: str) -> _Value | None:
 
 
 class _RefusedError(Exception):
-    """A change that cannot be applied: the wrong field of the change, and the reason."""
+    """Raised for a change that cannot be applied; it holds the field of the change that is wrong, and the reason."""
 
     def __init__(self, field: str, code: str, message: str, help: HelpText = "") -> None:
         super().__init__(message)
@@ -258,7 +261,7 @@ def _replaced(actor: Participant, item: m.ActorItem) -> Participant:
 
 
 def _had(actor: Participant, name: str, rule: m.Property) -> _Value | None:
-    """Return the value of an actor's property before a change; None if it has no value."""
+    """Return the value that an actor's property had before a change; None if it has no value."""
     if rule.statement is None:
         return _value(getattr(actor, name))
     if name == "speed" and actor.state is not None:

@@ -26,12 +26,12 @@ _SHARED = """
     for (link): how long | stops for 4 s
 """
 _WORD = re.compile(r"^\s*(\w+) \((\w+)\): ([^|]+?)\s+\| (.+)$", re.MULTILINE)
-"""An entry of `Item.words`, which may go over several lines."""
+"""Matches an entry of `Item.words`, which may go over several lines."""
 
 
 @dataclass(frozen=True, slots=True)
 class Keyword:
-    """One word: its group, its meaning in a sentence without a full stop, and an example of a line with it."""
+    """One word of the language: its group, its meaning in a sentence without a full stop, and an example line."""
 
     word: str
     group: Group
@@ -48,12 +48,12 @@ def keywords_in(words: str) -> Iterator[Keyword]:
 _ALL = tuple(keyword for words in (_SHARED, *(kind.words for kind in m.ITEMS)) for keyword in keywords_in(words))
 
 KEYWORDS = MappingProxyType({keyword.word: keyword for keyword in _ALL})
-"""The entry of every word of the language, by word."""
+"""Every word of the language with its entry."""
 
 USAGE = MappingProxyType(
     {k.word: k.example for k in _ALL if k.group in ("definition", "statement") or k.word in ("wait", "then")}
 )
-"""An example of each statement, by its first word."""
+"""An example line of each statement, by the statement's first word."""
 
 
 def words_of(*groups: Group) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The meaning of a file as a hash, which comments, layout, `doc`, tags, units and file names do not change."""
+"""Computes a hash of what a file means, which comments, layout, `doc`, tags, units and file names do not change."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.project.document import TestCase
 
 VERSION = 1
-"""Part of every hash: raised when the meaning of the language itself changes, so that old pins become stale."""
+"""Version of the hash. It is raised when the meaning of the language itself changes, so that all old pins become
+stale."""
 
 SIGNIFICANT_DIGITS = 9
 """Significant digits to which SI values are compared (ours): far finer than any unit's step, coarse enough for the
@@ -47,7 +48,8 @@ _Json = object
 _T = TypeVar("_T")
 _CACHE_SIZE = 1000
 _CACHE: dict[int, tuple[object, _Json]] = {}
-"""The content of items by identity (items are immutable): the mutants of a clip share nearly all of their items."""
+"""The content of items by the id of the item, which is immutable: the mutants of a clip share nearly all of their
+items."""
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
@@ -63,8 +65,8 @@ def meaning_hash(scenario: m.Scenario, network: m.Network | Path, models: Mappin
 
 
 def clip_pin(clip: m.Clip, parent_meaning: str) -> str:
-    """Return the pin for a mutant of this clip: the clip's meaning (without risk, fidelity, doc and name) and its
-    parent's."""
+    """Return the pin for a mutant of this clip: a hash of the clip (without risk, fidelity, doc and name) and its
+    parent's meaning."""
     return _digest({"clip": _body(clip.body), "parent": parent_meaning})
 
 
@@ -87,7 +89,7 @@ def same_value(first: object, second: object) -> bool:
 
 
 def content_key(value: object) -> str:
-    """Return a text that is the same for two values exactly if they mean the same."""
+    """Return a text that is the same for two values if and only if they mean the same."""
     return _sort_key(_canonical(value))
 
 
@@ -97,7 +99,7 @@ def _digest(content: dict[str, _Json]) -> str:
 
 
 def _body(body: Iterable[m.Item]) -> _Json:
-    """Return a block's content: kinds whose order matters in order, all others sorted."""
+    """Return a block's content: statements of kinds whose order matters in their order, all others sorted."""
     items = [item for item in body if not isinstance(item, _NO_MEANING)]
     grouped = {name: [_canonical(item) for item in items if isinstance(item, kind)] for kind, name in ORDERED.items()}
     rest = [_canonical(item) for item in items if not isinstance(item, tuple(ORDERED))]
@@ -109,7 +111,7 @@ def _sort_key(content: _Json) -> str:
 
 
 def _canonical(value: object) -> _Json:
-    """Return a value as JSON that is equal for values of equal meaning."""
+    """Return a value as JSON; two values of equal meaning give equal JSON."""
     if type(value) in _PLAIN:
         return value
     if isinstance(value, m.Quantity):
@@ -128,7 +130,8 @@ def _plain(value: object) -> _Json:
 
 
 def _expression(value: m.Expression) -> _Json:
-    """Return an expression's content: its value if it has no parameters; `1 * gap` has the content of `gap`."""
+    """Return an expression's content; an expression without parameters has the content of its value, and `1 * gap` that
+    of `gap`."""
     from foresee_dsl.language.arithmetic.evaluate import evaluate
     from foresee_dsl.language.arithmetic.normal import normal_form
 

@@ -1,4 +1,5 @@
-"""Expressions: their dimensions, their values in a case, and which of them mean the same."""
+"""Expressions of the language: computes their dimensions and their values in a test case, and finds which mean the
+same."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ from foresee_dsl.language import model as m
 
 
 class ExpressionError(Exception):
-    """An expression that has no value in a case: which part of it, and why."""
+    """Raised for an expression that has no value in a case; it holds the part at fault and the reason."""
 
     def __init__(self, item: m.Item, message: str) -> None:
         super().__init__(message)

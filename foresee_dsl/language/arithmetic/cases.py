@@ -1,4 +1,5 @@
-"""The parameters' values in a case, some of them calculated from others. Most scenarios need no more of expressions."""
+"""Computes the parameters' values in a test case, some of them from others. Most scenarios need only this module of the
+package."""
 
 from __future__ import annotations
 
@@ -31,10 +32,10 @@ def references(value: m.Item) -> Iterator[m.Ref]:
 
 
 def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamValue]:
-    """Return the value of every parameter in a case (None: the defaults), in the order of the file.
+    """Return the value of every parameter in a case, in the order of the file; without a case (None), the defaults.
 
     Raises:
-        ExpressionError: a calculated value has no result; `item` is its assignment, or a part of it.
+        ExpressionError: a calculated value has no result; its `item` is the assignment at fault, or a part of it.
     """
     params = scenario.all(m.Param)
     defaults = {param.name: plain(param.default) for param in params}
@@ -82,7 +83,7 @@ def plain(value: m.ParamValue) -> m.ParamValue:
 
 
 def needed_by(assignment: m.Assignment, types: Mapping[str, m.ParamType]) -> tuple[m.Ref, ...]:
-    """Return the parameters that an assignment's value depends on; `types`: of all parameters.
+    """Return the parameters that an assignment's value depends on; `types` holds the type of every parameter.
 
     A bare word in the place of a number is a parameter if a parameter has this name (`gap = other_gap`).
     """

@@ -1,4 +1,4 @@
-"""Dimensions of expressions: a speed times a time is a length; a time and a length cannot be added."""
+"""Computes the dimensions of expressions: a speed times a time is a length; a time and a length cannot be added."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ _SYMBOLS = ("m", "s", "deg", "kg")
 
 
 def named(powers: Powers) -> Dimension | None:
-    """Return the dimension with these powers, `ratio` for none at all; None if the language has no name for it."""
+    """Return the dimension with these powers (`ratio` if all are zero), or None if the language has no name for it."""
     return _NAMED.get(powers)
 
 
 def in_words(powers: Powers) -> str:
-    """Return a dimension for a message, behind `is`: `a speed`, or `in m^2/s^2`."""
+    """Return a dimension in the words that a message puts behind `is`: `a speed`, or `in m^2/s^2`."""
     dimension = named(powers)
     if dimension is not None:
         return NOUNS[dimension]
@@ -65,7 +65,7 @@ def _power(symbol: str, n: int) -> str:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """Two values that cannot be calculated with each other: the wrong part, the message and the help."""
+    """A pair of values that cannot be calculated with each other: the part at fault, the message and the help."""
 
     item: m.Item
     message: str
@@ -73,8 +73,11 @@ class Mismatch:
 
 
 class Dimensions:
-    """Computes the dimensions of expressions and collects their mismatches. `types`: of the parameters; `needed`: the
-    dimension that the place of the expression needs, if known."""
+    """Computes the dimensions of expressions and collects their mismatches.
+
+    `types` holds the type of every parameter; `needed` is the dimension that the place of the expression needs, or
+    None.
+    """
 
     def __init__(self, types: Mapping[str, m.ParamType], needed: Powers | None = None) -> None:
         self._types = types
@@ -82,7 +85,7 @@ class Dimensions:
         self.mismatches: list[Mismatch] = []
 
     def of(self, value: m.AnyValue) -> Powers | None:
-        """Return a value's dimension; None if an error, which is reported, makes it unknown."""
+        """Return a value's dimension, or None if an error makes it unknown; the error is reported."""
         match value:
             case m.Quantity():
                 return POWERS[value.dimension]
@@ -161,7 +164,7 @@ def _instead(left: m.Item, first: Powers, right: m.Item, second: Powers) -> Help
 
 
 def turned(value: m.Item) -> m.Product | None:
-    """Return a product as the quotient, or a quotient as the product; None for anything else."""
+    """Return a product as the quotient of its two values, and a quotient as their product; None for any other value."""
     if not isinstance(value, m.Product):
         return None
     return m.Product(left=value.left, op="/" if value.op == "*" else "*", right=value.right)

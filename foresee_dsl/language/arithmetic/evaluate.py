@@ -1,4 +1,4 @@
-"""The value of an expression in a case: exact, in the units that the author uses."""
+"""Computes the value of an expression in a case: exactly, and in the units that the author uses."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.units import UNITS
 
 _DIGITS = 12
-"""Significant digits of a value without an exact decimal form, such as a third (ours: fewer than a float has, and
-three more than meanings are compared by)."""
+"""Number of significant digits of a value without an exact decimal form, such as a third (ours: fewer than a float has,
+and three more than those by which meanings are compared)."""
 _NO_VALUES: Mapping[str, m.ParamValue] = MappingProxyType({})
 
 
 def evaluate(value: m.AnyValue, values: Mapping[str, m.ParamValue] = _NO_VALUES) -> m.Quantity:
-    """Return a value as a quantity, with the parameters' values.
+    """Return the value of an expression as a quantity, given the parameters' values.
 
     A sum has the unit of its first part, a multiple the unit of the value that is multiplied. A product of two
     dimensions has the unit of generated files (`20 km/h * 1.8 s` is `10 m`).
 
     Raises:
-        ExpressionError: a division by zero, a result that is too large, values that do not fit each other.
+        ExpressionError: the expression divides by zero, is too large, or combines values that do not fit each other.
     """
     if isinstance(value, m.Quantity):
         return value
@@ -66,7 +66,8 @@ def _value_of(reference: m.Ref, values: Mapping[str, m.ParamValue]) -> m.Quantit
 
 @dataclass(frozen=True)
 class _Number:
-    """An exact number: in a unit of the author's, or (None) in metres, seconds, degrees and kilogrammes."""
+    """An exact number, either in a unit that the author wrote or (unit None) in metres, seconds, degrees and
+    kilogrammes."""
 
     amount: Fraction
     unit: str | None

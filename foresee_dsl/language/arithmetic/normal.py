@@ -1,5 +1,5 @@
-"""Normal form of expressions: two expressions that always have the same value are equal in it, as `gap + gap` and
-`2 * gap`.
+"""Computes the normal form of expressions, in which two that always have the same value are equal, such as `gap + gap`
+and `2 * gap`.
 
 The form is a sum of products, with the units among the factors. `min`, `max` and a division by a sum are factors.
 """
@@ -23,7 +23,7 @@ _MOST_TERMS = 200
 """Maximum number of terms that are multiplied out (ours: far more than people write; forty sums in brackets would
 give 2^40)."""
 _DIGITS = 9
-"""As `meaning.SIGNIFICANT_DIGITS`."""
+"""Number of significant digits of a factor, as many as `meaning.SIGNIFICANT_DIGITS`."""
 
 
 def normal_form(value: m.AnyValue) -> object:
@@ -55,7 +55,7 @@ def _terms(value: m.AnyValue) -> _Terms:
 
 
 def _extreme(value: m.Extreme) -> _Terms:
-    """Return a minimum or maximum as one factor; the order and repetition of its values do not count."""
+    """Return a minimum or maximum as one factor; the order of its values and repeated values make no difference."""
     parts = sorted({json.dumps(_json(_terms(part))) for part in _flat(value)})
     if len(parts) == 1:
         return _terms(value.values[0])

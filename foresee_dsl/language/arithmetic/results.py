@@ -1,4 +1,4 @@
-"""Results of expressions and parameters in each case: reports a division by zero and a result out of bounds."""
+"""Computes expressions and parameters in every case, and reports divisions by zero and results out of bounds."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from foresee_dsl.language.units import UNITS, Dimension
 
 Values = Mapping[str, m.ParamValue]
 _DIGITS = Decimal("0.0001")
-"""Resolution with which a message shows a bound (ours)."""
+"""Smallest step of a bound in a message, which rounds the bound to it (ours)."""
 
 
 @dataclass(frozen=True)
 class Use:
-    """A parameter or an expression at its place: the item that has it, and the field."""
+    """A place where a parameter or an expression is used: the item that contains it, and the item's field."""
 
     item: m.Item
     field: str
@@ -32,14 +32,14 @@ class Use:
 
     @property
     def limited(self) -> bool:
-        """True if some results would be errors."""
+        """True if the place refuses some results, so that they must be computed."""
         form = form_of(type(self.item), self.field.partition(".")[0])
         return isinstance(self.value, m.EXPRESSIONS) or form.bounds is not None or form.dimension == "count"
 
 
 @dataclass(frozen=True)
 class Unfit:
-    """A use with an error or a value out of bounds in some case."""
+    """A use whose result is an error or out of bounds in some case, with the message for it."""
 
     item: m.Item
     field: str
@@ -49,7 +49,8 @@ class Unfit:
 
 
 def uses(items: Iterable[m.Item]) -> Iterator[Use]:
-    """Yield the parameters and expressions used in some statements (other than parameters and cases)."""
+    """Yield every place where statements use a parameter or an expression; `param` and `case` statements are left
+    out."""
     for root in items:
         if isinstance(root, m.Param | m.Case | m.Cases):
             continue
@@ -62,8 +63,10 @@ def uses(items: Iterable[m.Item]) -> Iterator[Use]:
 
 
 def unfit(places: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator[Unfit]:
-    """Yield each use with an error, for its first such case and with the number of further cases; `cases`: names and
-    values, the name "" for a scenario without cases."""
+    """Yield each use that has an error in some case, with the first such case and the number of further ones.
+
+    `cases` holds the name and the values of each case; for a scenario without cases, the name "" and the defaults.
+    """
     for use in places:
         needed = {ref.name for ref in references(use.value)}
         wrong = [
@@ -112,7 +115,7 @@ def _problem(use: Use, values: Values) -> _Problem | None:
 
 
 def out_of_bounds(item: m.Item) -> str:
-    """Return the code of a value that is too small or too large for its place."""
+    """Return the code of the error about a value that is too small or too large for its place."""
     return "FS043" if isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
 
 
@@ -137,7 +140,7 @@ def _shortest(number: Decimal) -> Decimal:
 
 
 def not_by_zero(item: m.Item, values: Values) -> HelpText:
-    """Return what to write instead of a division by what can be zero, or of what comes to nothing else."""
+    """Return the help for a division by zero: how to keep the divisor above zero, or to write another value."""
     if not isinstance(item, m.Product):
         return "write another value"
     from foresee_dsl.language.arithmetic.evaluate import evaluate

@@ -1,1 +1,2 @@
-"""Checks of one file without its network, a module for each area; `documents.check_document` calls them."""
+"""Checks of a single file that do not need its network; each module covers one area, and `documents.check_document`
+calls all."""

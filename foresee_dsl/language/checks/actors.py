@@ -86,7 +86,7 @@ def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
 
 
 def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
-    """Report times of a line along a path, and braking of the ego, which its driver controls."""
+    """Report a `line` with times on a path, and `brakes` of the ego, whose driver decides when it brakes."""
     on_path = any(isinstance(item, m.AnyPath) for item in actor.body)
     for item in actor.body:
         if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):
@@ -109,7 +109,8 @@ def _check_passes(
     cases: Sequence[m.Case],
     body: Sequence[m.Item],
 ) -> None:
-    """Only a bicycle or motorcycle on lanes passes within its lane, and no other statement sets its line."""
+    """Report a `passes in lane` that has no effect: only bicycles and motorcycles on lanes can have it, and no other
+    statement may set their line."""
     statement = next((item for item in actor.body if isinstance(item, m.PassesInLane)), None)
     if statement is None:
         return
@@ -152,7 +153,7 @@ def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
 
 
 def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
-    """Report recorded states of an actor other than the ego, and states out of the order of their times."""
+    """Report recorded states of an actor other than the ego, and recorded states whose times do not increase."""
     before = 0.0
     for item in actor.body:
         if not isinstance(item, m.Recorded):
@@ -196,7 +197,7 @@ def _check_class(
 def _models(
     actor: m.Ego | m.Actor, parameters: dict[str, m.Param], cases: Sequence[m.Case]
 ) -> Iterator[tuple[m.Item, str, str]]:
-    """Yield the models that an actor can have, each with the item and the field that names it."""
+    """Yield every model that an actor can have in some case, each with the item and the field that names it."""
     if isinstance(actor.model, str):
         yield actor, "model", actor.model
         return
@@ -233,7 +234,7 @@ def door_of(action: m.Door) -> str:
 def _check_mentions(
     findings: Findings, body: Sequence[m.Item], actors: set[str], groups: set[str], doors: set[str]
 ) -> None:
-    """Report names of actors that do not exist. An actor of the traffic is called `others_03`, a door `van_door`."""
+    """Report mentions of actors that do not exist. Actors of the traffic are called `others_03`, doors `van_door`."""
     for root in body:
         for item in walk(root):
             place = isinstance(item, m.Measure) and item.what not in m.BETWEEN_ACTORS  # its `other` is a junction

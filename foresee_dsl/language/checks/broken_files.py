@@ -1,4 +1,4 @@
-"""Finds the certain errors of names and values in a file that also has grammar errors.
+"""Finds errors of names and values in a file that also has grammar errors, and reports those that are certain.
 
 Only statements without grammar errors are checked. A missing item may be in a statement that could not be read, so it
 is not reported, and a name counts as unknown only if no unread statement has that word.
@@ -30,13 +30,14 @@ from foresee_dsl.language.traversal import walk
 UNKNOWN_ROAD = "FS250"
 UNKNOWN_JUNCTION = "FS251"
 _WHOLE_FILE = ("FS007", "FS008", "FS009")
-"""Codes after which the structure of the file is unclear."""
+"""Codes of errors after which it is unclear which statements belong to which block."""
 _OF_NAMES = ("FS031", "FS037", "FS040", "FS041", UNKNOWN_ROAD, UNKNOWN_JUNCTION)
 _OF_WHAT_IS_THERE = (
     *("FS010", "FS012", "FS013", "FS030", "FS032", "FS033", "FS034", "FS060", "FS061", "FS062"),
     *("FS038", "FS039", "FS043", "FS046", "FS047", "FS049", "FS050"),
 )
-"""Codes of errors that remain errors whatever the unread statements say."""
+"""Codes of errors that depend only on the statement at fault, so that they hold whatever the unread statements
+contain."""
 _TAKEN = "FS049"
 _USES = 2
 _OF_THE_NETWORK = tuple([word] for word in ("road", "junction", "roundabout", "on_ramp", "off_ramp", "zebra", "bump"))
@@ -51,7 +52,10 @@ def with_certain(
     load: Callable[[Path], Document],
 ) -> tuple[Diagnostic, ...]:
     """Return grammar errors together with the certain errors of the statements that could be read, in the order of
-    the places. `reading`: the file's text as it was read. `load` reads the network that the file uses."""
+    their places.
+
+    `reading` is the file's text as it was read; `load` reads the network that the file uses.
+    """
     if len(nodes) != 1 or len(diagnostics) >= MOST or any(d.code in _WHOLE_FILE for d in diagnostics):
         return diagnostics
     text, lines, statements = reading.text, reading.lines, list(_flat(reading.statements))
@@ -136,8 +140,8 @@ def _definable(raw: Raw, text: str) -> Iterator[str]:
 
 
 def _around_it(broken: Raw, statements: Sequence[Raw], text: str) -> Iterator[str]:
-    """Yield the names that the statements around an unread one could define: a road with an error in its block is
-    not read either."""
+    """Yield the names that the statements around an unread one could define: a road with an error in its block is not
+    read either, but its name is in use."""
     for raw in statements:
         words = _first_words(raw, text)
         if raw.block is not None and raw.start < broken.start < raw.close and words[:1] in _OF_THE_NETWORK:
@@ -160,8 +164,11 @@ def _flat(statements: Iterable[Raw]) -> Iterator[Raw]:
 
 
 def unknown_names(document: Document, load: Callable[[Path], Document]) -> Iterator[Diagnostic]:
-    """Yield errors about roads and junctions that the network does not have, for files whose other errors prevent
-    placement; none if the network has another format or cannot be read. `load` reads a file."""
+    """Yield errors about roads and junctions that the network does not have, for files whose other errors prevent the
+    placement of actors.
+
+    It yields none if the network has another format or cannot be read. `load` reads a file.
+    """
     model = document.model
     network = _network(model, Path(document.path).parent, load) if isinstance(model, m.Scenario) else None
     if network is None or not isinstance(model, m.Scenario):

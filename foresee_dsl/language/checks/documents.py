@@ -94,7 +94,8 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
 
 
 def _check_expected(findings: Findings, model: m.Scenario | m.Clip | m.Mutant, cases: Sequence[str] | None) -> None:
-    """Check that a driver has one expected result, and that its case exists; `cases`: None if they are not known."""
+    """Report a driver with two expected results, and a result for a case that does not exist; `cases` is None if they
+    are unknown."""
     seen: set[tuple[str, str | None]] = set()
     for item in (item for item in model.body if isinstance(item, m.Expected)):
         if (item.driver, item.case) in seen:
@@ -152,7 +153,7 @@ def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
 
 
 def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameters: bool) -> None:
-    """Check `change` lines; `parameters`: whether their values may be names of parameters."""
+    """Check `change` lines; with `parameters`, their values may be names of parameters."""
     seen: set[tuple[str, str]] = set()
     for change in changes:
         path = (change.actor, change.property)
@@ -208,11 +209,11 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
 # ---- campaigns -------------------------------------------------------------------------------------------------------
 
 _SEVERAL: tuple[type[m.Item], ...] = (m.Doc, m.Seeds)
-"""Statements that a campaign may have several times; every other statement is written once."""
+"""Statements that a campaign may have several times; it may have every other statement only once."""
 
 
 def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
-    """Check a campaign's file. Whether its drivers, rankers and files exist is checked when it runs."""
+    """Check a campaign's file. Whether its drivers, rankers and files exist is checked only when it runs."""
     if not any(isinstance(item, m.Seeds) for item in campaign.body):
         help = "name the test cases to run: " + write('seeds "scenarios/**"')
         findings.add(campaign, "name", "FS057", f"campaign '{campaign.name}' has no `seeds`", help)
@@ -238,7 +239,7 @@ def check_catalogue(findings: Findings, catalogue: m.Catalogue) -> None:
 
 
 def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
-    """Report figures of a model that contradict each other."""
+    """Report numbers of a model that contradict each other, such as a cruise speed above the maximum speed."""
     for less, more in (("cruise_speed", "max_speed"), ("braking", "emergency_braking")):
         low, high = getattr(model, less), getattr(model, more)
         if isinstance(low, m.Quantity) and isinstance(high, m.Quantity) and low.si > high.si:

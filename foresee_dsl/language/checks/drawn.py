@@ -12,7 +12,7 @@ from foresee_dsl.language.sampling.draws import MAX_CASES, case_names
 from foresee_dsl.limits import most, raised_by
 
 _MAX_SEED = 10**9
-"""The largest seed: the largest number of the language."""
+"""Largest seed: the largest number that the language allows."""
 
 
 def check_drawn(findings: Findings, scenario: m.Scenario) -> None:
@@ -24,7 +24,8 @@ def check_drawn(findings: Findings, scenario: m.Scenario) -> None:
 
 
 def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
-    """Report names that two cases have; for a `cases` statement with several such names only the first."""
+    """Report case names that occur twice; of a `cases` statement with several such names, only the first name is
+    reported."""
     named: list[tuple[m.Item, str, str]] = [(case, "name", case.name) for case in scenario.all(m.Case)]
     drawn_cases = 0
     for cases in scenario.all(m.Cases):
@@ -51,7 +52,7 @@ def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
 
 
 def _check_cases(findings: Findings, cases: m.Cases) -> bool:
-    """Return whether the count and the seed are such that cases can be drawn."""
+    """Report a number of cases or a seed that is not allowed; return whether cases can be drawn."""
     sound = True
     for field, low, high in (("count", 1, MAX_CASES), ("seed", 0, _MAX_SEED)):
         value: m.Quantity = getattr(cases, field)
@@ -149,7 +150,7 @@ def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> N
 
 
 def _head(parameter: m.Param) -> str:
-    """Return a parameter as it is written, up to its default."""
+    """Return a parameter's statement up to its default, as it is written."""
     return f"param {parameter.name}: {parameter.type} = {value_text(parameter.default)}"
 
 

@@ -1,4 +1,5 @@
-"""Checks of expressions: their dimensions fit each other and their place, and the file may have expressions."""
+"""Checks of expressions: whether their dimensions fit each other and their place, and whether the file may have
+expressions."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ from foresee_dsl.language.units import Dimension
 
 
 def refuse(findings: Findings, kind: str, item: m.Item, field: str, value: m.Expression) -> None:
-    """Report an expression in a file that may hold only values."""
+    """Report an expression in a file that may only hold values."""
     try:
         help: HelpText = meant_code(written(evaluate(value)))
     except ExpressionError:
@@ -35,9 +36,9 @@ def check_expression(
     needed: Dimension | None,
     types: Mapping[str, m.ParamType],
 ) -> Powers | None:
-    """Check the dimensions of an expression (`needed`: None where any will do); return its own, None for a mistake.
+    """Check the dimensions of an expression and return its own dimension; None if it has an error.
 
-    Unknown parameters in it are reported elsewhere.
+    `needed` is the dimension that the place needs, or None if any will do. Unknown parameters are reported elsewhere.
     """
     dimensions = Dimensions(types, POWERS[needed] if needed is not None else None)
     powers = dimensions.of(value)
@@ -73,7 +74,8 @@ _RECIPES: Mapping[Dimension, str] = {
 
 
 def compare_sides(findings: Findings, item: m.Comparison, types: Mapping[str, m.ParamType]) -> bool:
-    """Check that both sides of a comparison in a `require` are of one dimension; return whether it can be judged."""
+    """Check that both sides of a comparison in a `require` have one dimension; return whether the comparison can be
+    evaluated."""
     dimensions = Dimensions(types)
     left = dimensions.of(item.left) if not isinstance(item.left, m.Measure) else None
     right = dimensions.of(item.right)

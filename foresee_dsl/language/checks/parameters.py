@@ -29,7 +29,8 @@ _MODEL = re.compile(r"[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*")
 WORD_TYPES = tuple(name for name in get_args(m.ParamType) if name not in get_args(Dimension))
 """Types of parameters whose values are words."""
 _ON_STEP = 1e-6
-"""Largest distance of a value from a whole number of steps (ours: far above rounding, far below any step)."""
+"""Largest distance of a value from a whole number of steps, in steps (ours: far above rounding errors, far below a
+step)."""
 
 
 def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
@@ -89,7 +90,7 @@ def _check_assignment(
 
 
 def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, parameters: dict[str, m.Param]) -> None:
-    """Check that the results of calculated values lie in their parameters' ranges."""
+    """Check that calculated values in cases lie in their parameters' ranges."""
     types = {name: parameter.type for name, parameter in parameters.items()}
     computed = [
         assigned for assigned in case.values if needed_by(assigned, types) or isinstance(assigned.value, m.EXPRESSIONS)

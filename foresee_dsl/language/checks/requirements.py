@@ -1,4 +1,4 @@
-"""Checks of requirements of parameters, and whether the written cases satisfy them."""
+"""Checks of `require` statements: whether they can be evaluated, and whether the written cases satisfy them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from foresee_dsl.language.traversal import parts
 
 
 def check_requirements(findings: Findings, scenario: m.Scenario) -> None:
-    """Check every `require`, and that the written cases satisfy it (or, without cases, the defaults)."""
+    """Check every `require`, and that every written case satisfies it; without cases, that the defaults do."""
     parameters = {parameter.name: parameter for parameter in scenario.all(m.Param)}
     sound = []
     for require in scenario.all(m.Require):

@@ -1,4 +1,5 @@
-"""Checks of the objects on and beside a network's roads: each has room there, and no rule blocks every way on."""
+"""Checks of the objects on and beside a network's roads: each needs room there, and no rule may forbid the last way on
+from a road."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ MOUTH_M = 8.0
 """Minimum length of the ring between the carriageways of two arms of a roundabout, m (ours: two corners of 5 m that
 meet the ring at an angle)."""
 STRAIGHT_RAD = math.radians(45)
-"""Largest angle at which a way over a junction counts as straight, rad (as SUMO's directions are)."""
+"""Largest angle at which a way over a junction counts as straight, rad: the limit by which SUMO names directions."""
 RAMP_TURN_RAD = math.radians(100)
 """Largest angle by which a ramp may turn between its junction and its edge, rad (ours: a larger turn needs points of
 its own)."""
@@ -39,7 +40,7 @@ Ramp = m.OnRamp | m.OffRamp
 def check_touching(
     findings: Findings, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
 ) -> None:
-    """Report names that do not belong to a road at a junction; `named` has (item, field, name)."""
+    """Report names that do not belong to a road at a junction; `named` holds (item, field, name) for each use."""
     ends = [(item.name, item.start, item.end) for item in network.body if isinstance(item, m.Road)]
     ends += [(item.name, item.junction, item.junction) for item in network.body if isinstance(item, Ramp)]
     touching = [name for name, *of_road in ends if junction in of_road]
@@ -52,7 +53,7 @@ def check_touching(
 
 
 class Streets:
-    """Checks everything of a network beside its junctions, roads and buildings."""
+    """Checks all statements of a network except its junctions, roads and buildings."""
 
     def __init__(self, findings: Findings, network: m.Network, junctions: Sequence[str]) -> None:
         self._findings, self._network, self._junctions = findings, network, junctions
@@ -179,7 +180,8 @@ class Streets:
         self._range(item, edge, FROM_END_M, edge.length_m - FROM_END_M, "lane's end")
 
     def _bay(self, item: m.BusStop) -> None:
-        """Look for a bay's edge, for its place there, and for what it cannot lie beside."""
+        """Report a bus stop's bay whose edge does not exist, that does not fit on the edge, or that is beside a cycle
+        lane."""
         edge = self._edges.get(item.road)
         if edge is None:
             self._unknown_edge(item, "road", item.road, list(self._edges))
@@ -414,7 +416,8 @@ class Streets:
         return next((edge for edge in ways if edge is not None and edge.end == junction), None)
 
     def _exits(self, edge: Directed) -> Mapping[str, m.Turn]:
-        """Return the edges that begin where an edge ends, each with its turn, by the directions of their lines."""
+        """Return the edges that begin where an edge ends, each with the turn that leads to it, from the directions of
+        their lines."""
         (x0, y0), (x1, y1) = edge.line[-2:]
         heading = math.atan2(y1 - y0, x1 - x0)
         turns: dict[str, m.Turn] = {}

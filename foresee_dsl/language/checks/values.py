@@ -32,11 +32,11 @@ _WORD_OF_OTHERS: Mapping[tuple[type[m.Item], str], ParamType] = {
     (m.Measure, "other"): "junction",
     (m.Named, "name"): "junction",
 }
-"""The type of parameter that may replace the word of a field, if the field's name does not determine it."""
+"""The type of parameter that may stand in place of a word, for fields whose name does not determine the type."""
 
 
 _ONLY_VALUES = {m.Clip: "a clip", m.Mutant: "a mutant", m.Catalogue: "a catalogue of models", m.Campaign: "a campaign"}
-"""Kinds of files that hold values but no calculations, with their names for messages."""
+"""Names, for messages, of the kinds of files that hold values but no calculations."""
 
 
 def check_values(findings: Findings, model: m.Definition) -> None:
@@ -87,14 +87,14 @@ def _check_gap(findings: Findings, item: m.KeepsGap, types: Mapping[str, str]) -
 
 
 def _needed(item: m.Item, field: str) -> Dimension | None:
-    """Return the dimension of the value in a field; None where any will do."""
+    """Return the dimension that the value in a field must have; None if any will do."""
     if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure):
         return m.MEASURED[item.left.what]
     return form_of(type(item), field.partition(".")[0]).dimension
 
 
 def _check_results(findings: Findings, scenario: m.Scenario) -> None:
-    """Report values that do not fit their place in some case, written or drawn, or by default."""
+    """Report values that do not fit their place in some case (written or drawn); without cases, with the defaults."""
     places = list(uses(scenario.body))
     if not places:
         return
@@ -118,7 +118,7 @@ _A_MODEL = {
     for name in ("car.compact", "van.delivery", "truck.rigid", "bus.city", "motorcycle.street", "bicycle.city",
                  "pedestrian.adult", "obstacle.crate")
 }  # fmt: skip
-"""An example model of each class, for the help when only the class is written."""
+"""An example model of each class, for the help when the author wrote only the class."""
 
 
 def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:

@@ -1,4 +1,4 @@
-"""The explanation of each code, read from `grammars/codes.toml`, which also says how its examples are written."""
+"""Reads the explanation of each code from `grammars/codes.toml`, for `foresee explain` and the documentation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal
 from foresee_dsl.files import data_folder
 
 PIN = "sha256:5ef2c6120a41"
-"""A parent's pin in an example."""
+"""The text that stands for a parent's pin in an example."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,17 +49,17 @@ class Code:
 
     @property
     def wrong_example(self) -> str:
-        """The wrong example with a parent's pin."""
+        """The wrong example with a parent's pin filled in."""
         return self.wrong.replace("PIN", PIN)
 
     @property
     def right_example(self) -> str:
-        """The right example with a parent's pin."""
+        """The right example with a parent's pin filled in."""
         return self.right.replace("PIN", PIN)
 
     @property
     def within(self) -> str:
-        """The block of the examples, in words; "" for whole files."""
+        """The block that surrounds the examples, in words; "" if they are whole files."""
         blocks = {"file": "", "actor": "in an actor's block", "trigger": "in a trigger's block"}
         return blocks.get(self.frame, f"in a {self.frame}")
 

@@ -1,4 +1,4 @@
-"""Names for the codes that several modules report or tests refer to; `grammars/codes.toml` explains each."""
+"""Names for the codes that several modules report or tests refer to; `grammars/codes.toml` explains each code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Differences in meaning between two files, in words and as an edit script.
+"""Compares two files by meaning: returns the differences in words and as an edit script.
 
     changes = diff_models(a, b)     # runner.speed: 50 km/h => 60 km/h (+10 km/h)
     apply(a, changes)               # means what b means

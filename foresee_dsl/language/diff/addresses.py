@@ -1,4 +1,4 @@
-"""Compares two files or test cases by address, with the networks and models that they use."""
+"""Compares two files or test cases that are named by address, with the networks and models that they use."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ from foresee_dsl.language.project.loading import Project
 
 _Network = m.Network | Path | None
 _RUNS = (m.Scenario, m.Extension, m.Clip, m.Mutant)
-"""Kinds that give a test case, so that any two of them can be compared in full."""
+"""Kinds of definitions that are test cases, so that any two of them can be expanded and compared in full."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two addresses with their differences: `changes` with a change of meaning, `texts` without."""
+    """The result of comparing two addresses: `changes` lists the differences in meaning, `texts` the other
+    differences."""
 
     old: str
     new: str
@@ -52,14 +53,14 @@ class Comparison:
 
 
 def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comparison:
-    """Compare two files, or test cases (`file.foresee::case`).
+    """Return the comparison of two files, or of two test cases (`file.foresee::case`).
 
     Two files of one kind are compared as written, with the networks and models that they use. Two test cases, and a
     clip or mutant (even a stale one) and its parent, are compared as the full scenarios that they expand to. A scenario
     that extends another is expanded first.
 
     Raises:
-        InputError: an error in a file, or two files that cannot be compared.
+        InputError: a file has an error, or the two files cannot be compared.
     """
     project = Project(check_pin=False, allow_outside=allow_outside)
     (old_file, old_case), (new_file, new_case) = parse_address(old), parse_address(new)
@@ -85,7 +86,8 @@ def parent_address(derived: str) -> str:
 
 
 def _cases(project: Project, old: tuple[str, m.Definition], new: tuple[str, m.Definition]) -> tuple[TestCase, TestCase]:
-    """Return both test cases. A scenario that is compared with a clip or mutant is taken at the case of that clip."""
+    """Return both test cases. If one address is a clip or mutant and the other a scenario, the scenario's case is the
+    clip's."""
     addresses = []
     for (address, model), (other, derived) in ((old, new), (new, old)):
         case = _case_of_parent(project, other, derived) if isinstance(model, m.Scenario | m.Extension) else None

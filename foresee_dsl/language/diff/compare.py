@@ -20,7 +20,7 @@ _UNORDERED_BODIES = (m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
 
 @dataclass(frozen=True)
 class _Place:
-    """The present place of the comparison: in words, and as a path in the first model."""
+    """The place that the comparison has reached, in words and as a path in the first model."""
 
     words: str
     at: At
@@ -33,9 +33,9 @@ class _Place:
 def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
     """Return the differences in meaning, in the order of the first file; additions come last in their block.
 
-    Names of the definitions, `doc`, tags, comments, layout, units, the order of statements where it has no meaning,
-    and the origin of a mutant do not count. To compare a clip or a mutant with its parent, expand both
-    (`expand.expanded_model`), or see `compare_addresses`.
+    These differences are ignored: names of the definitions, `doc`, tags, comments, layout, units, the order of
+    statements where it has no meaning, and the origin of a mutant. To compare a clip or a mutant with its parent,
+    expand both (`expand.expanded_model`), or see `compare_addresses`.
 
     Raises:
         InputError: the two are of different kinds.
@@ -73,7 +73,7 @@ def _apart(a: m.Item, b: m.Item) -> list[str]:
 
 
 def _no_field(item: m.Item) -> tuple[str, ...]:
-    """Return the fields that are not settings: those in the label, and those without meaning."""
+    """Return the fields of an item that are not compared as settings: those in its label, and those without meaning."""
     if isinstance(item, m.Definition):
         return ("kind", "name")
     if isinstance(item, m.VehicleModel):
@@ -132,8 +132,8 @@ def _settings(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
 
 
 def _absent(value: object, other: object) -> bool:
-    """Return whether a value counts as not written, if the other file has `other`: a junction's bare `crossings` is an
-    empty list, and None means no `crossings`."""
+    """Return whether a value counts as not written when the other file has `other`: for a junction, a bare `crossings`
+    is an empty list, and no `crossings` is None."""
     return value is None or value is False or (value == () and other is not None)
 
 
@@ -163,7 +163,7 @@ def _condition(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
 
 
 def _all_parts(test: Callable[[object], bool], a: object, b: object) -> bool:
-    """Return whether two values of a field are lists, and all their parts pass a test."""
+    """Return whether two values of a field are both lists whose parts all pass a test."""
     return isinstance(a, tuple) and isinstance(b, tuple) and all(map(test, (*a, *b)))
 
 
@@ -215,7 +215,8 @@ def _inserted(place: _Place, owner: m.Item, b: Sequence[m.Item], pairs: dict[int
 
 
 def _family(owner: m.Item, item: m.Item) -> object:
-    """Return a key that statements share whose order among each other matters; None if the order has no meaning."""
+    """Return a key shared by the statements whose order among each other has a meaning; None if a statement's order has
+    none."""
     if isinstance(owner, _UNORDERED_BODIES):
         return None
     if isinstance(owner, m.Scenario | m.Clip):

@@ -17,8 +17,8 @@ from foresee_dsl.language.traversal import is_condition
 _T = TypeVar("_T", bound=m.Item)
 
 LIKE_ENOUGH = 0.5
-"""Share of common words from which two statements count as one changed statement (ours: below it more words are new
-than old)."""
+"""Smallest share of common words at which two statements count as one changed statement (ours: below it more words are
+new than old)."""
 
 
 def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
@@ -38,7 +38,7 @@ def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
 
 
 def means_nothing(item: m.Item) -> tuple[str, ...]:
-    """Return the fields of an item without meaning, as in `language.meaning`."""
+    """Return the fields of an item that have no meaning, as `language.meaning` defines it."""
     if isinstance(item, m.When) and item.repeat in (None, "once"):  # `once` is the default of a trigger
         return ("name", "repeat")
     return ("name",) if isinstance(item, m.When | m.Expect) else ()
@@ -100,8 +100,10 @@ def _places(keys: Iterable[Hashable], taken: Iterable[int]) -> dict[Hashable, li
 
 
 def _alike(a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]) -> dict[int, int]:
-    """Return pairs of the remaining elements: the most similar ones of each kind first; if both blocks have only one
-    statement of a kind, those two are a pair in any case."""
+    """Return pairs of the remaining statements, the most similar ones of each kind first.
+
+    If both blocks have exactly one statement of a kind, those two are a pair even if they are not similar.
+    """
     before = _places(map(_slot, a), pairs)
     after = _places(map(_slot, b), pairs.values())
     partners: dict[int, int] = {}
@@ -115,8 +117,8 @@ def _alike(a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]) -> d
 
 
 def _slot(item: m.Item) -> Hashable:
-    """Return the key that two statements without a name must share to be paired; None for named ones, which are paired
-    by name."""
+    """Return the key that two statements without a name must share to be paired; None for statements with a name, which
+    are paired by it."""
     if isinstance(item, NO_MEANING):
         return None
     if _is_open(item):
@@ -125,7 +127,7 @@ def _slot(item: m.Item) -> Hashable:
 
 
 def _is_open(item: m.Item) -> bool:
-    """Return whether items of this kind are paired only by similarity: triggers, expectations, conditions."""
+    """Return whether statements of this kind are paired only by similarity: triggers, expectations and conditions."""
     fields = type(item).model_fields
     return is_condition(item) or any(is_condition(getattr(item, field)) for field in fields)
 
@@ -154,5 +156,5 @@ def _words(item: m.Item) -> Counter[str]:
 
 
 def _likeness(first: Counter[str], second: Counter[str]) -> float:
-    """Return the share of common words (Dice)."""
+    """Return the share of words that two statements have in common (the Dice coefficient), 0 to 1."""
     return 2 * (first & second).total() / max(first.total() + second.total(), 1)

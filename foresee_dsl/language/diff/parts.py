@@ -1,4 +1,5 @@
-"""The records of a comparison: differences in words, each with its edit; and the application of edits to a model."""
+"""The records of a comparison, each difference in words and as an edit, and the function that applies edits to a
+model."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ GROUPS: Mapping[Group, str] = {
     "network": "Network",
     "expectation": "Expectation and end",
 }
-"""The groups of differences in the order of the report, with their headings."""
+"""The groups of differences in the order of the report, each with its heading."""
 
 Kind = Literal["changed", "added", "removed", "renamed", "moved"]
 Op = Literal["set", "insert", "remove", "order", "rename"]
@@ -91,7 +92,7 @@ def first_line(text: str | None) -> str:
 
 
 def once(path: str, statement: str | None) -> str:
-    """Return path and statement; the statement alone if it contains the path."""
+    """Return a difference's path and statement; the statement alone if it already contains the path."""
     if not statement or statement == path:
         return path
     return statement if path in statement else f"{path}: {statement}"
@@ -103,8 +104,8 @@ _T = TypeVar("_T", bound=m.Item)
 def apply(model: _T, changes: Iterable[Difference | Edit]) -> _T:
     """Return a model with differences applied: `apply(a, diff_models(a, b))` has the meaning of `b`.
 
-    The model may also be another one with statements in the same places. `changes`: all or some, in any order; or their
-    edits.
+    The model may also be another one that has statements in the same places. `changes` holds all or some of the
+    differences, in any order, or their edits.
 
     Raises:
         ValueError: an edit's place is not in the model, or the result is not valid (pydantic's `ValidationError`).
@@ -177,7 +178,7 @@ def _by_step(edits: Sequence[Edit], at: At) -> Mapping[str | int, list[Edit]]:
 
 
 def renamed(item: _T, old: str, new: str) -> _T:
-    """Return an item with one name replaced in all fields that hold names."""
+    """Return an item in which one name is replaced in every field that holds names."""
     changed: dict[str, object] = {}
     for name, field in type(item).model_fields.items():
         before = getattr(item, name)
@@ -197,5 +198,5 @@ def _renamed_value(value: object, old: str, new: str) -> object:
 
 
 def _takes_words(annotation: object) -> bool:
-    """Return whether a field takes words of the language (`left`, `stop`), which are not names."""
+    """Return whether a field takes words of the language, such as `left` or `stop`, which must not be renamed."""
     return get_origin(annotation) is Literal or any(map(_takes_words, get_args(annotation)))

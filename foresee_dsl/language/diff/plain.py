@@ -17,10 +17,10 @@ from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
 _UNITS: Mapping[Dimension, str] = {**SI_WORD, "speed": "km/h"}
-"""The unit of each dimension; speeds in km/h, which road users read (ours)."""
+"""The unit in which each dimension is printed; speeds are in km/h, which road users read (ours)."""
 
 _SORTED = (m.Scenario, m.Clip, m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
-"""Blocks in which only the order of `ORDERED` statements of one kind has a meaning."""
+"""Blocks in which only the order of `ORDERED` statements of one kind has a meaning, so that the others are sorted."""
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Calculated)
 
@@ -37,8 +37,10 @@ def plain_text(model: m.Definition, *, people: bool = False) -> str:
 
 
 class TextChange(NamedTuple):
-    """A difference without a change of meaning: in a `doc`, tags, an origin, or the form of a calculation. `path`: its
-    label."""
+    """A difference without a change of meaning: in a `doc`, tags, an origin, or the form of a calculation.
+
+    `path` is the label of the statement.
+    """
 
     path: str
     was: str | None
@@ -61,7 +63,8 @@ def texts(a: m.Item, b: m.Item) -> tuple[TextChange, ...]:
 
 
 def _respelled(path: str, a: m.Item, b: m.Item) -> Iterator[TextChange]:
-    """Yield the calculations with another form and always the same result: `gap + gap`, `2 * gap`."""
+    """Yield the calculations that are written differently but always have the same result, such as `gap + gap` and `2 *
+    gap`."""
     for name in type(a).model_fields if type(a) is type(b) else ():
         was, now = getattr(a, name), getattr(b, name)
         if isinstance(was, tuple) and isinstance(now, tuple):

@@ -12,16 +12,17 @@ from foresee_dsl.language.diff.plain import TextChange
 _WIDTH = 80
 _MARKS = {"changed": "~", "added": "+", "removed": "-", "renamed": "=", "moved": "^"}
 _COLOURS = {"changed": "33", "added": "32", "removed": "31", "renamed": "36", "moved": "36"}
-"""ANSI: yellow, green, red, cyan."""
+"""ANSI colours: yellow, green, red, cyan."""
 _BOLD = "1"
 _FOR_PEOPLE = ("doc", "tags", "expected", "risk", "fidelity", "origin")
-"""Statements whose texts are not shown: for these it is enough to name them."""
+"""Statements for people: a report only names them and does not print their texts."""
 _LONG_LIST = 12
 """Number of differences from which a group in a pull request's comment is folded (ours: more than a screen shows)."""
 
 
 def render_groups(changes: Sequence[Difference], texts: Sequence[TextChange] = (), *, colour: bool = False) -> str:
-    """Return the differences by group, in 80 columns; `texts`: from `plain.texts`."""
+    """Return the differences as text, by group, in 80 columns; `texts` are the differences without a change of
+    meaning."""
     blocks = []
     for group, members in _grouped(changes):
         lines = [_paint(GROUPS[group], _BOLD, colour)]
@@ -54,7 +55,7 @@ def render_markdown(
 
 
 def _unmeant(change: TextChange) -> str:
-    """Return the label of a change without meaning; for a value with its two forms."""
+    """Return the label of a change without meaning; for a value, with the old and the new form."""
     if change.was is None or change.now is None or change.path.split()[0] in _FOR_PEOPLE:
         return change.path
     return f"{change.path} ({change.was} is {change.now})"
@@ -102,8 +103,7 @@ def _wrapped(line: str, indent: str) -> list[str]:
 
 
 def _statements(change: Difference) -> list[str]:
-    """Return the lines of a change with whole blocks; an added or removed block needs no heading if its first line has
-    the path."""
+    """Return the lines of a change of whole blocks. A block whose first line contains the path gets no heading."""
     statements = [text for text in (change.was, change.now) if text is not None]
     first, *rest = statements[0].split("\n")
     if len(statements) == 1 and change.path in first:

@@ -1,4 +1,4 @@
-"""The words of differences: labels of statements, values as the language prints them, groups."""
+"""Puts differences into words: labels of statements, values as the language prints them, groups."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from foresee_dsl.language.traversal import is_condition
 from foresee_dsl.language.units import UNITS
 
 NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Expected, m.Origin)
-"""Statements for people, which `language.meaning` also leaves out of a hash."""
+"""Statements for people, which have no meaning; `language.meaning` leaves them out of the hash too."""
 
 _WORD = re.compile(r"[a-z_]+")
 _ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
-"""Statements called by the first word of their pattern alone, although fixed words follow it in the printed text."""
+"""Statements that are called by the first word of their pattern alone, although further fixed words follow it in the
+printed text."""
 
 _FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width"}
 _WRITTEN = (m.Quantity, m.Ref, *m.EXPRESSIONS, m.Range, m.Measure, *get_args(get_args(m.Place)[0]))
-"""Values and places that are shown as written; other parts of statements are shown field by field."""
+"""Values and places that are shown as they are written; other parts of statements are shown field by field."""
 _FIELDWISE = (m.Weather, m.SignalState, m.Change)
 """Statements of one line, without a name, that are compared setting by setting."""
 
@@ -117,7 +118,7 @@ def text(value: object) -> str:
 
 
 def setting(item: m.Item, field: str) -> str:
-    """Return one field of a statement as printed: `lanes 2`, or only its value."""
+    """Return one field of a statement as it is printed: with its word, such as `lanes 2`, or only the value."""
     layout = shape(item)
     for key, inner in (layout.inside or ()) if layout is not None else ():
         if key == (field,) and isinstance(inner, str):
@@ -140,7 +141,8 @@ def join(owner: str, words: str) -> str:
 
 
 def note(was: object, now: object) -> str:
-    """Return the difference that a reviewer would compute: of the only number, or of the list, that changed."""
+    """Return what a reviewer would compute from a change: the difference of the only number, or of the list, that
+    changed."""
     before, after = list(_leaves(was)), list(_leaves(now))
     apart = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
     if len(before) == len(after) and len(apart) == 1:
@@ -154,8 +156,8 @@ def note(was: object, now: object) -> str:
 
 
 _READ_AT_A_GLANCE = 6
-"""Largest number of elements of two lists together whose difference needs no note; longer lists get `+c, -a`
-(ours)."""
+"""Largest number of elements of two lists together whose difference a reader sees without a note; longer lists get the
+note `+c, -a` (ours)."""
 
 
 def _delta(was: object, now: object) -> str:
@@ -182,7 +184,7 @@ def _leaves(value: object) -> Iterator[object]:
 
 
 def group_of(item: m.Item) -> Group:
-    """Return the group of a statement of a definition's body; statements that are not listed are stimulus."""
+    """Return the group of a statement of a definition's body; statements that are not listed belong to the stimulus."""
     if isinstance(item, m.Network | m.UseNetwork | m.Junction | m.Road | m.Building):
         return "network"
     if isinstance(item, m.Ego | m.Goal):

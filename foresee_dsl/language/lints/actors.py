@@ -1,4 +1,4 @@
-"""Lints about actors: actions that they cannot do, speeds above their models', and routes with gaps."""
+"""Lints about actors: actions that an actor cannot do, speeds above its model's maximum, and routes with gaps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from foresee_dsl.language.traversal import walk
 
 _ACTIONS: tuple[type[m.Item], ...] = get_args(get_args(m.Action)[0])
 _SLACK = 1.01
-"""Speeds up to this multiple of the model's maximum count as rounding (ours; the compiler's check uses the same)."""
+"""Speeds up to this multiple of the model's maximum are attributed to rounding (ours; the compiler's check uses the
+same)."""
 
 
 def actor_lints(case: TestCase) -> Iterator[LintFinding]:
@@ -39,7 +40,7 @@ def actor_lints(case: TestCase) -> Iterator[LintFinding]:
 
 
 def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | None:
-    """Return the reason why an actor cannot do an action, and the help; None if it can."""
+    """Return why an actor cannot do an action, with the help; None if it can."""
     if isinstance(actor, m.Ego):
         return (
             "a trigger cannot control the ego: the driver under test drives it",

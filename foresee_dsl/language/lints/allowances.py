@@ -1,4 +1,4 @@
-"""Comments such as `# foresee: allow FS301`, which suppress a lint.
+"""Reads comments such as `# foresee: allow FS301`, which suppress a lint.
 
 A comment at the end of a line applies to the statement on that line and its block; a comment on a line of its own to
 the statement that follows; and one before the definition to the whole file. Only warnings can be allowed.
@@ -26,7 +26,8 @@ _CODE = re.compile(r"FS[0-9]{3}")
 
 @dataclass
 class _Allowance:
-    """One code in one comment: its place, the first and last line that it applies to, and whether it was needed."""
+    """One code in one comment: its place, the first and last line that it applies to, and whether it suppressed a
+    lint."""
 
     code: str
     span: Span
@@ -36,18 +37,19 @@ class _Allowance:
 
 
 _ON_THE_NETWORK = frozenset({"FS330", "FS331", "FS332"})
-"""Codes of lints that need the built network. Before it is built, an allow comment for them may not be called
+"""Codes of lints that need the built network. Before it is built, a comment that allows them must not be called
 unnecessary."""
 
 
 def left(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return the warnings that no comment of the file allows."""
+    """Return the warnings that remain: those that no comment of the file allows."""
     allowances = list(_allowances(document.text))
     return tuple(diagnostic for diagnostic in diagnostics if not _allowed(diagnostic, allowances))
 
 
 def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return the diagnostics without the allowed warnings, with a warning for each comment that allows nothing."""
+    """Return the diagnostics without the allowed warnings, and with a new warning for each comment that suppresses
+    nothing."""
     allowances = list(_allowances(document.text))
     reported = [diagnostic for diagnostic in diagnostics if not _allowed(diagnostic, allowances)]
     lines = document.text.split("\n")

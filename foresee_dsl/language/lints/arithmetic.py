@@ -1,4 +1,4 @@
-"""Lints about divisors that can be zero: a drawn case could have no value."""
+"""Lints about divisors that can be zero within the parameters' ranges, so that a drawn case could have no value."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _unit(scenario: m.Scenario, name: str) -> str:
 
 
 def intervals(scenario: m.Scenario) -> dict[str, Interval]:
-    """Return the smallest and the largest value of each parameter with a range or options of numbers, SI.
+    """Return the smallest and the largest value, SI, of each parameter with a range or with numbers as options.
 
     A `require` that compares a parameter with a number narrows its interval.
     """
@@ -93,7 +93,7 @@ def _cut(interval: Interval, op: str, bound: float) -> Interval:
 
 
 def interval_of(value: m.AnyValue, ranges: Mapping[str, Interval]) -> Interval:
-    """Return the smallest and the largest value of an expression, SI; infinite where unknown."""
+    """Return the smallest and the largest value of an expression, SI; infinite if unknown."""
     match value:
         case m.Quantity():
             return value.si, value.si

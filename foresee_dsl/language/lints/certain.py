@@ -1,4 +1,4 @@
-"""Finds conditions whose result is certain before the run: never or always true, with the reason."""
+"""Finds conditions whose result is certain before the run, because they never or always hold, and states the reason."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "later
 _WIDEST_LANE_M = 10.0
 """Width of the widest lane that a road can have, m: an actor's offset from the middle of its lane is at most half."""
 _SLACK = 1.02
-"""Speeds up to this multiple of the model's maximum count as rounding (ours; the simulation never exceeds the
+"""Speeds up to this multiple of the model's maximum are attributed to rounding (ours; the simulation never exceeds the
 maximum)."""
 
 
@@ -39,7 +39,7 @@ class About:
 
 @dataclass(frozen=True)
 class Limits:
-    """Facts about a run: its duration in s, its actors, and for requirements the scenario's parameters."""
+    """Facts about a run: its duration in s and its actors; for requirements, also the scenario's parameters."""
 
     end_s: float
     actors: Mapping[str, About] = field(default_factory=dict)
@@ -69,7 +69,7 @@ def never(condition: m.Condition, limits: Limits) -> str:
 
 
 def always(condition: m.Condition, limits: Limits) -> str:
-    """Return the reason why a condition holds in every frame in which it is defined; an empty text if it may not."""
+    """Return why a condition holds in every frame in which it is defined; an empty text if it may fail in one."""
     match condition:
         case m.Comparison():
             return _out_of_reach(negated(condition), limits)
@@ -99,7 +99,7 @@ def earliest_s(condition: m.Condition) -> float:
 
 
 def _of_all(reasons: Iterable[str]) -> str:
-    """Return the first reason if every part has one; otherwise an empty text."""
+    """Return the first reason if every part of a condition has a reason; otherwise an empty text."""
     listed = list(reasons)
     return listed[0] if all(listed) else ""
 
@@ -160,7 +160,7 @@ def _out_of_reach(comparison: m.Comparison, limits: Limits) -> str:
 
 
 def _range(left: m.Measure, limits: Limits) -> tuple[float, float, str]:
-    """Return the smallest and the largest value of a measure, SI, and the largest in words."""
+    """Return the smallest and the largest value that a measure can have, SI, and the largest in words."""
     actor, other = limits.actors.get(left.actor or ""), limits.actors.get(str(left.other or ""))
     low = 0.0 if left.what in _NEVER_NEGATIVE or (left.what == "distance" and other is not None) else -math.inf
     high, why = math.inf, ""
@@ -232,7 +232,7 @@ def _texts(parameter: m.Param) -> Iterator[str]:
 
 
 def _contradiction(conditions: Sequence[m.Condition]) -> str:
-    """Return which two parts exclude each other, in words; an empty text if none do."""
+    """Return in words which two parts of a condition exclude each other; an empty text if none do."""
     facts = list(_all_of(conditions))
     pairs = ((first, second) for k, first in enumerate(facts) for second in facts[:k])
     excluding = ((first, second) for first, second in pairs if _exclude(first, second))
@@ -240,7 +240,7 @@ def _contradiction(conditions: Sequence[m.Condition]) -> str:
 
 
 def _no_way_out(conditions: Sequence[m.Condition]) -> str:
-    """Return which two parts of an `or` cover every possibility, in words; an empty text if none do."""
+    """Return in words which two parts of an `or` cover every possibility; an empty text if none do."""
     facts = [c for c in conditions if not isinstance(c, m.Not)]
     opposites = (c.condition for c in conditions if isinstance(c, m.Not) and c.condition in facts)
     return next((f"`{written(c)}` either holds or does not hold" for c in opposites), "")
@@ -278,7 +278,8 @@ def _pair(condition: m.Condition) -> tuple[str, str]:
 
 
 def _compared(condition: m.Condition) -> m.Comparison | None:
-    """Return a condition as a comparison of a measure with a number (`a within 5 m of b` too); otherwise None."""
+    """Return a condition as a comparison of a measure with a number, also `a within 5 m of b`; None for any other
+    condition."""
     if isinstance(condition, m.Within) and isinstance(condition.of, m.Named):
         left = m.Measure(what="distance", actor=condition.actor, other=condition.of.name)
         condition = m.Comparison(left=left, op="<=", right=condition.distance)

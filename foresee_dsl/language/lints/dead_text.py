@@ -1,4 +1,5 @@
-"""Lints about text without effect: conditions, parts of conditions, and steps that no run reaches."""
+"""Lints about text without effect: conditions and parts of conditions that are certain, and steps that no run
+reaches."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ def _about(actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel], roads: 
 
 
 def _junctions(way: m.Route | m.EdgeRoute | m.AnyPath, roads: Roads) -> frozenset[str] | None:
-    """Return the junctions that an actor on a route may reach, with those at which its first road begins."""
+    """Return the junctions that an actor on a route may reach, including those at which its first road begins; None if
+    unknown."""
     reached = junctions_of(way, roads)
     if reached is None:
         return None
@@ -50,7 +52,8 @@ def _junctions(way: m.Route | m.EdgeRoute | m.AnyPath, roads: Roads) -> frozense
 
 
 def dead_triggers(when: m.When, limits: Limits, others: Sequence[m.Action]) -> Iterator[LintFinding]:
-    """Yield the lints about a trigger; `others`: all actions of the scenario."""
+    """Yield the lints about a trigger that cannot fire or has steps that no run reaches; `others` are all actions of
+    the scenario."""
     reason = never(when.condition, limits)
     if reason:
         yield _never_happens(when, reason)
@@ -62,7 +65,7 @@ def dead_triggers(when: m.When, limits: Limits, others: Sequence[m.Action]) -> I
 def _dead_steps(
     actions: Sequence[m.Action], begins_s: float, limits: Limits, others: Sequence[m.Action]
 ) -> Iterator[LintFinding]:
-    """Yield the lints about the steps of a block; `begins_s`: the earliest time at which the block begins, s."""
+    """Yield the lints about the steps of a block; `begins_s` is the earliest time at which the block begins, s."""
     done_s, endless = begins_s, ""
     for action in actions:
         if not isinstance(action, m.Then):
@@ -106,7 +109,8 @@ def _never_happens(item: m.When | m.Then, reason: str) -> LintFinding:
 
 
 def dead_parts(condition: m.Condition, limits: Limits) -> Iterator[LintFinding]:
-    """Yield the lints about certain parts of a condition that as a whole is not certain."""
+    """Yield the lints about parts of a condition whose result is certain, although that of the whole condition is
+    not."""
     for part in parts(condition):
         if part is condition or isinstance(part, m.Not | m.Sustained):
             continue

@@ -1,4 +1,4 @@
-"""The result of a lint, before it has its place in the file."""
+"""The record of a lint before its place in the file is known; the rules return it and `lint` adds the place."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from foresee_dsl.language import model as m
 
 @dataclass(frozen=True)
 class LintFinding:
-    """A lint before it has its place: the item and its field, the code, what is unusual, what to write instead."""
+    """What a lint found: the item and its field, the code, the message and the help."""
 
     item: m.Item
     field: str

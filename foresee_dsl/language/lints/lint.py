@@ -24,7 +24,7 @@ from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk
 
 _TOO_FAST = "FS256"
-"""The compiler's code for a speed above the model's, which replaces the lint about it."""
+"""The compiler's code for a speed above the model's maximum, which replaces the lint about the same speed."""
 
 
 def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
@@ -49,7 +49,8 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
 
 
 def without_repeated(lints: Sequence[Diagnostic], placements: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """Return lints and then `placements`, the errors found on the network, without the lints that these repeat."""
+    """Return the lints followed by `placements` (errors found on the network), without the lints that the placements
+    repeat."""
     placed = {(d.code, d.path, d.span.line) for d in placements if d.span is not None}
 
     def repeats(lint: Diagnostic) -> bool:
@@ -169,7 +170,7 @@ def _nothing_expected(scenario: m.Scenario) -> Iterator[LintFinding]:
 
 
 def _places(case: TestCase, model: m.Definition) -> dict[int, m.Item]:
-    """Return the written item of each item of a concrete scenario, by the id of the latter."""
+    """Return the statement in the file for each item of a concrete scenario, by the id of the concrete item."""
     written_items: dict[int, m.Item] = {id(case.scenario): model}
     if not isinstance(model, m.Scenario):
         return written_items
@@ -183,7 +184,7 @@ def _places(case: TestCase, model: m.Definition) -> dict[int, m.Item]:
 
 
 def _same(line: m.Item, item: m.Item) -> bool:
-    """Return whether a concrete statement can come from this written one: the same kind and name."""
+    """Return whether a concrete statement can come from a written one: both have the same kind and name."""
     if type(line) is not type(item):
         return False
     if isinstance(line, m.When | m.Expect) and line.name is None:
@@ -204,10 +205,10 @@ def _pair(item: m.Item, line: m.Item, written_items: dict[int, m.Item]) -> None:
 
 
 def hidden_characters(text: str, path: str) -> Iterator[Diagnostic]:
-    """Yield a warning for the first hidden character of each line, in comments and texts too.
+    """Yield a warning for the first hidden character of each line, also in comments and texts.
 
     A character that changes the direction of writing (U+202E) lets an editor show a line differently from how it is
-    read. A byte order mark at the beginning of the file does not count.
+    read. A byte order mark at the beginning of the file is accepted.
     """
     for number, line in enumerate(text.removeprefix("\ufeff").split("\n"), 1):
         if line.isprintable():
@@ -231,5 +232,5 @@ def hidden_characters(text: str, path: str) -> Iterator[Diagnostic]:
 
 
 def _is_hidden(sign: str) -> bool:
-    """Return whether a character is a control code or has no shape of its own; tabs and line ends are not."""
+    """Return whether a character is a control code or has no visible shape; tabs and line ends are accepted."""
     return sign not in "\t\r" and unicodedata.category(sign) in ("Cc", "Cf", "Zl", "Zp")

@@ -1,4 +1,4 @@
-"""Logic of conditions: whether an expectation implies another; comparisons and their opposites."""
+"""Logic of conditions: decides whether an expectation implies another, and negates comparisons."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def weaker(old: m.Expect, new: m.Expect) -> bool | None:
 
 
 def implies(premise: m.Expect, conclusion: m.Expect) -> bool:
-    """Return whether a run that meets `one` provably meets `other`."""
+    """Return whether every run that meets `premise` provably meets `conclusion`."""
     first, second = _until(premise), _until(conclusion)
     if first is None or second is None:
         return False
@@ -46,19 +46,19 @@ def implies(premise: m.Expect, conclusion: m.Expect) -> bool:
 
 
 def _until(expect: m.Expect) -> float | None:
-    """Return the last moment that counts, s; None if it is a parameter."""
+    """Return the last moment at which an expectation is judged, s; None if a parameter determines it."""
     if expect.within is None:
         return math.inf
     return expect.within.si if isinstance(expect.within, m.Quantity) else None
 
 
 def _follows(premise: m.Condition, conclusion: m.Condition) -> bool:
-    """Return whether `one` provably implies `other`."""
+    """Return whether `premise` provably implies `conclusion`."""
     return _implies(_plain(premise), _plain(conclusion))
 
 
 def _implies(premise: m.Condition, conclusion: m.Condition) -> bool:
-    """Return the same for conditions with `not` only in front of conditions without parts."""
+    """Return the same for conditions in which `not` stands only in front of conditions without parts."""
     if premise == conclusion:
         return True
     if isinstance(premise, m.Either):

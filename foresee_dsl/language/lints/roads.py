@@ -1,4 +1,5 @@
-"""The roads of a network in the language as a graph without geometry: the junctions that a route reaches."""
+"""The roads of a written network as a graph without geometry, from which lints compute the junctions that a route
+reaches."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ class Roads:
             self.edges[whole] = (self.edges[whole][0] if whole in self.edges else start, end)
 
     def reached(self, edges: Iterable[str]) -> set[str]:
-        """Return the first junctions along some edges, and further ones as long as there is a single way on."""
+        """Return the first junctions along some edges, and the further ones as long as only one way leads on."""
         junctions: set[str] = set()
         open_ = [self._first.get(edge, edge) for edge in edges]
         seen = set(open_)
@@ -38,12 +39,12 @@ class Roads:
         return junctions
 
     def leaving(self, junction: str, but: tuple[str, str] | None = None) -> list[str]:
-        """Return the edges that leave a junction, without the way back along `but`."""
+        """Return the edges that leave a junction; the edge that leads back along `but` is left out."""
         back = but[::-1] if but is not None else None
         return [piece for piece, ends in self._pieces.items() if ends[0] == junction and ends != back]
 
     def on(self, edges: Iterable[str]) -> set[str]:
-        """Return the junctions at which some edges, or pieces of them, end."""
+        """Return the junctions at which some edges, or pieces of those edges, end."""
         return {end for piece, (_, end) in self._pieces.items() if piece.partition("#")[0] in edges}
 
 

@@ -1,1 +1,1 @@
-"""Diagnostics: their places, their words and their rendering."""
+"""Diagnostics for the author of a file: collects them with their places, words them and renders them."""

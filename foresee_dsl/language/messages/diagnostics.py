@@ -1,4 +1,4 @@
-"""Diagnostics as text for people."""
+"""Renders diagnostics as text for people, on a terminal or one per line."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def render_full(diagnostic: Diagnostic, colour: bool = False) -> str:
 
 
 def render_all(diagnostics: Sequence[Diagnostic], colour: bool = False) -> str:
-    """Return several diagnostics, one below the other."""
+    """Return several diagnostics in the full form, one below the other."""
     return "\n\n".join(render_full(diagnostic, colour) for diagnostic in diagnostics)
 
 

@@ -35,8 +35,11 @@ class Findings:
         *,
         head_only: bool = False,
     ) -> None:
-        """Report something about a field of an item ("": all of it; None: the file); `head_only` underlines no more
-        than its first line."""
+        """Add an error about a field of an item.
+
+        With the field "" the whole item is underlined, with `head_only` no more than its first line; without an item
+        the error is about the file.
+        """
         if self._document is None:
             self._diagnostics.append(Diagnostic.of(code, message, help, self._path))
             return
@@ -57,7 +60,8 @@ class Findings:
             self.add(item, "", "FS047", message, remove("keep one of the two"), head_only=True)
 
     def unique(self, named: Iterable[tuple[m.Item, str, str]], what: str) -> None:
-        """Report names that two items have: `named` yields (item, field of the name, name)."""
+        """Report names that two items have; `named` yields (item, field of the name, name), and `what` names the items
+        in the plural."""
         seen: set[str] = set()
         for item, field, name in named:
             if name in seen:
@@ -82,7 +86,10 @@ class Findings:
     def example(
         dimension: Dimension, item: m.Item | None = None, field: str = "", bare: m.Quantity | None = None
     ) -> Help:
-        """Return `a time such as `2.5 s``, with a value that the field of an item takes; the number of a bare one."""
+        """Return the help `a time such as `2.5 s``, whose example fits the field of an item.
+
+        If the author wrote a number without a unit (`bare`), the example has that number.
+        """
         number, _, unit = EXAMPLES[dimension].partition(" ")
         if bare is not None and not bare.unit and unit:
             value = m.Quantity(value=bare.value, unit=unit)

@@ -1,4 +1,4 @@
-"""Replaces the names in the examples of helps by names of the author's text: `ego in junction middle`, not `j4`."""
+"""Replaces names in the examples of helps by names from the author's file: `ego in junction middle` instead of `j4`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DECLARED = {
 }
 """The pattern that declares a name of each kind in a text."""
 _EXAMPLES = {"j4": "junction", "west": "road", "runner": "vehicle", "lead": "vehicle", "walker": "pedestrian"}
-"""The names in the examples of helps, each with its kind."""
+"""The names that occur in the examples of helps, each with its kind."""
 _CODE = re.compile(r"`[^`]*`")
 _NAME = re.compile(r"(?<![\w.\"])(?P<before>(?:junction|roundabout|road|vehicle|bicycle|pedestrian)\s+)?"
                    rf"(?P<name>{'|'.join(_EXAMPLES)})(?![\w\"])")  # fmt: skip
@@ -26,7 +26,8 @@ _COMMENT = re.compile(r"#[^\n]*")
 
 
 def with_own_names(diagnostics: Iterable[Diagnostic], text: str) -> tuple[Diagnostic, ...]:
-    """Return diagnostics whose helps use names of the text, for each example name that the text does not have."""
+    """Return diagnostics in whose helps each example name that the text does not have is replaced by a name of the
+    text."""
     listed = tuple(diagnostics)
     if not any(_NAME.search(diagnostic.help) for diagnostic in listed):
         return listed
@@ -45,7 +46,7 @@ def with_own_names(diagnostics: Iterable[Diagnostic], text: str) -> tuple[Diagno
 
 
 def _own(text: str) -> Iterator[tuple[str, str]]:
-    """Yield each example name with its replacement. Each name of the text is used once, the most frequent ones
+    """Yield each example name with its replacement. Each name of the text is used once, and the most frequent name
     first."""
     uses = Counter(re.findall(r"\w+", text))
     left = {
@@ -58,8 +59,11 @@ def _own(text: str) -> Iterator[tuple[str, str]]:
 
 
 def _renamed(code: str, own: Mapping[str, str]) -> str:
-    """Return code with the names replaced. A name that the code declares (`vehicle runner: ...`) stays, and so does a
-    name that stands alone, because it shows how names are written."""
+    """Return code in which example names are replaced by names of the text.
+
+    A name that the code declares (`vehicle runner: ...`) stays, and so does a name that stands alone, because it only
+    shows how names are written.
+    """
     if code.strip("`") in _EXAMPLES:
         return code
     declared = {match["name"] for match in _NAME.finditer(code) if match["before"] and not _is_used(code, match)}

@@ -1,4 +1,4 @@
-"""Suggests the word that the author probably meant, and where to write it, for messages, the editor and SARIF."""
+"""Suggests the word that the author probably meant and where to write it, for messages, the editor and SARIF."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from foresee_dsl.helps import Edit, HelpText, Meant, meant_word, one_of, write
 from foresee_dsl.language.units import OTHER_WORDS, UNITS
 
 _LONGEST = 60
-"""Longer words are not compared (ours: no word of the language is half as long, and the comparison is quadratic)."""
+"""Length from which words are not compared, in characters (ours: no word of the language is half as long, and the
+comparison is quadratic)."""
 _MOST_LISTED = 8
 """Maximum number of names that a help lists (ours: more than a reader takes in at a glance)."""
 
 
 def closest(word: str, words: Iterable[str]) -> str | None:
-    """Return which of some words `word` was probably meant to be, or None; deterministic."""
+    """Return the word that the author probably meant by `word`, or None if none is similar; the result is
+    deterministic."""
     candidates = list(dict.fromkeys(words))
     if not word or len(word) > _LONGEST:
         return None
@@ -68,7 +70,8 @@ def suggested_fix(diagnostic: Diagnostic) -> tuple[Span, str] | None:
 
 
 def meant_at(fixes: Iterable[Edit], written: str) -> tuple[int, int, str] | None:
-    """Return (start, end, new text) of the replacement in `written`, the underlined text; None if there is none."""
+    """Return (start, end, new text) of the replacement inside `written`, the underlined text; None if the fixes have
+    none."""
     meant = next((fix for fix in fixes if isinstance(fix, Meant)), None)
     if meant is None:
         return None
@@ -84,5 +87,6 @@ def meant_at(fixes: Iterable[Edit], written: str) -> tuple[int, int, str] | None
 
 
 def _plain(word: str) -> str:
-    """Return a word without signs and capitals, which are easily mixed up: `kmh` and `KM/H` both match `km/h`."""
+    """Return a word in small letters and without signs, which are easily mixed up: `kmh` and `KM/H` both match
+    `km/h`."""
     return "".join(c for c in word.lower().replace("²", "2") if c.isalnum())

@@ -1,4 +1,4 @@
-"""Words that messages share: the name of each dimension, and an example value."""
+"""Words that several messages share: the name of each dimension and an example value of it."""
 
 from __future__ import annotations
 
