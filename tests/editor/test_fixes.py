@@ -28,7 +28,7 @@ NOTHING_TO_WRITE = {
     ("places_of_drawn_cases", "FS252"): "which of the drawn values it leaves out is for the author",
     ("places_of_drawn_cases", "FS256"): "which of the drawn values it leaves out is for the author",
     ("streets_apart", "FS270"): "where the junction can lie is geometry: no text mends it",
-    ("two_definitions", "a second definition"): "it belongs in another file",
+    ("two_definitions", "this file has a second definition"): "it belongs in another file",
     ("two_on_a_line", "'speed' is not allowed"): "it has a block, which it cannot have where it belongs",
     ("wrong_place", "FS008"): "nothing before it could take it: where it belongs is for the author",
     ("stale_clip", "FS135"): "the child has to be looked at: `foresee repin` is a command, not a text",
