@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from contextlib import nullcontext
@@ -82,6 +83,24 @@ def show(
     ] = None,
     png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="Write the strip to a PNG file.")] = None,
     svg: Annotated[Path | None, typer.Option("--svg", metavar="FILE", help="Write the strip to an SVG file.")] = None,
+    gif: Annotated[
+        Path | None,
+        typer.Option("--gif", metavar="FILE", help="Write the seconds around the most critical moment as a film."),
+    ] = None,
+    criticality: Annotated[
+        Path | None,
+        typer.Option(
+            "--criticality", metavar="FILE", help="Write the criticality of each step to a .csv or .json file."
+        ),
+    ] = None,
+    actor: Annotated[
+        str,
+        typer.Option("--actor", metavar="ID", help="--criticality: the other actor; by default the story's opponent."),
+    ] = "",
+    states: Annotated[
+        Path | None,
+        typer.Option("--csv", metavar="FILE", help="Write places, headings and speeds of all actors to a .csv file."),
+    ] = None,
     step: Annotated[
         bool,
         typer.Option(
@@ -89,8 +108,12 @@ def show(
             help="Step through the run by keys: what the driver saw and answered, and why; in a pipe, print all steps.",
         ),
     ] = False,
-    from_s: Annotated[float, typer.Option("--from", min=0, help="--step: time of the first step, in seconds.")] = 0.0,
-    to_s: Annotated[float, typer.Option("--to", min=0, help="--step: time of the last step, in seconds.")] = 1e6,
+    from_s: Annotated[
+        float | None, typer.Option("--from", min=0, help="--step, --gif: time of the first step, in seconds.")
+    ] = None,
+    to_s: Annotated[
+        float | None, typer.Option("--to", min=0, help="--step, --gif: time of the last step, in seconds.")
+    ] = None,
     every_s: Annotated[
         float | None,
         typer.Option(
@@ -113,11 +136,12 @@ def show(
     [dim]foresee show scenarios/scenario7.foresee::r01
     foresee show out/children/scenario7/red_light_runner_r02_p1_m3.foresee
     foresee show red_light_runner_r02_p1_m3 --campaign out --svg strip.svg
-    foresee show red_light_runner_r02_p1_m3 --step --from 2 --to 3[/dim]
+    foresee show red_light_runner_r02_p1_m3 --step --from 2 --to 3
+    foresee show 3 --gif finding.gif --criticality finding.csv[/dim]
     """
     from foresee_dsl.report.show.sources import Wish, find
 
-    _one_file(targets, png, svg)
+    _one_file(targets, png, svg, gif, criticality, states)
     wish = Wish(driver, seed, campaign, allow_outside, fresh, full)
     console = _console()
     for number, target in enumerate(targets):
@@ -125,18 +149,30 @@ def show(
             console.print()
         run = find(target, wish)
         page = _page(run, wish, up, moments, console.width)
-        if step:
-            _walk(console, page, from_s, to_s, every_s)
-        else:
-            _print_page(console, page, picture)
         for file in (png, svg):
             if file is not None:
                 _write(file, page.strips, page.run.story.sentence, as_png=file is png)
+        if gif is not None:
+            from foresee_dsl.report.show.film import film
+
+            _write_bytes(gif, film(run, from_s, to_s))
+        if criticality is not None:
+            from foresee_dsl.report.show.series import write_criticality
+
+            write_criticality(run, criticality, actor)
+        if states is not None:
+            from foresee_dsl.report.show.series import write_states
+
+            write_states(run.trace, states)
+        if step:
+            _walk(console, page, from_s or 0.0, math.inf if to_s is None else to_s, every_s)
+        else:
+            _print_page(console, page, picture)
 
 
 def _one_file(targets: list[str], *files: Path | None) -> None:
     if len(targets) > 1 and any(file is not None for file in files):
-        raise typer.BadParameter("a file holds the strip of one run: name one run, or show them one by one")
+        raise typer.BadParameter("a file holds one run: name one run, or show them one by one")
 
 
 def _console() -> Console:
@@ -219,13 +255,17 @@ def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
 
 
 def _write(file: Path, strips: tuple[Strip, ...], label: str, *, as_png: bool) -> None:
-    from foresee_dsl.files import replacing
     from foresee_dsl.report.drawing.png import png_of_svg
     from foresee_dsl.report.strip import svg_of
 
     per_row = 3 if len(strips) == 1 else 6  # a mutant's moments right below those of its parent
     svg = svg_of(strips, label, per_row=per_row)
-    data = png_of_svg(svg) if as_png else svg.encode()
+    _write_bytes(file, png_of_svg(svg) if as_png else svg.encode())
+
+
+def _write_bytes(file: Path, data: bytes) -> None:
+    from foresee_dsl.files import replacing
+
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:
         temporary.write_bytes(data)

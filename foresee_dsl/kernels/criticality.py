@@ -59,24 +59,6 @@ def time_headway(gap_m: FloatArray, time_s: FloatArray, along_m: FloatArray, fra
     return headway
 
 
-def time_to_collision(gap_m: FloatArray, closing_mps: FloatArray, closing_mps2: FloatArray) -> FloatArray:
-    """Return the time until a gap is closed at a relative speed and acceleration, s; infinite if it never is.
-
-    The smallest root t >= 0 of gap = v t + a t^2 / 2. Source: ISO 22839:2013, enhanced time to collision; without
-    acceleration it is Hayward's TTC = gap / v (Highway Research Record 384, 1972). Not compared with the texts.
-
-    Args:
-        gap_m: room. closing_mps, closing_mps2: relative speed and acceleration, positive if they close the gap.
-    """
-    v, a = closing_mps, closing_mps2
-    root = v * v + 2 * a * gap_m
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # Equal to (sqrt(root) - v) / a, and without a difference of nearly equal numbers for a small acceleration.
-        times = np.where(root >= 0, 2 * gap_m / (v + np.sqrt(np.maximum(root, 0.0))), np.inf)
-    ends: FloatArray = np.where((times > 0) | (gap_m <= 0), np.maximum(times, 0.0), np.inf)
-    return np.where(gap_m <= 0, 0.0, ends)
-
-
 def braking_required(ttc_s: FloatArray, closing_mps: FloatArray, other_mps2: FloatArray) -> FloatArray:
     """Return the braking with which the ego's closing speed becomes zero where both would touch, m/s^2; 0 if none.
 

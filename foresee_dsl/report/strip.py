@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 SIDE_PX = 220.0
 """Side of a panel in a picture, px. Ours: six panels, or three on a phone's page, fit a screen."""
 _GAP_PX, _CAPTION_PX, _TITLE_PX = 14, 34, 22
-_SIZES = Sizes(text=12.0, small=11.0, title=13.0, room=1.0)
+SIZES = Sizes(text=12.0, small=11.0, title=13.0, room=1.0)
 """Ours: two lines of `_CAPTION_LETTERS` fit above a panel."""
 _LETTER_PX = 9.0
 """Width reserved for a letter in bold, px (12 px system-ui has at most 9)."""
@@ -131,11 +131,11 @@ def sheet_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> Sheet:
             for k, panel in enumerate(strip.panels[start : start + step]):
                 x = PAD + k * (SIDE_PX + _GAP_PX)
                 around.append(_caption(panel, x, y))
-                maps.append(_map(panel, x, y))
+                maps.append(map_of(panel, x, y))
             y += SIDE_PX + _GAP_PX
     width = max((map_.x for map_ in maps), default=PAD) + SIDE_PX + PAD
-    below, height = legend([_key(role, text) for role, text in legend_of(strips)], width, y, _SIZES)
-    return Sheet(width, height, tuple(maps), (*around, *below), shortened(label, 300), _SIZES)
+    below, height = legend([_key(role, text) for role, text in legend_of(strips)], width, y, SIZES)
+    return Sheet(width, height, tuple(maps), (*around, *below), shortened(label, 300), SIZES)
 
 
 def balanced(count: int, most: int) -> int:
@@ -169,10 +169,11 @@ def _caption(panel: Panel, x: float, y: float) -> DrawnPart:
     return DrawnPart("caption", words=words)
 
 
-def _map(panel: Panel, x: float, y: float) -> Map:
-    half, scale = panel.side_m / 2, SIDE_PX / panel.side_m
-    frame = MapFrame(SIDE_PX, SIDE_PX, -half, half, scale)
-    corner, _ = scale_and_north(frame, _SIZES, panel.north_rad)
+def map_of(panel: Panel, x: float, y: float, side_px: float = SIDE_PX) -> Map:
+    """Return a panel as a square map with its upper left corner at x and y, px."""
+    half, scale = panel.side_m / 2, side_px / panel.side_m
+    frame = MapFrame(side_px, side_px, -half, half, scale)
+    corner, _ = scale_and_north(frame, SIZES, panel.north_rad)
     return Map(x, y, frame, (*panel_parts(panel, scale), corner))
 
 

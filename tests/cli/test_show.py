@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
-from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.report.show import film
+from foresee_dsl.simulate.results.criticality import Measure
+from foresee_dsl.simulate.results.near_misses import near_misses
+from foresee_dsl.simulate.trace import SPEED, Trace, X
 from tests.support.hidden_walker import TEXT
 
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -108,3 +114,75 @@ def test_a_trace_that_was_tampered_with_is_harmless(project: Path, tmp_path: Pat
     replace(trace, actors=actors).save(file)
     result = CliRunner().invoke(app, ["show", str(file)])
     assert "is damaged" in str(result.exception)
+
+
+@pytest.fixture(scope="module")
+def written(project: Path) -> Path:
+    """The files that `show` writes of a run with a contact."""
+    folder = project / "written"
+    options = [f"--{name}={folder / name}.{end}" for name, end in
+               (("gif", "gif"), ("criticality", "csv"), ("csv", "csv"))]  # fmt: skip
+    file = str(project / "hidden_walker.foresee")
+    _said(["show", file, "--driver", "idm", "--campaign", str(project / "out"), *options])
+    _said(["show", file, "--driver", "idm", "--criticality", str(folder / "criticality.json")])
+    return folder
+
+
+def test_the_criticality_of_each_step_is_that_of_the_run(project: Path, written: Path) -> None:
+    trace = Trace.load(project / "out" / "traces" / "hidden_walker.npz")
+    with (written / "criticality.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["time_s"]) for row in rows] == pytest.approx(trace.time_s.tolist())
+    assert {row["with"] for row in rows} == {"walker"}
+    values = {name: [float(row[name]) for row in rows if row[name]] for name in rows[0] if name != "with"}
+    worst = near_misses(trace)
+    assert min(values["distance_m"]) == pytest.approx(worst.distance_m and worst.distance_m.value, abs=1e-4)
+    assert min(values["pet_s"]) == pytest.approx(worst.pet_s and worst.pet_s.value)
+    for measure in (Measure.TTC, Measure.TTB, Measure.TTS, Measure.DELTA_V, Measure.RISK):
+        expected = getattr(worst, measure.value).value
+        assert max(measure.sign * value for value in values[measure.value]) == pytest.approx(
+            measure.sign * expected, abs=1e-4
+        )
+    steps = json.loads((written / "criticality.json").read_text())["steps"]
+    assert [step["ttc_s"] for step in steps] == [float(row["ttc_s"]) if row["ttc_s"] else None for row in rows]
+
+
+def test_the_table_of_states_is_that_of_the_trace(project: Path, written: Path) -> None:
+    trace = Trace.load(project / "out" / "traces" / "hidden_walker.npz")
+    with (written / "csv.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    present = ~np.isnan(trace.states[:, :, X])
+    assert len(rows) == present.sum()
+    ego = [float(row["speed_mps"]) for row in rows if row["actor"] == "ego"]
+    assert ego == pytest.approx(trace.states[:, 0, SPEED].tolist(), abs=1e-4)
+
+
+def test_the_film_lasts_as_long_as_what_it_shows(project: Path, written: Path) -> None:
+    pictures = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    trace = Trace.load(project / "out" / "traces" / "hidden_walker.npz")
+    shown_ms, colours = [], set()
+    with pictures.open(written / "gif.gif") as image:
+        for frame in range(image.n_frames):
+            image.seek(frame)
+            shown_ms.append(image.info["duration"])
+            colours.add(image.convert("RGB").tobytes())
+    nearest = near_misses(trace).distance_m
+    assert nearest is not None
+    first_s, last_s = nearest.time_s - film.BEFORE_S, min(nearest.time_s + film.AFTER_S, trace.duration_s)
+    filmed_s = last_s - max(first_s, 0.0)
+    assert sum(shown_ms) / 1000 == pytest.approx(filmed_s + film.HOLD_S, abs=film.EVERY_S)
+    assert len(colours) > 10  # the actors move
+
+
+def test_a_file_that_show_cannot_write_is_explained(project: Path, tmp_path: Path) -> None:
+    base = ["show", str(project / "hidden_walker.foresee"), "--driver", "idm", "--campaign", str(project / "out")]
+    for option, words in (
+        (["--criticality", str(tmp_path / "a.txt")], "must end in .csv or .json"),
+        (["--criticality", str(tmp_path / "a.csv"), "--actor", "nobody"], "has no actor 'nobody' beside the ego"),
+        (["--csv", str(tmp_path / "a.json")], "must end in .csv"),
+        (["--gif", str(tmp_path / "a.gif"), "--from", "900"], "there is no moment from 900 s"),
+    ):
+        result = CliRunner().invoke(app, base + option)
+        assert result.exit_code != 0
+        assert words in str(result.exception)
+    assert not list(tmp_path.iterdir())

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from foresee_dsl.kernels import criticality as formulas
 from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2 as HARDEST
 from foresee_dsl.simulate.results.criticality import Measure, criticality
-from foresee_dsl.simulate.results.near_misses import near_misses
+from foresee_dsl.simulate.results.near_misses import near_misses, times_between
 from foresee_dsl.simulate.trace import ACCELERATION
 from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight
 
@@ -82,17 +81,24 @@ def test_worst_values_and_their_times() -> None:
     assert worst.ttb_s is not None and worst.ttb_s.time_s == 3.0
 
 
-def test_smallest_root_of_the_gap() -> None:
-    gap, v, a = (np.array(values) for values in zip(
-        (20.0, 10.0, 0.0), (20.0, 0.0, 0.0), (20.0, -5.0, 0.0), (20.0, 0.0, 10.0), (20.0, 10.0, -2.0),
-        (20.0, -5.0, 2.0), (20.0, 2.0, -2.0), (0.0, 5.0, 0.0), strict=True,
-    ))  # fmt: skip
-    times = formulas.time_to_collision(gap, v, a)
-    expected = (2.0, math.inf, math.inf, 2.0, 5 - math.sqrt(5), 2.5 + math.sqrt(26.25), math.inf, 0.0)
-    assert times == pytest.approx(expected)
-
-
 def test_every_measure_is_a_near_miss() -> None:
     empty = near_misses(make_trace({"ego": straight("car", 0, 0, EAST, 10, seconds=1)}))
     assert {measure.value for measure in Measure} | {"distance_m", "pet_s"} == set(vars(empty))
     assert set(vars(empty).values()) == {None}
+
+
+def test_the_time_between_two_at_each_spot() -> None:
+    # The ego's middle is at the crossing at 2 s, the other's at 3 s; the footprints reach 2 m and 0.9 m further.
+    trace = make_trace(
+        {"ego": straight("car", -20, 0, EAST, 10, seconds=4), "other": straight("car", 0, -30, NORTH, 10, seconds=4)}
+    )
+    between = times_between(trace, 1)
+    worst = near_misses(trace).pet_s
+    assert worst is not None and np.nanmin(between) == pytest.approx(worst.value)
+    # Over the spot from 2.9 m before the crossing to 2.9 m behind it, 0.29 s each; the ego leaves it for the other.
+    assert np.flatnonzero(~np.isnan(between)) * 0.05 == pytest.approx(np.arange(1.75, 2.26, 0.05), abs=0.06)
+    assert between[round(2.25 / 0.05)] == pytest.approx(3 - 0.29 - 2.25, abs=0.06)
+    along = straight("car", -40, 0, EAST, 10, seconds=4)
+    assert np.isnan(
+        times_between(make_trace({"ego": straight("car", -20, 0, EAST, 10, seconds=4), "b": along}), 1)
+    ).all()

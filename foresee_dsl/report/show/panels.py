@@ -176,11 +176,12 @@ def strip_panels(
     around = np.array([window.bounds for window in windows])
     bounds = (*around[:, :2].min(axis=0).tolist(), *around[:, 2:].max(axis=0).tolist())
     ground = with_patches(ground_of(bundle.network, within(bounds)), bundle.scene.slippery)
+    cuts = {window: _cut(ground, window) for window in dict.fromkeys(windows)}
     return tuple(
         Panel(
             snapshot=moment,
             window=window,
-            ground=_cut(ground, window),
+            ground=cuts[window],
             footprints=tuple(_footprints(trace, opponent, moment.frame, window, ghost)),
             ego_mps=float(measures.ego_mps[moment.frame]),
             gap_m=float(measures.gap_m[moment.frame]),

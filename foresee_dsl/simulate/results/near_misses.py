@@ -111,6 +111,29 @@ def braking_needed(trace: Trace, actor: int) -> FloatArray:
     return np.nan_to_num(criticality(trace, actor)[Measure.DRAC], posinf=np.inf)
 
 
+def times_between(trace: Trace, actor: int) -> FloatArray:
+    """Return the time between the ego and an actor at the spot where the ego is at each frame, [T] s.
+
+    The least of them is the run's post-encroachment time. NaN where the other neither was nor will be within
+    `HORIZON_S`, or has the ego's direction there.
+
+    Args:
+        trace: a run. actor: column of the other actor.
+    """
+    run, frames = Footprints(trace), np.arange(trace.frames)
+    reach, horizon = run.radius[0] + run.radius[actor], round(HORIZON_S / STEP_S)
+    between = np.full(trace.frames, np.nan)
+    for frame in frames.tolist():
+        near = frames[max(frame - horizon, 0) : frame + horizon + 1]
+        away = run.xy[near, actor] - run.xy[frame, 0]
+        turned = run.heading[frame, 0] - run.heading[near, actor]
+        near = near[(np.hypot(away[:, 0], away[:, 1]) <= reach) & (np.cos(turned) <= math.cos(CROSSING_RAD))]
+        hit = near[box_overlap(run.boxes(np.full(len(near), frame), 0), run.boxes(near, actor))]
+        if hit.size:
+            between[frame] = np.abs(hit - frame).min() * STEP_S
+    return between
+
+
 def _miss(run: Footprints, value: float, frame: int, actor: int) -> NearMiss:
     """Return a value with its time and the other actor's id."""
     return NearMiss(float(value), float(run.trace.time_s[frame]), run.trace.actors[actor].id)
