@@ -36,8 +36,8 @@ SIDE_PX = 440.0
 """Side of the picture, px. Ours: a car in the widest view is 20 px long."""
 COLOURS = 64
 """Number of colours of a film. Ours: the paints are 20, the others are the shades of their edges."""
-_TOLD_S = 1.5
-"""A moment of the story is told for this long, s: as in the page's playback."""
+_CAPTION_S = 1.5
+"""A moment of the story is in the caption for this long, s: as in the page's playback."""
 _LETTERS = 64
 """Maximum length of a line above the picture, characters: what fits its width."""
 _ZOOM = 1.0
@@ -63,7 +63,7 @@ def film(run: ShownRun, from_s: float | None = None, to_s: float | None = None) 
     if not frames.size:
         raise ForeseeError(f"there is no moment from {first:g} s to {last:g} s: the run has {trace.duration_s:.2f} s")
     window = _window(run, opponent, key)
-    moments = [Snapshot("", frame, float(trace.time_s[frame]), _told(run.story.moments, float(trace.time_s[frame])))
+    moments = [Snapshot("", frame, float(trace.time_s[frame]), _current_event(run.story.moments, float(trace.time_s[frame])))
                for frame in frames.tolist()]  # fmt: skip
     panels = strip_panels(trace, run.bundle, measures, opponent, moments, windows=[window] * len(moments))
     title = shortened(run.story.title, _LETTERS)
@@ -96,9 +96,9 @@ def _window(run: ShownRun, opponent: str, key: int) -> PanelWindow:
     return replace(windows[-1], x=cos * x + sin * y, y=-sin * x + cos * y, side_m=side)
 
 
-def _told(moments: Sequence[Moment], time_s: float) -> str:
+def _current_event(moments: Sequence[Moment], time_s: float) -> str:
     past = [moment for moment in moments if moment.time_s <= time_s + 0.011]
-    return past[-1].text if past and time_s - past[-1].time_s < _TOLD_S else ""
+    return past[-1].text if past and time_s - past[-1].time_s < _CAPTION_S else ""
 
 
 def _picture(panel: Panel, title: str) -> str:
