@@ -63,7 +63,7 @@ def film(run: ShownRun, from_s: float | None = None, to_s: float | None = None) 
     if not frames.size:
         raise ForeseeError(f"there is no moment from {first:g} s to {last:g} s: the run has {trace.duration_s:.2f} s")
     window = _window(run, opponent, key)
-    moments = [Snapshot("", frame, float(trace.time_s[frame]), _current_event(run.story.moments, float(trace.time_s[frame])))
+    moments = [Snapshot("", frame, float(trace.time_s[frame]), _event_at(run.story.moments, float(trace.time_s[frame])))
                for frame in frames.tolist()]  # fmt: skip
     panels = strip_panels(trace, run.bundle, measures, opponent, moments, windows=[window] * len(moments))
     title = shortened(run.story.title, _LETTERS)
@@ -96,7 +96,7 @@ def _window(run: ShownRun, opponent: str, key: int) -> PanelWindow:
     return replace(windows[-1], x=cos * x + sin * y, y=-sin * x + cos * y, side_m=side)
 
 
-def _current_event(moments: Sequence[Moment], time_s: float) -> str:
+def _event_at(moments: Sequence[Moment], time_s: float) -> str:
     past = [moment for moment in moments if moment.time_s <= time_s + 0.011]
     return past[-1].text if past and time_s - past[-1].time_s < _CAPTION_S else ""
 
