@@ -14,6 +14,7 @@ from foresee_dsl.campaign.assembly import trace_of
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.lock import only_writer
 from foresee_dsl.campaign.storage.traces import Blobs
+from foresee_dsl.campaign.triage.history import append_campaign
 from foresee_dsl.documents import plain
 from foresee_dsl.measuring import Part
 
@@ -68,9 +69,12 @@ class CampaignFolder:
             self._write(f"{small.folder}/{small.child.name}.foresee", small.child.text)
         for file, (name, test_case) in traces.items():
             self._show(file, name, test_case, blobs)
-        self._write("campaign.json", as_text(campaign_document(result)))
+        document = as_text(campaign_document(result))
+        self._write("campaign.json", document)
         for part in (*_PARTS, "campaign.json"):
             self._put_in_place(part)
+        if not result.interrupted:
+            append_campaign(self.out, result, document)
 
     def _put_in_place(self, part: str) -> None:
         """Replace an old part of the folder by the finished new one; the old one is deleted with the working folder."""

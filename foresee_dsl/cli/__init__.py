@@ -48,6 +48,8 @@ COMMANDS = (
     ("Campaign", "plan", "campaigns.plan"),
     ("Campaign", "review", "minimise.review"),
     ("Campaign", "diagnose", "minimise.diagnose"),
+    ("Campaign", "triage", "triage.triage"),
+    ("Campaign", "history", "triage.history"),
     ("Campaign", "store", "store.store"),
     ("Campaign", "keep", "keep.keep"),
     ("Campaign", "verify", "keep.verify"),

@@ -114,8 +114,6 @@ def campaign(
     from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
-    from foresee_dsl.compile import placement_mistakes
-    from foresee_dsl.errors import InputError
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.report.terminal.live import FirstFailure, progress
 
@@ -136,8 +134,7 @@ def campaign(
     )
     with Part.READING:
         cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
-        if mistakes := placement_mistakes(cases):
-            raise InputError(mistakes)  # before a store is created
+        _check(cases)
     if profiler is not None:
         profiler.ready()
     ctx.with_resource(only_writer(flags.out, "--out"))  # until the pages are written
@@ -173,6 +170,17 @@ def campaign(
             raise typer.Exit(stop.exit_code)
     if any(result.broken or (result.failed and not exit_zero) for _, result in results):
         raise typer.Exit(FAILED)
+
+
+def _check(cases: Sequence[TestCase]) -> None:
+    """Raise the errors of test cases and of their project's triage before a store is created."""
+    from foresee_dsl.campaign.triage.decisions import read_decisions, triage_file
+    from foresee_dsl.compile import placement_mistakes
+    from foresee_dsl.errors import InputError
+
+    if mistakes := placement_mistakes(cases):
+        raise InputError(mistakes)
+    read_decisions(triage_file(case.id for case in cases))
 
 
 def _run_all(
@@ -221,6 +229,7 @@ def _report(
     from dataclasses import replace
 
     from foresee_dsl.campaign.folder import as_text, campaign_document
+    from foresee_dsl.campaign.triage.standing import standing_of
     from foresee_dsl.documents import plain
     from foresee_dsl.report.builds.case_results import CaseResult, of_campaign
     from foresee_dsl.report.terminal.campaign import print_campaign, save_campaign
@@ -231,7 +240,11 @@ def _report(
 
     def data() -> str:
         more = {"profile": plain(profile())} if profile is not None else {}
-        return as_text({**campaign_document(results[0][1]), **more}) if len(results) == 1 else _several(results, more)
+        if len(results) > 1:
+            return _several(results, more)
+        folder, result = results[0]
+        standing = {"standing": plain(standing_of(result, folder))}
+        return as_text({**campaign_document(result), **standing, **more})
 
     def case_results() -> list[CaseResult]:
         if len(results) == 1:
@@ -257,8 +270,12 @@ def _report(
 
 def _several(results: list[tuple[Path, CampaignResult]], more: Mapping[str, Any]) -> str:
     from foresee_dsl.campaign.folder import campaign_document
+    from foresee_dsl.campaign.triage.standing import standing_of
 
-    campaigns = [{**campaign_document(result), "folder": str(folder)} for folder, result in results]
+    campaigns = [
+        {**campaign_document(result), "folder": str(folder), "standing": standing_of(result, folder)}
+        for folder, result in results
+    ]
     return json_document({"campaigns": campaigns, **more}, "campaigns")
 
 

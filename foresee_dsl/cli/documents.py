@@ -26,6 +26,9 @@ from foresee_dsl.campaign.regression.keeping import Report as Kept
 from foresee_dsl.campaign.regression.verify import Recheck
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.maintenance import Merged, Statistics, Swept
+from foresee_dsl.campaign.triage.changes import CampaignChange
+from foresee_dsl.campaign.triage.decisions import Decision
+from foresee_dsl.campaign.triage.standing import Standing
 from foresee_dsl.cli.about import Finding as Examined
 from foresee_dsl.cli.options.common import SCHEMA_NUMBERS
 from foresee_dsl.compile.bundle import ModelSpec
@@ -42,6 +45,8 @@ from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
 
+_STANDING = {"standing": NotRequired[shape(Standing)]}
+"""Key that `foresee campaign` prints and `campaign.json` does not have."""
 _PROFILE = {"profile": NotRequired[shape(Profile)]}
 """Keys that are present only with `--profile`."""
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -59,12 +64,12 @@ _MUTATION = {"name": str, "changes": list[str], "verdict": Verdict, "reason": st
 _MINIMISED = {"mutant": str, "full": Literal[False], "files": list[str], "runs_now": int} | {
     key: kind for key, kind in shape(Minimised).__annotations__.items() if key not in ("file", "clip")
 }
-_CAMPAIGN = {"folder": str, **shape(CampaignResult).__annotations__}
+_CAMPAIGN = {"folder": str, **shape(CampaignResult).__annotations__, **_STANDING}
 _PLAN = {"driver": str, "ranker": str, **shape(CampaignPlan).__annotations__}
 
 DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "assess": Assessment,
-    "campaign": {**shape(CampaignResult).__annotations__, **_PROFILE},
+    "campaign": {**shape(CampaignResult).__annotations__, **_STANDING, **_PROFILE},
     "campaigns": {"campaigns": [_CAMPAIGN], **_PROFILE},
     "check": {"ok": bool, "files": int, "test_cases": int, "diagnostics": list[Diagnostic]},
     "clip": {"clip": str, "fidelity_m": float, "fidelity_ego_m": float, **shape(RiskyPoint).__annotations__},
@@ -78,6 +83,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "explain": {"codes": list[Code]},
     "export": Imported,
     "forecast": {"trace": str, "ranker": str, "risky_points": list[RiskyPoint]},
+    "history": {"campaigns": [CampaignChange]},
     "import": Imported,
     "keep": Kept,
     "minimise": (_MINIMISED, {"mutant": str, "full": Literal[True], "files": list[str]}),
@@ -87,11 +93,11 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "plans": {"plans": [_PLAN]},
     "repin": {"ok": bool, "written": list[str], "children": [_REPINNED]},
     "report": Contents,
-    "review": {
+    "review": ({
         "finding": Finding, "asked": str, "others": [_MUTATION], "withstood": list[str],
         "files": {"as_found": str, "to_look_at": str}, "commands": list[str],
-        "diagnosis": str | None,
-    },
+        "diagnosis": str | None, "standing": str | None,
+    }, {"findings": [Finding], "standing": Standing}),
     "run": {**_RUN, **_PROFILE},
     "runs": {"runs": [_RUN], **_PROFILE},
     "sample": {
@@ -99,6 +105,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
         "parameters": [_REACH], "pairs": {"reached": int, "of": int},
     },
     "store": (Statistics, Merged, Swept, {"rows": int, "file": str}),
+    "triage": {"file": str, "entries": [Decision], "standing": Standing},
     "verify": {"ok": bool, "counts": dict[Status, int], "written": list[str], "tests": list[Recheck]},
 })  # fmt: skip
 """Every document by name, in the form that `foresee_dsl.documents.shape` takes: the record that is printed, a mapping

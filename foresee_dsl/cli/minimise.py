@@ -122,6 +122,7 @@ def review(
 
 def _list_findings(campaign: Path, *, json: bool) -> None:
     from foresee_dsl.campaign.findings.written import read_written
+    from foresee_dsl.campaign.triage.standing import standing_of_written
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.report.terminal.campaign import print_findings
 
@@ -129,10 +130,11 @@ def _list_findings(campaign: Path, *, json: bool) -> None:
     if not data:
         raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one, "
                            "`--campaign OUT` names another folder")  # fmt: skip
+    standing = standing_of_written(data, campaign)
     if json:
-        print_json({"findings": data["findings"]})
+        print_json({"findings": data["findings"], "standing": standing})
     else:
-        print_findings(console(), data["findings"], campaign)
+        print_findings(console(), data["findings"], campaign, standing)
 
 
 def diagnose(

@@ -77,6 +77,7 @@ class Finding:
             "number": self.number,
             "name": self.name,
             "title": self.title,
+            "story": self.story_key,
             "judgement": self.responsibility,
             "sentence": self.story.sentence,
             "class": self.story.contact,
@@ -100,6 +101,12 @@ class Finding:
             "mutation": or_null(self.story.mutation),
             "minimised": self.minimised,
         }
+
+    @property
+    def story_key(self) -> str:
+        """The words by which its failures are grouped; a later campaign's finding with the same words is the same
+        story."""
+        return " | ".join((self.family, *self.story_as_found.signature))
 
     @property
     def reduced(self) -> Minimised | None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
+from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.documents import or_null
 from foresee_dsl.errors import ForeseeError
 
@@ -52,6 +53,8 @@ class Review:
     seed: int
     campaign: Path
     diagnosis: str = ""
+    standing: str = ""
+    """Whether it is new since the campaign before, and how it was triaged, in words."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -63,6 +66,7 @@ class Review:
             "files": {"as_found": self.as_found, "to_look_at": self.file},
             "commands": self.command_lines,
             "diagnosis": or_null(self.diagnosis),
+            "standing": or_null(self.standing),
         }
 
     @property
@@ -137,6 +141,7 @@ def review_of(wanted: NamedFailure) -> Review:
         seed=int(settings.get("seed", 0)),
         campaign=wanted.campaign,
         diagnosis=diagnosis_of(wanted.campaign, str(finding["name"]), _reason_of(wanted, finding)),
+        standing=standing_of_written(wanted.data, wanted.campaign).words(str(finding.get("story", ""))),
     )  # fmt: skip
 
 

@@ -11,6 +11,9 @@ from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.responsibility import FOLDED
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.grouping import case_file_name
+from foresee_dsl.campaign.findings.written import read_written
+from foresee_dsl.campaign.triage.decisions import counted_decisions
+from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.report.page.entries import FindingEntry, Source
 from foresee_dsl.report.page.recorded import (
     Anticipation,
@@ -54,6 +57,8 @@ class Contents:
     notes: tuple[str, ...]
     overview: tuple[Table, ...] = ()
     numbers: tuple[Table, ...] = ()
+    nothing: str = "Nothing failed. The overview has the nearest misses."
+    """What stands in place of findings if there are none."""
 
     @property
     def folded(self) -> tuple[FindingEntry, ...]:
@@ -63,8 +68,10 @@ class Contents:
     @property
     def folded_text(self) -> str:
         """How many there are, by judgement: `11 that no driver could have avoided`."""
-        counts = Counter(finding.judgement.word for finding in self.folded)
-        return ", ".join(f"{counts[whose.value]} {whose.counted}" for whose in FOLDED if counts[whose.value])
+        counts = Counter(finding.judgement.word for finding in self.folded if finding.triage is None)
+        kinds = [f"{counts[whose.value]} {whose.counted}" for whose in FOLDED if counts[whose.value]]
+        triaged = counted_decisions(finding.triage for finding in self.folded if finding.triage is not None)
+        return ", ".join([*kinds, *filter(None, [triaged])])
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -77,7 +84,10 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
     Raises:
         ForeseeError: a folder does not hold a campaign.
     """
-    sources = [Source(folder, read_campaign_folder(folder)) for folder in folders]
+    sources = [
+        Source(folder, read_campaign_folder(folder), standing_of_written(read_written(folder), folder))
+        for folder in folders
+    ]
     several = len(sources) > 1
     findings = tuple(finding for source in sources for finding in _findings(source, reader, several=several))
     campaigns = [source.campaign for source in sources]
@@ -126,6 +136,7 @@ def _notes(source: Source) -> Iterator[str]:
             f"{source.folder}/campaign.json was written by an earlier version: each failure stands alone. "
             "Run the campaign again, and equal stories become one finding."
         )
+    yield from source.standing.notes
     broke = Counter(map(ended, campaign.test_cases))
     counts = [f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _WITHOUT_NOTE]
     counts += [f"{broke[EXPECTATION]} broke an expectation"] if broke[EXPECTATION] else []
@@ -173,6 +184,8 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
             number=record.number,
             judgement=record.judgement,
             diagnosis=diagnosis_of(source.folder, record.name, runs[0].outcome.reason),
+            since=source.standing.of(record.story),
+            triage=source.standing.decisions.get(record.story),
         )
 
 

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.avoidance.responsibility import FOLDED
+from foresee_dsl.campaign.triage.decisions import Decision
+from foresee_dsl.campaign.triage.standing import Since, Standing
+from foresee_dsl.documents import or_null
 from foresee_dsl.report.page.recorded import NO_JUDGEMENT, Campaign, Judgement
 from foresee_dsl.report.page.runs import Run
 from foresee_dsl.report.terminal.raw_numbers import FAMILY_TITLES
@@ -19,10 +22,11 @@ _LONGEST_ANCHOR = 120
 
 @dataclass(frozen=True)
 class Source:
-    """A campaign's folder and its recorded results."""
+    """A campaign's folder, its recorded results, and how they stand."""
 
     folder: Path
     campaign: Campaign
+    standing: Standing
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,10 @@ class FindingEntry:
     """Whose failure it is; empty if the campaign's version did not say so."""
     diagnosis: str = ""
     """Which part of the driver causes it, in words; "" before `foresee diagnose`."""
+    since: Since = Since.FIRST
+    """Whether the campaign before found it too."""
+    triage: Decision | None = None
+    """What people decided about it."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -67,6 +75,8 @@ class FindingEntry:
             "anticipation": self.anticipation,
             "test_case": self.test_case,
             "diagnosis": self.diagnosis,
+            "since": or_null(self.since),
+            "triage": self.triage,
             "runs": self.runs,
             "more": self.more,
         }
@@ -79,7 +89,12 @@ class FindingEntry:
     @property
     def folded(self) -> bool:
         """Whether reports only count it, as nothing follows from it for the driver."""
-        return self.judgement.word in FOLDED
+        return self.triage is not None or self.judgement.word in FOLDED
+
+    @property
+    def standing(self) -> str:
+        """Whether it is new, and how it was triaged, in words; "" if there is nothing to say."""
+        return ", ".join(part for part in (self.since.text, self.triage.text if self.triage else "") if part)
 
     @property
     def anchor(self) -> str:

@@ -23,6 +23,7 @@ def _lines(finding: FindingEntry) -> list[str]:
     ]
     kinds = [finding.verdict, finding.class_, *answers, f"family {finding.family}" if finding.family else ""]
     lines = [f"{safe(finding.name)}", f"  {safe(finding.title)}", f"  {safe(', '.join(k for k in kinds if k))}"]
+    lines += [f"  {safe(finding.standing)}"] if finding.standing else []
     lines += [f"  {safe(line, 10_000)}" for line in first.changes]
     lines += [f"  {safe(command, 10_000)}" for _, command in first.commands]
     if finding.count > 1:

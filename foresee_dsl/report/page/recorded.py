@@ -138,6 +138,7 @@ class Finding(_Part):
     judgement: Judgement = NO_JUDGEMENT
 
     name: str
+    story: str = ""
     sentence: str
     class_: str = Field(alias="class")
     verdict: str

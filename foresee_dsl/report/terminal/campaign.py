@@ -19,6 +19,7 @@ from foresee_dsl.avoidance.responsibility import FOLDED, Whose
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
+from foresee_dsl.campaign.triage.standing import Since, Standing, standing_of
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.raw_numbers import raw_numbers
@@ -57,7 +58,7 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
 
     With `raw` also the raw numbers. Each path is on a line of its own, which is never wrapped.
     """
-    findings = result.findings
+    findings, standing = result.findings, standing_of(result, out)
     end = [
         *_broken_lines(result),
         *_breaking_lines(result),
@@ -66,6 +67,7 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
         *(_next_lines(findings, out) if findings else ()),
         *(_nearest_lines(result, out) if not result.failed and not result.broken else ()),
         Text(),
+        *_standing_lines(standing),
         *_summary(result, findings),
     ]
     if result.interrupted:
@@ -73,7 +75,7 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
     width = _width(console)
     used = sum(_height(line, width) for line in end)
     console.print()
-    for line in _table(findings, width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_ROWS), out):
+    for line in _table(findings, standing, width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_ROWS), out):
         console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
     for line in end:
         console.print(line, soft_wrap=True)
@@ -83,11 +85,18 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
             console.print(part)
 
 
-def print_findings(console: Console, findings: Sequence[Mapping[str, Any]], campaign: Path) -> None:
+def print_findings(
+    console: Console,
+    findings: Sequence[Mapping[str, Any]],
+    campaign: Path,
+    standing: Standing = Standing(),  # noqa: B008 - immutable
+) -> None:
     """Print all findings of a written campaign in its order, one line each, also those that the report folds."""
-    rows = [_Row.of_written(finding) for finding in findings]
+    rows = [_Row.of_written(finding, standing) for finding in findings]
     for line in _lines(rows, _width(console)):
         console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
+    for text in _standing_lines(standing):
+        console.print(text, soft_wrap=True)
     if rows:
         console.print(Text(f"foresee review 1{_in(campaign)} shows one of them with its reasons.", style="dim"))
     else:
@@ -103,20 +112,39 @@ class _Row:
     code: str
     title: str
     change: str
+    since: str = ""
 
     @classmethod
-    def of(cls, finding: Finding) -> _Row:
+    def of(cls, finding: Finding, standing: Standing) -> _Row:
         """Return the row of a finding."""
         changes = finding.run.changes if isinstance(finding.run, ChildOutcome) else []
         whose = finding.responsibility.whose.value
-        return cls(finding.number, whose, finding.verdict.value, finding.title, _change(changes))
+        since = _since(finding.story_key, standing)
+        return cls(finding.number, whose, finding.verdict.value, finding.title, _change(changes), since)
 
     @classmethod
-    def of_written(cls, finding: Mapping[str, Any]) -> _Row:
+    def of_written(cls, finding: Mapping[str, Any], standing: Standing) -> _Row:
         """Return the row of a finding of `campaign.json`."""
         small = finding.get("minimised")
         change = _change(small["changed"]) if small else "" if finding.get("clip") else _change(())
-        return cls(finding["number"], finding["judgement"]["word"], finding["verdict"], finding["title"], change)
+        since = _since(str(finding.get("story", "")), standing)
+        return cls(finding["number"], finding["judgement"]["word"], finding["verdict"], finding["title"], change, since)
+
+
+def _since(story: str, standing: Standing) -> str:
+    """Return a word for what became of a story: how it was triaged, or whether the campaign before found it."""
+    decision = standing.decisions.get(story)
+    return decision.triage.text if decision is not None else _SINCE[standing.of(story)]
+
+
+_SINCE = {Since.NEW: "new", Since.STILL: "still", Since.FIRST: ""}
+"""The column of the table that says whether the campaign before found a story."""
+
+
+def _standing_lines(standing: Standing) -> Iterator[Text]:
+    """Yield what is new, still there and gone since the campaign before, and decisions that match no finding."""
+    for note in standing.notes:
+        yield Text(safe(note), style="dim")
 
 
 def _change(changes: Sequence[str]) -> str:
@@ -128,20 +156,21 @@ def _change(changes: Sequence[str]) -> str:
     return f"{what} {now}" + (f" +{len(changes) - 1}" if len(changes) > 1 else "")
 
 
-def _table(findings: Sequence[Finding], width: int, room: int, out: Path) -> Iterator[Text]:
+def _table(findings: Sequence[Finding], standing: Standing, width: int, room: int, out: Path) -> Iterator[Text]:
     """Yield the table of the findings that a reader acts on, and how many others there are."""
     if not findings:
         return
-    folded = [finding for finding in findings if finding.responsibility.whose in FOLDED]
-    rows = [_Row.of(finding) for finding in findings if finding.responsibility.whose not in FOLDED]
-    most = room - 1 - bool(folded)
+    others = [finding for finding in findings if finding.story_key not in standing.decisions]
+    folded = [finding for finding in others if finding.responsibility.whose in FOLDED]
+    rows = [_Row.of(finding, standing) for finding in others if finding.responsibility.whose not in FOLDED]
+    most = room - 1 - bool(folded or standing.decisions)
     yield from _lines(rows if len(rows) <= most else rows[: most - 1], width)
     counts = Counter(finding.responsibility.whose for finding in folded)
     if len(rows) > most:
         yield Text(f"     and {len(rows) - most + 1} more: foresee review{_in(out)} lists all", style="dim")
-    if folded:
-        kinds = ", ".join(f"{counts[whose]} {whose.counted}" for whose in FOLDED if counts[whose])
-        yield Text(f"     not listed: {kinds}", style="dim")
+    kinds = [f"{counts[whose]} {whose.counted}" for whose in FOLDED if counts[whose]]
+    if kinds or standing.triaged:
+        yield Text(f"     not listed: {', '.join([*kinds, *filter(None, [standing.triaged])])}", style="dim")
 
 
 def _lines(rows: Sequence[_Row], width: int) -> Iterator[Text]:
@@ -150,21 +179,23 @@ def _lines(rows: Sequence[_Row], width: int) -> Iterator[Text]:
         return
     whose = max(len("judgement"), *(len(row.whose) for row in rows))
     change = min(max(len("smallest change"), *(len(row.change) for row in rows)), width // 4)
-    title = max(min(max(len(row.title) for row in rows), width - whose - change - 16), 10)
+    since = max(len(row.since) for row in rows)
+    since = max(since, len("since")) + 2 if since else 0
+    title = max(min(max(len(row.title) for row in rows), width - whose - change - since - 16), 10)
 
-    def line(number: str, judgement: str, code: str, what: str, how: str, style: str = "") -> Text:
-        text = Text(f"{number:>3}  {judgement:<{whose}}  ")
+    def line(number: str, standing: str, judgement: str, code: str, what: str, how: str, style: str = "") -> Text:
+        text = Text(f"{number:>3}  {standing:<{since}}{judgement:<{whose}}  ")
         text.append(f"{code:<5}  ", style)
         text.append(f"{_cut(what, title):<{title}}  ", "bold" if style else "")
         text.append(_cut(how, change))
         text.rstrip()
         return text
 
-    head = line("#", "judgement", "code", "what happens", "smallest change")
+    head = line("#", "since" if since else "", "judgement", "code", "what happens", "smallest change")
     head.stylize("dim")
     yield head
     for row in rows:
-        yield line(str(row.number), row.whose, row.code, safe(row.title), safe(row.change), "red")
+        yield line(str(row.number), row.since, row.whose, row.code, safe(row.title), safe(row.change), "red")
 
 
 def _width(console: Console) -> int:

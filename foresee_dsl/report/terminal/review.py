@@ -39,6 +39,8 @@ def _lines(review: Review) -> Iterator[str]:
     yield from wrapped(f"{finding['verdict']}, {finding['class']}")
     judgement = finding["judgement"]
     yield from wrapped(f"Judgement: {judgement['text']}: {judgement['reason']}")
+    if review.standing:
+        yield from wrapped(f"History: {review.standing}")
     yield ""
     yield from wrapped(str((small or {}).get("sentence") or finding["sentence"]))
     if review.asked != finding["name"]:

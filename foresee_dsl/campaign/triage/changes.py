@@ -1,0 +1,75 @@
+"""The campaigns of a folder in order, each with what was new and gone since the one of its driver before."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.campaign.triage.history import FILE, PastCampaign, read_history
+
+
+@dataclass(frozen=True)
+class CampaignChange:
+    """A campaign of a folder.
+
+    Attributes:
+        folder: of one driver or ranker, if a campaign has several. counts: its findings by judgement.
+        new, still, gone: numbers of stories since the campaign before; None for a driver's first campaign.
+    """
+
+    folder: Path
+    campaign: PastCampaign
+    counts: Mapping[str, int]
+    new: int | None
+    still: int | None
+    gone: int | None
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "folder": self.folder,
+            "ended": self.campaign.ended,
+            "driver": self.campaign.driver,
+            "ranker": self.campaign.ranker,
+            "preset": self.campaign.preset,
+            "seed": self.campaign.seed,
+            "test_cases": self.campaign.test_cases,
+            "counts": self.counts,
+            "new": self.new,
+            "still": self.still,
+            "gone": self.gone,
+            "findings": self.campaign.findings,
+        }
+
+
+def changes_of(folder: Path) -> tuple[CampaignChange, ...]:
+    """Return the campaigns of a folder and of the folders in it, sorted by folder, the oldest first.
+
+    Raises:
+        ForeseeError: a history cannot be read.
+    """
+    folders = [folder, *sorted(file.parent for file in folder.glob(f"*/{FILE}"))]
+    return tuple(change for place in folders for change in _changes(place))
+
+
+def _changes(folder: Path) -> list[CampaignChange]:
+    last: dict[str, PastCampaign] = {}
+    changes = []
+    for campaign in read_history(folder):
+        before = last.get(campaign.driver)
+        past = before.stories if before is not None else frozenset()
+        first = before is None
+        changes.append(
+            CampaignChange(
+                folder,
+                campaign,
+                Counter(finding.judgement for finding in campaign.findings),
+                None if first else len(campaign.stories - past),
+                None if first else len(campaign.stories & past),
+                None if first else len(past - campaign.stories),
+            )
+        )
+        last[campaign.driver] = campaign
+    return changes

@@ -1,0 +1,113 @@
+"""Keeps the findings of a folder's earlier campaigns in `history.jsonl`, one line a campaign."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.documents import plain
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import read_outside_text, write_whole
+
+FILE = "history.jsonl"
+"""Name of the file in a campaign's folder."""
+
+
+@dataclass(frozen=True)
+class PastFinding:
+    """A finding of an earlier campaign. `judgement`: the word of whose failure it was."""
+
+    story: str
+    judgement: str
+    title: str
+    test_case: str
+
+
+@dataclass(frozen=True)
+class PastCampaign:
+    """An earlier campaign of a folder.
+
+    Attributes:
+        ended: date and time of its first end, UTC. digest: of `campaign.json` without its wall time.
+        test_cases: number of them.
+    """
+
+    ended: str
+    digest: str
+    driver: str
+    ranker: str
+    preset: str
+    seed: int
+    test_cases: int
+    findings: tuple[PastFinding, ...]
+
+    @property
+    def stories(self) -> frozenset[str]:
+        """The stories of its findings."""
+        return frozenset(finding.story for finding in self.findings)
+
+
+def digest_of(document: str) -> str:
+    """Return the hash of the text of a `campaign.json` without its wall time."""
+    lines = (line for line in document.splitlines() if not line.startswith('  "wall_s"'))
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
+
+
+def append_campaign(folder: Path, result: CampaignResult, document: str) -> None:
+    """Add a finished campaign to its folder's history, unless the last entry has the same results.
+
+    Raises:
+        ForeseeError: the history cannot be read. OSError: it cannot be written.
+    """
+    history, digest = read_history(folder), digest_of(document)
+    if history and history[-1].digest == digest:
+        return
+    settings = result.settings
+    campaign = PastCampaign(
+        ended=datetime.now(UTC).isoformat(timespec="seconds"),
+        digest=digest,
+        driver=settings.driver,
+        ranker=settings.ranker,
+        preset=settings.preset,
+        seed=settings.seed,
+        test_cases=len(result.seeds),
+        findings=tuple(
+            PastFinding(f.story_key, f.responsibility.whose.value, f.title, f.test_case) for f in result.findings
+        ),
+    )
+    text = "".join(f"{json.dumps(plain(past), ensure_ascii=False)}\n" for past in (*history, campaign))
+    write_whole(folder / FILE, text)
+
+
+def read_history(folder: Path) -> tuple[PastCampaign, ...]:
+    """Return the campaigns of a folder, the oldest first; () without any.
+
+    Raises:
+        ForeseeError: the file cannot be read, or a campaign did not write it.
+    """
+    file = folder / FILE
+    try:
+        lines = read_outside_text(file, "results").splitlines()
+    except FileNotFoundError:
+        return ()
+    except (OSError, UnicodeDecodeError) as err:
+        raise ForeseeError(f"{file} cannot be read: {err}") from err
+    reader = TypeAdapter(PastCampaign)
+    history = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            history.append(reader.validate_json(line))
+        except ValidationError as err:
+            first = err.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise ForeseeError(
+                f"{file}:{number}: this is not what a campaign writes ({where + ': ' if where else ''}{first['msg']}): "
+                "remove the line"
+            ) from err
+    return tuple(history)

@@ -1,0 +1,149 @@
+"""Compares the findings of a campaign with those of the one before and with what people decided about them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.campaign.findings.written import JSON
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.triage.decisions import Decision, counted_decisions, read_decisions, story_key, triage_file
+from foresee_dsl.campaign.triage.history import PastCampaign, PastFinding, digest_of, read_history
+from foresee_dsl.files import read_outside_text
+
+
+class Since(StrEnum):
+    """Whether the campaign before found a story too."""
+
+    NEW = "new"
+    STILL = "still there"
+    FIRST = ""
+    """There is no campaign before."""
+
+    @property
+    def text(self) -> str:
+        """The same in a sentence."""
+        return "new since the last campaign" if self is Since.NEW else self.value
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a campaign compares with the one before, and what people decided about its findings.
+
+    Attributes:
+        since: by story; empty if there is no campaign before. gone: findings of the one before whose test cases ran
+          again without that story.
+        decisions: by story, for those that were triaged. unmatched: decisions about this driver and these families
+          whose stories the campaign does not have.
+        file: the file of the decisions.
+    """
+
+    since: Mapping[str, Since] = field(default_factory=dict)
+    gone: tuple[PastFinding, ...] = ()
+    decisions: Mapping[str, Decision] = field(default_factory=dict)
+    unmatched: tuple[Decision, ...] = ()
+    file: Path = Path()
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "since": self.since,
+            "gone": self.gone,
+            "triage": self.decisions,
+            "unmatched": self.unmatched,
+        }
+
+    def of(self, story: str) -> Since:
+        """Return whether the campaign before found a story too."""
+        return self.since.get(story, Since.FIRST)
+
+    def words(self, story: str) -> str:
+        """Return both about a story in words; "" if there is nothing to say."""
+        decision = self.decisions.get(story)
+        return ", ".join(part for part in (self.of(story).text, decision.text if decision else "") if part)
+
+    @property
+    def change(self) -> str:
+        """The change since the campaign before: `2 new, 5 still there, 1 gone`; "" without one before."""
+        counts = Counter(self.since.values())
+        if not self.since and not self.gone:
+            return ""
+        return f"{counts[Since.NEW]} new, {counts[Since.STILL]} still there, {len(self.gone)} gone"
+
+    @property
+    def triaged(self) -> str:
+        """The number of triaged findings by kind: `3 triaged (2 known, 1 not ours)`; "" without any."""
+        return counted_decisions(self.decisions.values())
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for a reader: the change, what is gone, and decisions without a finding."""
+        notes = []
+        if self.change:
+            gone = f": {'; '.join(finding.title for finding in self.gone)}" if self.gone else ""
+            notes.append(f"Since the last campaign: {self.change}{gone}.")
+        if self.unmatched:
+            lines = ", ".join(str(decision.line) for decision in self.unmatched)
+            which = f"line {lines} has" if len(self.unmatched) == 1 else f"lines {lines} have"
+            notes.append(f"{self.file.name}: {which} a story that this campaign does not find any more.")
+        return tuple(notes)
+
+
+def standing_of(result: CampaignResult, folder: Path) -> Standing:
+    """Return how a campaign's result stands; its folder is written.
+
+    Raises:
+        ForeseeError: the history or the decisions cannot be read.
+    """
+    stories = {finding.story_key: finding.test_case for finding in result.findings}
+    cases = [seed.id for seed in result.seeds]
+    families = {seed.family for seed in result.seeds}
+    return _standing(folder, result.settings.driver, stories, cases, families, whole=not result.interrupted)
+
+
+def standing_of_written(data: Mapping[str, Any], folder: Path) -> Standing:
+    """Return how the campaign of a folder stands; `data`: the contents of its `campaign.json`.
+
+    Raises:
+        ForeseeError: the history or the decisions cannot be read.
+    """
+    findings = data.get("findings") or ()
+    stories = {str(f["story"]): str(f["test_case"]) for f in findings if f.get("story")}
+    runs = data.get("test_cases", ())
+    cases, families = [str(run["test_case"]) for run in runs], {str(run.get("family", "")) for run in runs}
+    return _standing(folder, str(data["driver"]), stories, cases, families, whole=not data.get("interrupted"))
+
+
+def _standing(
+    folder: Path, driver: str, stories: Mapping[str, str], cases: Collection[str], families: Iterable[str], *,
+    whole: bool,
+) -> Standing:  # fmt: skip
+    file = triage_file(cases)
+    decisions = read_decisions(file)
+    begins = tuple(story_key(driver, f"{family} | ") for family in families)
+    keys = {story_key(driver, story): story for story in stories}
+    before = _before(folder, driver)
+    ran = frozenset(cases)
+    past = before.findings if before is not None else ()
+    return Standing(
+        since={} if before is None else {s: Since.STILL if s in before.stories else Since.NEW for s in stories},
+        gone=tuple(f for f in past if whole and f.story not in stories and f.test_case in ran),
+        decisions={story: decisions[key] for key, story in keys.items() if key in decisions},
+        unmatched=tuple(
+            decision for key, decision in decisions.items() if whole and key not in keys and key.startswith(begins)
+        ),
+        file=file,
+    )
+
+
+def _before(folder: Path, driver: str) -> PastCampaign | None:
+    """Return the campaign before that of a folder, with the same driver; None if there is none."""
+    history = [past for past in read_history(folder) if past.driver == driver]
+    if not history:
+        return None
+    own = digest_of(read_outside_text(folder / JSON, "results"))
+    return next((past for past in reversed(history) if past.digest != own), None)

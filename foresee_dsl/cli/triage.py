@@ -1,0 +1,125 @@
+"""Commands that remember what people decided about findings, and list a folder's earlier campaigns."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foresee_dsl.cli.minimise import CampaignOption
+from foresee_dsl.cli.options.common import JsonOption, console, print_json
+
+
+class Word(StrEnum):
+    """A decision on the command line: a kind of triage, or `open` to take it back."""
+
+    KNOWN = "known"
+    NOT_OURS = "not-ours"
+    ACCEPTED = "accepted"
+    OPEN = "open"
+
+
+def triage(
+    finding: Annotated[
+        str | None, typer.Argument(metavar="FINDING", help="A finding's number or name; without it, list all entries.")
+    ] = None,
+    word: Annotated[
+        Word | None,
+        typer.Argument(
+            metavar="[known|not-ours|accepted|open]",
+            help="known: it is being worked on; not-ours: another part is at fault; accepted: it stays; open: none.",
+        ),
+    ] = None,
+    note: Annotated[str, typer.Option("--note", metavar="TEXT", help="Why, in words; an entry needs it.")] = "",
+    campaign: CampaignOption = Path("out"),
+    json: JsonOption = False,
+) -> None:
+    """Write what was decided about a finding into triage.toml, the reviewed file of the project.
+
+    Later campaigns find it again by its story: reports say it and only count the finding.
+
+    [dim]foresee triage 3 known --note "brakes late behind buses, issue 12"
+    foresee triage 3 open
+    foresee triage[/dim]
+    """
+    from foresee_dsl.campaign.findings.named_failure import find_failure
+    from foresee_dsl.campaign.findings.written import read_written
+    from foresee_dsl.campaign.triage.decisions import Decision, Triage, decide, read_decisions, story_key
+    from foresee_dsl.campaign.triage.standing import standing_of_written
+    from foresee_dsl.errors import ForeseeError
+
+    data = read_written(campaign)
+    if not data:
+        raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one, "
+                           "`--campaign OUT` names another folder")  # fmt: skip
+    standing = standing_of_written(data, campaign)
+    if finding is None:
+        entries = tuple(read_decisions(standing.file).values())
+        if json:
+            print_json({"file": standing.file, "entries": entries, "standing": standing})
+            return
+        screen = console()
+        for entry in entries:
+            screen.print(f"{entry.story}\n    {entry.text}", soft_wrap=True, markup=False)
+        for sentence in standing.notes:
+            screen.print(sentence, soft_wrap=True, markup=False, style="dim")
+        if not entries:
+            screen.print(f"no entries in {standing.file}", soft_wrap=True, markup=False)
+        return
+    if word is None:
+        raise typer.BadParameter("say what it is: known, not-ours, accepted, or open", param_hint="WORD")
+    note = " ".join(note.split())
+    if (word is Word.OPEN) == bool(note):
+        what = "`open` removes the entry, and takes no note" if note else 'say why: --note "issue 12"'
+        raise typer.BadParameter(what, param_hint="--note")
+    wanted = find_failure(finding, campaign, tests=True).finding
+    if wanted is None:
+        raise ForeseeError(f"{finding} does not belong to a finding of the campaign in {campaign}")
+    story = story_key(str(data["driver"]), str(wanted["story"]))
+    if word is Word.OPEN and story not in read_decisions(standing.file):
+        raise ForeseeError(f"{standing.file} has no entry for {story!r}")
+    decision = None if word is Word.OPEN else Decision(story, Triage(word.value), note)
+    decide(standing.file, story, decision)
+    entries = (decision,) if decision is not None else ()
+    if json:
+        print_json({"file": standing.file, "entries": entries, "standing": standing_of_written(data, campaign)})
+    else:
+        text = decision.text if decision is not None else "open again"
+        console().print(f"{wanted['title']}: {text}\nwrote {standing.file}", soft_wrap=True, markup=False)
+
+
+def history(
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="A campaign's folder.")] = Path("out"),
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Also write a page with the same table.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """List the campaigns that a folder has seen: their findings by judgement, and what was new and gone in each.
+
+    [dim]foresee history
+    foresee history out --html out/history.html[/dim]
+    """
+    from foresee_dsl.campaign.triage.changes import changes_of
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.report.history import history_table
+
+    changes = changes_of(folder)
+    if not changes:
+        raise ForeseeError(f"there is no campaign in {folder}: `foresee campaign PATH --out {folder}` runs one")
+    if html is not None:
+        from foresee_dsl.report.history import write_history
+
+        write_history(folder, changes, html)
+    if json:
+        print_json({"campaigns": changes})
+        return
+    from foresee_dsl.report.terminal.tables import plain_table
+
+    table = history_table(changes)
+    align = "<" * table.texts + ">" * (len(table.headings) - table.texts)
+    console().print(plain_table(table.headings, table.rows, align=align))
+    if html is not None:
+        typer.echo(str(html))
