@@ -67,7 +67,6 @@ READ: dict[str, Row] = {
     "plan": into("--out", *SHORT),
     "study": into("--out", "--plan"),
     "fuzz": into("--out", "--cycles", "1", "--mutations", "1", "--driver", "idm"),
-    "diagnose": lambda file, _: [[file], ["crosser_after_p1_m2", "--campaign", file]],
     "triage": lambda file, _: [["--campaign", file], ["1", "known", "--note", "x", "--campaign", file]],
     "history": into("--html"),
     "review": lambda file, _: [[file], ["crosser_after_p1_m2", "--campaign", file]],

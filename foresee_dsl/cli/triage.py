@@ -77,6 +77,7 @@ def triage(
     wanted = find_failure(finding, campaign, tests=True).finding
     if wanted is None:
         raise ForeseeError(f"{finding} does not belong to a finding of the campaign in {campaign}")
+    _check_here(str(wanted["test_case"]), standing.file, campaign)
     story = story_key(str(data["driver"]), str(wanted["story"]))
     if word is Word.OPEN and story not in read_decisions(standing.file):
         raise ForeseeError(f"{standing.file} has no entry for {story!r}")
@@ -88,6 +89,19 @@ def triage(
     else:
         text = decision.text if decision is not None else "open again"
         console().print(f"{wanted['title']}: {text}\nwrote {standing.file}", soft_wrap=True, markup=False)
+
+
+def _check_here(test_case: str, file: Path, campaign: Path) -> None:
+    """Raise if a finding's test case is not below this folder or its project, so that its file would be another
+    one."""
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.language.project.addresses import absolute, is_file, is_inside, project_folder
+
+    source = test_case.partition("::")[0]
+    if not is_file(Path(source)):
+        raise ForeseeError(f"there is no {source} here: call `foresee triage` where the campaign was called")
+    if not is_inside(file, [project_folder(absolute(place)) for place in (Path(), campaign)]):
+        raise ForeseeError(f"{source} belongs to another project: call `foresee triage` in {file.parent}")
 
 
 def history(

@@ -164,6 +164,8 @@ def test_an_entry_that_no_finding_has_is_told_and_stays(project: Path) -> None:
     assert (project / FILE).read_text().splitlines()[-1] == entry
     assert "known" in foresee(project, "triage", "1", expect=2)
     assert "say why" in foresee(project, "triage", "1", "known", expect=2)
+    elsewhere = foresee(project.parent, "triage", "1", "known", "--note", "x", "--campaign", project / "out", expect=1)
+    assert "there is no crosser.foresee here" in elsewhere
     (project / FILE).write_text("[")
     refused = foresee(project, "campaign", "crosser.foresee", *SHORT, "--out", "other", expect=1)
     assert f"{FILE}:1: this is not an entry" in refused and not (project / "other").exists()
