@@ -55,6 +55,7 @@ STEERED = Grounds(seen_s=5.0, acts_s=0.9, steered=True)
         (Grounds(seen_s=0.5), (PREVENTED,), (), Whose.DRIVER),
         (Grounds(seen_s=0.5), (), (REACTS,), Whose.DRIVER),
         (Grounds(seen_s=0.5), (), (APART, IDEAL), Whose.UNAVOIDABLE),
+        (Grounds(seen_s=0.5), (), (replace(REACTS, how=()),), Whose.UNAVOIDABLE),
         (Grounds(seen_s=0.5), (AHEAD,), (APART,), Whose.ARGUABLE),
         (Grounds(seen_s=5.0, acts_s=REACTION_S + 0.5, braked_s=0.4), (), (), Whose.DRIVER),
         (Grounds(seen_s=5.0, acts_s=REACTION_S + 0.5, braked_s=0.6), (), (), Whose.ARGUABLE),

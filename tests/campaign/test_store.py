@@ -55,6 +55,8 @@ def test_a_damaged_trace_is_none(tmp_path: Path) -> None:
         added = store.add(row("k"), b"a trace")
         store.blobs.path(added.trace).write_bytes(b"a tracE")
         assert store.blobs.get(added.trace) is None
+        swept = sweep(store)
+        assert (swept.rows, swept.files) == (0, 0)  # without --damaged, traces are not read
         swept = sweep(store, damaged=True)
         assert (swept.rows, swept.files) == (1, 1)
 

@@ -145,6 +145,13 @@ def test_without_the_parents_run_the_clip_is_not_shortened(street: Street) -> No
     assert found.dropped.actors == 4 and found.dropped.changes == 1
 
 
+def test_a_clip_that_states_no_risky_point_is_shortened_up_to_the_contact(street: Street) -> None:
+    own = tuple(item for item in street.clip.body if not isinstance(item, m.Risk))
+    bare = street._replace(clip=street.clip.model_copy(update={"body": own}))
+    found = minimise(bare.subject(SWERVE), JUDGE, limit_m=0.75)
+    assert found.complete and found.mutant.changes[0].property == "steer"
+
+
 def test_a_clip_that_is_not_what_the_run_gives_is_not_cut_again(street: Street) -> None:
     """An author has edited it: its actors' states at other times are not those of the run."""
     edited = street.clip.model_copy(
