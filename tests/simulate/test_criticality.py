@@ -81,6 +81,39 @@ def test_worst_values_and_their_times() -> None:
     assert worst.ttb_s is not None and worst.ttb_s.time_s == 3.0
 
 
+@pytest.mark.parametrize(
+    ("lead_m", "lead_mps", "time_s", "ttc_s", "braking_mps2", "btn", "delta_v_mps"),
+    [
+        (34, 5, 1, 4.99, 0.50, 0.0659, None),
+        (34, 5, 2, 3.99, 0.63, 0.0830, None),
+        (40, 0, 0, 3.60, 1.39, 0.1831, 5.0),
+        (40, 0, 1, 2.60, 1.93, 0.2543, 5.0),
+        (40, 0, 2, 1.60, 3.13, 0.4124, 5.0),
+    ],
+)
+def test_figures_of_commonroad_crime(
+    lead_m: float, lead_mps: float, time_s: float, ttc_s: float, braking_mps2: float, btn: float,
+    delta_v_mps: float | None,
+) -> None:  # fmt: skip
+    """CommonRoad-CriMe 0.4.5 gave these figures (TTC, ALongReq, BTN, DeltaV) for the same two cars.
+
+    In its scene they drive on a straight lane with heading 0.01 rad, as CriMe takes a heading of 0 for a missing one,
+    in steps of 0.05 s, and `a_lon_max` is our hardest braking. It rounds to two decimals, BTN to four. Where its
+    definitions are others, docs/background/method.md says so.
+    """
+    tracks = {
+        "ego": straight("car", 0, 0, EAST, 10, seconds=2),
+        "lead": straight("car", lead_m, 0, EAST, lead_mps, seconds=2),
+    }
+    series = criticality(make_trace(tracks), 1)
+    at = round(time_s / 0.05)
+    assert series[Measure.TTC][at] == pytest.approx(ttc_s, rel=0.01)
+    assert series[Measure.DRAC][at] == pytest.approx(braking_mps2, rel=0.01)
+    assert series[Measure.BTN][at] == pytest.approx(btn, rel=0.01)
+    if delta_v_mps is not None:
+        assert series[Measure.DELTA_V][at] == pytest.approx(delta_v_mps, rel=0.01)
+
+
 def test_every_measure_is_a_near_miss() -> None:
     empty = near_misses(make_trace({"ego": straight("car", 0, 0, EAST, 10, seconds=1)}))
     assert {measure.value for measure in Measure} | {"distance_m", "pet_s"} == set(vars(empty))
