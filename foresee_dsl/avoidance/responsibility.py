@@ -182,7 +182,8 @@ def _unseen(story: Story) -> Iterator[Responsibility]:
     """
     grounds, other = story.grounds, quoted(story.opponent) if story.opponent else "the other"
     if grounds.seen_s < REACTION_S:
-        seen = f"{other} is in sight only {grounds.seen_s:.1f} s before the contact"
+        again = "again " if grounds.seen_before else ""
+        seen = f"{other} is in sight {again}only {grounds.seen_s:.1f} s before the contact"
         if story.opponent_kind == "pedestrian":
             yield Responsibility(Whose.ARGUABLE, f"{seen}: only a slower ego avoids it")
         yield Responsibility(Whose.UNAVOIDABLE, seen)

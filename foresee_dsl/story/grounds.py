@@ -19,6 +19,7 @@ def grounds_of(facts: Facts, ego: EgoMotion, other: Opponent | None, place: Stor
         stood_s=round(ego.stood_s, 6),
         braked_s=round(ego.braked_s, 6),
         seen_s=round(other.sighting.before_s(facts.end_s), 6),
+        seen_before=other.sighting.again,
         acts_s=None if onset is None or onset <= 0 else round((facts.last - onset) * STEP_S, 6),
         steered=other.steered,
         stands=other.stands,

@@ -193,10 +193,11 @@ class Opponent:
         """Yield its moments."""
         facts, name = self.facts, name_of(self.facts.info(self.actor))
         if self.sighting.since_s is not None and not self.sighting.from_start:
-            hidden = f", hidden by {self.sighting.hidden_by} until then" if self.sighting.hidden_by else ""
+            again = f" since {self.sighting.lost_s:.2f} s" if self.sighting.lost_s is not None else " until then"
+            hidden = f", hidden by {self.sighting.hidden_by}{again}" if self.sighting.hidden_by else ""
             gap = metres(self.ahead_m(round(self.sighting.since_s / STEP_S)))
-            yield Moment(self.sighting.since_s, facts.info(self.actor).id, "appears",
-                         f"the ego sees {self.name}, {gap} away{hidden}")  # fmt: skip
+            sees = f"sees {self.name}{' again' if self.sighting.again else ''}, {gap} away"
+            yield Moment(self.sighting.since_s, facts.info(self.actor).id, "appears", f"the ego {sees}{hidden}")
         elif self.sighting.since_s is None:
             by = f", hidden by {self.sighting.hidden_by}" if self.sighting.hidden_by else ""
             lost_s = self.sighting.lost_s

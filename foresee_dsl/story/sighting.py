@@ -30,7 +30,8 @@ class Sighting:
         since_s: time from which it is visible without a break until the end, s; None if it is not visible at the end.
         from_start: it is visible in the whole searched part of the run.
         hidden_by: what hid it just before, in words; "" if nothing did (it was out of range or absent).
-        lost_s: time at which it was visible last, s, if it is not visible at the end; None if it never was.
+        lost_s: time at which it was visible last before it was hidden, s: before the end, or before `since_s`; None if
+            it was not visible in the searched part until then.
         searched_s: length of the searched part, up to the end of the run, s.
     """
 
@@ -39,6 +40,11 @@ class Sighting:
     hidden_by: str = ""
     lost_s: float | None = None
     searched_s: float = 0.0
+
+    @property
+    def again(self) -> bool:
+        """Whether it was visible before as well, and then hidden."""
+        return self.since_s is not None and self.lost_s is not None
 
     def before_s(self, end_s: float) -> float:
         """Return how long it was visible without a break before a time, s; 0 if it was not."""
@@ -57,14 +63,15 @@ def sighting_of(facts: Facts, actor: int) -> Sighting:
         blind += 1
         if blind * STEP_S >= BLINK_S:
             break
+    if since is not None and blind * STEP_S < BLINK_S:
+        return Sighting(round(since * STEP_S, 6), True, searched_s=searched_s)
+    hidden = (facts.last + 1 if since is None else since) - 1
+    lost = next((k for k in range(hidden - blind, first - 1, -1) if in_view(trace, actor, k, sight)), None)
+    lost_s = None if lost is None else round(lost * STEP_S, 6)
     if since is None:
-        lost = next((k for k in range(facts.last - blind, first - 1, -1) if in_view(trace, actor, k, sight)), None)
-        lost_s = None if lost is None else round(lost * STEP_S, 6)
         hider = hidden_by(facts, actor, facts.last if lost is None else lost + 1)
         return Sighting(None, False, hider, lost_s, searched_s)
-    if blind * STEP_S < BLINK_S:
-        return Sighting(round(since * STEP_S, 6), True, searched_s=searched_s)
-    return Sighting(round(since * STEP_S, 6), False, hidden_by(facts, actor, since - 1), searched_s=searched_s)
+    return Sighting(round(since * STEP_S, 6), False, hidden_by(facts, actor, since - 1), lost_s, searched_s)
 
 
 def hidden_by(facts: Facts, actor: int, frame: int) -> str:

@@ -54,6 +54,7 @@ class Grounds:
     Attributes:
         stood_s: how long the ego had stood, s. braked_s: how long it had been braking, s; 0 if it did not brake.
         seen_s: how long its sensors had seen the opponent without a break, s; 0 if they did not see it.
+        seen_before: they had seen it already before it was hidden for a time.
         acts_s: how long ago the opponent's last manoeuvre began (it moved off, came onto the road, entered the
             junction, was steered), s; None if it only went on as before.
         steered: the mutation steered the opponent into the ego. stands: the opponent stands.
@@ -66,6 +67,7 @@ class Grounds:
     stood_s: float = 0.0
     braked_s: float = 0.0
     seen_s: float = 0.0
+    seen_before: bool = False
     acts_s: float | None = None
     steered: bool = False
     stands: bool = False

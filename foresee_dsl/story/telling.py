@@ -9,13 +9,14 @@ from typing import assert_never
 import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Change, Expression, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
-from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
+from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace, X, Y
 from foresee_dsl.story.contact import contact_class
 from foresee_dsl.story.ego import EgoMotion, ego_moments, ego_of
 from foresee_dsl.story.facts import Facts
@@ -63,7 +64,7 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
         opponent_manoeuvre=other.manoeuvre if other else "",
         place=place.name,
         touch=_touch(contact, impact),
-        mutation="; ".join(_changed(change) for change in facts.changes),
+        mutation="; ".join(_changed(change, facts) for change in facts.changes),
         title=title_of(facts, ego, other, contact, place),
         grounds=grounds_of(facts, ego, other, place),
     )
@@ -74,7 +75,7 @@ def _moments(
 ) -> tuple[Moment, ...]:
     moments = [*ego, *(other.moments() if other else ())]
     moments += [Moment(broken.time_s, "ego", "rule", f"the ego {_clause(broken)}") for broken in facts.infractions]
-    moments += [Moment(0.0, change.actor, "mutation", _changed(change)) for change in facts.changes]
+    moments += [Moment(0.0, change.actor, "mutation", _changed(change, facts)) for change in facts.changes]
     if impact is not None:
         struck = replace(impact, with_=quoted(impact.with_)).struck
         text = f"contact, {with_side(impact.side)}, relative speed {impact.relative_mps:.1f} m/s: {struck}"
@@ -148,7 +149,7 @@ def _sees(facts: Facts, ego: EgoMotion, other: Opponent) -> str:
         return "does not see it"
     before = other.sighting.before_s(facts.end_s)
     if not other.sighting.from_start and before < SEEN_SHORTLY_S:
-        return f"sees it {before:.1f} s before the contact"
+        return f"sees it {'again ' if other.sighting.again else ''}{before:.1f} s before the contact"
     unmoved = ego.state not in ("stands", "creeps") and not ego.braking_mps2
     if not unmoved:
         return ""
@@ -185,7 +186,7 @@ def _alone(facts: Facts, ego: EgoMotion, place: StoryPlace) -> str:
             return str(facts.trace.meta.get("reason", "")) or f"the ego{going} {ego.state}"
 
 
-def _changed(change: Change) -> str:
+def _changed(change: Change, facts: Facts) -> str:
     """Return the effect of a change in words: `walker is 1.38 times as fast`."""
     actor = quoted(change.actor)
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
@@ -193,18 +194,27 @@ def _changed(change: Change) -> str:
     now, was = change.now.si, change.was.si
     more, amount, side = now > was, abs(now - was), "left" if now > was else "right"
     start = f" from {change.start.si:.2f} s" if isinstance(change.start, Quantity) else ""
+    # An actor of a clip may be on its way already when the clip begins: the delay makes it wait before it goes on.
+    starts = "goes on" if _moves_at_first(facts, change.actor) else "starts"
     words = {
         "timing": f"is {now / was if was else 0:.2f} times as fast",
         "steer": f"is steered to the {side}{start}",
         "brakes": f"brakes with {now:.1f} m/s^2{start}",
         "line": f"keeps {amount:.2f} m farther {side}",
-        "delay": f"starts {amount:.2f} s {'later' if more else 'earlier'}",
+        "delay": f"{starts} {amount:.2f} s {'later' if more else 'earlier'}",
         "moving": f"begins {amount:.1f} m {'farther on' if more else 'farther back'}",
         "speed": f"drives {now * 3.6:.0f} instead of {was * 3.6:.0f} km/h",
     }
     if change.property in words:
         return f"{actor} {words[change.property]}"
     return f"{actor}.{change.property} is {_written(change.now)} instead of {_written(change.was)}"
+
+
+def _moves_at_first(facts: Facts, actor: str) -> bool:
+    """Return whether an actor moves at the first frame of a run."""
+    trace = facts.trace
+    ids = [info.id for info in trace.actors]
+    return actor in ids and bool(trace.states[0, ids.index(actor), SPEED] > STANDS_MPS)  # False where it is absent
 
 
 def _written(value: Quantity | str | Expression) -> str:

@@ -2,7 +2,7 @@
 
 const PAD = { left: 36, right: 10, top: 20, bottom: 18 };
 
-const niceStep = (most, count) => [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100].find((step) => most / step <= count) || 200;
+const niceStep = (most, count) => [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100].find((step) => most / step <= count) || 200;
 
 class Curves {
   constructor(canvas, title, unit) {
@@ -10,15 +10,17 @@ class Curves {
     this.title = title;
     this.unit = unit;
     this.lines = [];
-    this.most = 1;
+    [this.least, this.most] = [0, 1];
   }
 
   // lines: [{name, values, colour (a paint), dashed}]
-  show(run, lines, limit) {
+  show(run, lines, limit, smallest = 1) {
     this.run = run;
     this.lines = lines.filter((line) => line.values.some((value) => value !== null));
-    const most = Math.max(0, ...this.lines.flatMap((line) => line.values.filter((value) => value !== null)));
-    this.most = Math.max(1, Math.min(most * 1.05, limit || Infinity));
+    const all = this.lines.flatMap((line) => line.values.filter((value) => value !== null));
+    this.most = Math.max(smallest, Math.min(Math.max(0, ...all) * 1.05, limit || Infinity));
+    this.least = Math.min(0, Math.max(Math.min(0, ...all) * 1.05, -(limit || Infinity)));
+    if (this.least < 0) this.most = Math.max(0, ...all) * 1.05;
   }
 
   timeAt(pixels) {
@@ -38,7 +40,8 @@ class Curves {
     ctx.fillStyle = c.panel;
     ctx.fillRect(0, 0, width, height);
     const x = (at) => PAD.left + (run.end ? at / run.end : 0) * (width - PAD.left - PAD.right);
-    const y = (value) => height - PAD.bottom - Math.min(value, this.most) / this.most * (height - PAD.top - PAD.bottom);
+    const y = (value) => height - PAD.bottom - (Math.max(Math.min(value, this.most), this.least) - this.least)
+      / (this.most - this.least) * (height - PAD.top - PAD.bottom);
     this.axes(ctx, x, y, width, height, c);
     const mark = (at, colour, dash) => {
       ctx.strokeStyle = colour;
@@ -51,6 +54,16 @@ class Curves {
     };
     ctx.lineWidth = 1.2;
     if (run.forecast && run.forecast[0] >= 0 && run.forecast[0] <= run.end) mark(run.forecast[0], c.paints.forecast.line, [3, 3]);
+    for (const [from, until] of run.rules) { // a small flag at the top, and a bar for as long as it lasts
+      mark(from, c.warn, [1, 3]);
+      ctx.fillStyle = c.warn;
+      ctx.beginPath();
+      ctx.moveTo(x(from) - 4, PAD.top - 6);
+      ctx.lineTo(x(from) + 4, PAD.top - 6);
+      ctx.lineTo(x(from), PAD.top);
+      ctx.fill();
+      ctx.fillRect(x(from), height - PAD.bottom - 2, x(until) - x(from), 2);
+    }
     if (run.contact) mark(run.contact[0], c.paints.contact.line, []);
     for (const line of this.lines) {
       ctx.strokeStyle = c.paints[line.colour].fill;
@@ -84,13 +97,13 @@ class Curves {
     ctx.strokeStyle = c.line;
     ctx.lineWidth = 1;
     ctx.textAlign = 'right';
-    const rise = niceStep(this.most, 4);
-    for (let value = 0; value <= this.most; value += rise) {
+    const rise = niceStep(this.most - this.least, 4);
+    for (let value = Math.ceil(this.least / rise) * rise; value <= this.most + 1e-9; value += rise) {
       ctx.beginPath();
       ctx.moveTo(PAD.left, Math.round(y(value)) + 0.5);
       ctx.lineTo(width - PAD.right, Math.round(y(value)) + 0.5);
       ctx.stroke();
-      ctx.fillText(String(Math.round(value * 10) / 10), PAD.left - 5, y(value) + 4);
+      ctx.fillText(String(Math.round(value * 100) / 100), PAD.left - 5, y(value) + 4);
     }
     ctx.textAlign = 'center';
     const pace = niceStep(this.run.end, width > 500 ? 10 : 6);
@@ -104,7 +117,7 @@ class Curves {
     ctx.textAlign = 'left';
     ctx.font = '11px system-ui, sans-serif';
     ctx.fillStyle = c.muted;
-    ctx.fillText(`${this.title}, ${this.unit}`, 8, 13);
+    if (this.title) ctx.fillText(`${this.title}, ${this.unit}`, 8, 13);
     ctx.textAlign = 'right';
     ctx.font = '600 11px system-ui, sans-serif';
     let right = width - PAD.right;
@@ -116,7 +129,7 @@ class Curves {
       ctx.arc(x(time), y(value), line.dashed ? 2 : 3, 0, 7);
       ctx.fill();
       if (line.dashed) continue;
-      const text = `${line.name.length > 14 ? `${line.name.slice(0, 13)}…` : line.name} ${value.toFixed(1)}`;
+      const text = `${line.name.length > 14 ? `${line.name.slice(0, 13)}…` : line.name} ${value.toFixed(this.decimals || 1)}`;
       ctx.fillText(text, right, 13);
       right -= ctx.measureText(text).width + 12;
     }

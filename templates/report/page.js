@@ -184,6 +184,7 @@ const pressed = {
   ArrowRight: (event) => player.go(event.shiftKey ? Math.round(0.5 / player.run.step) : 1),
   Home: () => { player.pause(); player.seek(0); },
   End: () => { player.pause(); player.seek(player.run.end); },
+  c: () => player.next(),
   f: () => player.change('follow', !player.show.follow),
   g: () => player.change('ghosts', !player.show.ghosts),
   s: () => player.change('sight', !player.show.sight),

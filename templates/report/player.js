@@ -13,7 +13,9 @@ class Player {
     this.canvas = this.find('.scene');
     this.slider = this.find('.time');
     this.speed = new Curves(this.find('.speed'), 'speed', 'km/h');
-    this.gap = new Curves(this.find('.gap'), 'distance to the other', 'm');
+    this.gap = new Curves(this.find('.gap'), '', '');
+    this.measure = this.find('.measure');
+    this.curve = 'gap'; // the measure that the reader chose last
     this.show = { follow: false, ghosts: true, sight: true };
     this.time = 0;
     this.playing = false;
@@ -31,6 +33,7 @@ class Player {
       if (button) actions[button.dataset.do]();
     });
     this.slider.addEventListener('input', () => { this.pause(); this.seek(Number(this.slider.value)); });
+    this.measure.addEventListener('change', () => { this.curve = this.measure.value; this.choose(); this.draw(); });
     this.find('.rate').addEventListener('change', (event) => { this.rate = Number(event.target.value); });
     for (const box of this.node.querySelectorAll('[data-switch]')) {
       box.addEventListener('change', () => this.change(box.dataset.switch, box.checked));
@@ -107,11 +110,15 @@ class Player {
       { name: 'ego', values: run.speeds(run.ego.way), colour: 'ego' },
       ...(run.opponent ? [{ name: other, values: run.speeds(run.opponent.way), colour: 'opponent' }] : []),
     ]);
-    this.gap.show(run, [
-      { name: 'parent', values: run.gaps(run.raw.ghost_gap), colour: 'other', dashed: true },
-      { name: other, values: run.gaps(run.raw.gap), colour: 'opponent' },
-    ], 40);
-    this.find('.gap').hidden = !run.raw.gap.length;
+    const measures = DRAWING.measures.filter(([name]) => name in run.raw.curves);
+    this.measure.replaceChildren(...[['gap', `distance to ${other}`, 'm'], ...measures].map(([name, words, unit]) => {
+      const option = document.createElement('option');
+      [option.value, option.textContent] = [name, `${words}, ${unit}`];
+      return option;
+    }));
+    this.choose();
+    this.find('.chosen-curve').hidden = !run.raw.gap.length;
+    this.find('.ruled').hidden = !run.rules.length;
     for (const part of this.node.querySelectorAll('.ghosted')) part.hidden = !run.ghosts.length;
     this.find('.foreseen').hidden = !run.forecast;
     this.slider.max = run.end;
@@ -119,6 +126,36 @@ class Player {
     this.view = fitted(run, this.canvas);
     this.change('follow', run.end > 20);
     this.seek(keyTime(run));
+  }
+
+  // Show the chosen curve, or the distance if this run has no values of it.
+  choose() {
+    const { run } = this;
+    const measure = DRAWING.measures.find(([name]) => name === this.curve && name in run.raw.curves);
+    this.measure.value = measure ? measure[0] : 'gap';
+    const other = run.opponent ? run.opponent.id : 'the other';
+    if (measure) {
+      const [name, words, unit, decimals] = measure;
+      this.gap.decimals = decimals;
+      this.gap.show(run, [{ name: '', values: run.measure(name, decimals), colour: 'opponent' }], unit === 'm' ? 100 : 15,
+        unit === 'share' ? 0.1 : 1);
+      this.gap.canvas.setAttribute('aria-label', `${words} over time`);
+      return;
+    }
+    this.gap.decimals = 1;
+    this.gap.show(run, [
+      { name: 'parent', values: run.gaps(run.raw.ghost_gap), colour: 'other', dashed: true },
+      { name: other, values: run.gaps(run.raw.gap), colour: 'opponent' },
+    ], 40);
+    this.gap.canvas.setAttribute('aria-label', 'Distance over time');
+  }
+
+  // Show the next curve of the list, the first after the last.
+  next() {
+    if (!this.measure.length) return;
+    this.curve = this.measure.options[(this.measure.selectedIndex + 1) % this.measure.length].value;
+    this.choose();
+    this.draw();
   }
 
   change(name, on) {

@@ -45,6 +45,7 @@ class Run {
     this.contact = raw.contact;
     this.forecast = raw.forecast;
     this.moments = raw.moments;
+    this.rules = raw.rules;
   }
 
   timeOf(frame) { return Math.min(frame * this.step, this.end); }
@@ -91,6 +92,15 @@ class Run {
 
   // A curve's values by frame; null for a frame without a value.
   gaps(list) { return list.map((value) => (value < 0 ? null : value / 100)); }
+
+  // The values of a measure of criticality by frame.
+  measure(name, decimals) {
+    const values = new Array(this.frames).fill(null);
+    for (const [first, steps] of this.raw.curves[name]) {
+      sums(steps, steps.length).forEach((value, k) => { values[first + k] = value / 10 ** decimals; });
+    }
+    return values;
+  }
 
   speeds(way) {
     const values = new Array(this.frames).fill(null);

@@ -5,7 +5,7 @@ const colours = () => {
   const style = getComputedStyle(document.documentElement);
   const value = (name) => style.getPropertyValue(`--${name}`).trim();
   const named = (names, of) => Object.fromEntries(names.map((name) => [name, of(name)]));
-  return { ...named(['panel', 'line', 'ink', 'muted', 'accent'], value),
+  return { ...named(['panel', 'line', 'ink', 'muted', 'accent', 'warn'], value),
     paints: named(DRAWING.paints, (name) => ({ fill: value(`p-${name}`), line: value(`p-${name}-line`) })) };
 };
 const EYE_M = 1.6; // height of the ego's sensors, m: lower bodies hide nothing in this picture

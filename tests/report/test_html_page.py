@@ -20,10 +20,13 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
+from foresee_dsl.report.page.playback import shown_frames
 from foresee_dsl.report.page.recorded import Anticipation, Preventability, campaign_folders
 from foresee_dsl.report.page.runs import Outcome, Reader, Run
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
+from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import Moment
 from tests.support import command
 from tests.support.browser import browser, needs_chromium
@@ -245,6 +248,81 @@ def test_a_campaign_without_failures_has_a_page(browser: Any, tmp_path: Path) ->
     one.page.click("nav a[href='#overview']")
     assert one.page.is_visible("#overview caption")
     one.close()
+
+
+@needs_chromium
+def test_curves_are_those_of_the_run(opened: Opened, out: Path, findings: list[dict[str, Any]]) -> None:
+    offered = opened.ask("[...document.querySelectorAll('.measure option')].map((option) => option.value)")
+    assert offered[0] == "gap" and {"ttc_s", "drac_mps2", "injury_risk"} <= set(offered)
+    file = findings[0]["minimised"]["file"] if findings[0]["minimised"] else findings[0]["file"]
+    beside = (out / file).with_suffix(".npz")
+    trace = Trace.load(beside if beside.exists() else out / "traces" / f"{findings[0]['name']}.npz")
+    other = trace.index(opened.ask("foresee.player.run.opponent.id"))
+    opened.page.select_option(".measure", "ttc_s")
+    drawn = opened.ask("foresee.player.gap.lines[0].values")
+    expected = criticality(trace, other)[Measure.TTC][shown_frames(trace.frames)]
+    assert [value is not None for value in drawn] == np.isfinite(expected).tolist()
+    assert [value for value in drawn if value is not None] == pytest.approx(expected[np.isfinite(expected)], abs=0.006)
+    opened.page.keyboard.press("Escape")
+    opened.ask("document.activeElement.blur()")
+    opened.page.keyboard.press("c")
+    assert opened.ask("document.querySelector('.measure').value") == offered[offered.index("ttc_s") + 1]
+
+
+@needs_chromium
+def test_a_broken_rule_is_marked_on_the_time_axis(browser: Any, out: Path, tmp_path: Path) -> None:
+    trace = Trace.load(next(iter(sorted((out / "traces").glob("*.npz")))))
+    at_s = round(trace.duration_s / 2, 2)
+    broken = {"rule": "red_light", "actor": "ego", "time_s": at_s, "place": "j1", "until_s": at_s + 0.5}
+    colours = []
+    for name, infractions in (("none", []), ("red", [broken])):
+        replace(trace, meta={**trace.meta, "infractions": infractions}).save(tmp_path / f"{name}.npz")
+        one = Opened(browser, write_view(str(tmp_path / f"{name}.npz"), tmp_path / f"{name}.html"))
+        one.seek(0.0)
+        assert one.page.is_visible(".legend .ruled") == bool(infractions)
+        colours.append(
+            one.ask(f"""(() => {{
+            const canvas = document.querySelector('.curves .speed');
+            const x = 36 + (canvas.clientWidth - 46) * {at_s} / foresee.player.run.end;
+            return [...canvas.getContext('2d').getImageData(x, 16, 1, 1).data];
+        }})()""")
+        )
+        one.close()
+    assert colours[0] == [255, 255, 255, 255]
+    assert colours[1] == [122, 79, 1, 255]  # --warn
+
+
+@needs_chromium
+def test_without_scripts_each_finding_has_a_picture(
+    browser: Any, page_file: Path, findings: list[dict[str, Any]]
+) -> None:
+    page = browser.new_context(java_script_enabled=False, viewport={"width": 390, "height": 900}).new_page()
+    page.goto(page_file.absolute().as_uri())
+    pictures = page.query_selector_all(".picture")
+    assert len(pictures) == len(findings)
+    assert all(picture.bounding_box()["width"] > 200 for picture in pictures)
+    assert page.inner_text("noscript .note").startswith("The playback and the filters need scripts")
+    page.close()
+
+
+@needs_chromium
+def test_thumbnails_show_both_where_they_meet(opened: Opened, findings: list[dict[str, Any]]) -> None:
+    boxes = opened.ask("""[...document.querySelectorAll('.items .thumb')].map((node) =>
+        ['ego', 'opponent'].map((role) => [...node.querySelectorAll(`.t-${role}`)].map((path) => {
+            const {x, y, width, height} = path.getBBox();
+            return [x, y, x + width, y + height];
+        })))""")
+    assert len(boxes) == len(findings)
+    for ego, other in boxes:
+        assert len(ego) == 1
+        for (a, b, c, d), (e, f, g, h) in zip(ego, other, strict=False):
+            assert a <= g + 2 and e <= c + 2 and b <= h + 2 and f <= d + 2  # decimetres
+
+
+@needs_chromium
+def test_the_facts_of_a_judgement_are_there(opened: Opened) -> None:
+    opened.page.click(".finding.current .grounds summary")
+    assert "the ego" in opened.page.inner_text(".finding.current .grounds li >> nth=-1")
 
 
 # ---- without a browser ----------------------------------------------------------------------------------------------

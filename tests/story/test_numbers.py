@@ -19,9 +19,11 @@ import shapely
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
+from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import Moment, Story, tell
 from tests.support.goldens import recorded_run
@@ -173,7 +175,26 @@ def _creeps(run: Run, frame: int, m: re.Match[str]) -> bool:
     return near(m[1], 10.8) and bool((run.ego(SPEED)[frame : frame + 31] < 3.0).all())
 
 
-@claim(r"the ego (?:sees|loses sight of) ('[^']+')(?: \([^)]*\))?(?:, METRES away)?")
+def visible(run: Run, actor: str) -> np.ndarray:
+    """At which frames an actor is in sight of the ego."""
+    bundle = compile_test_case(run.case)
+    sight, column = sight_of(run.trace, bundle), run.column(actor)
+    return np.array([in_view(run.trace, column, frame, sight) for frame in range(run.trace.frames)])
+
+
+@claim(r"the ego sees ('[^']+')[^;]*, hidden by .* since NUMBER s")
+def _hidden_since(run: Run, frame: int, m: re.Match[str]) -> bool:
+    seen = visible(run, m[1])
+    last = int(np.flatnonzero(seen[: frame - 5])[-1])
+    return " again," in m[0] and near(m[2], last * STEP_S) and not seen[frame - 5 : frame].any()
+
+
+@claim(r"the ego sees ('[^']+')[^;]*, hidden by .* until then")
+def _hidden_until(run: Run, frame: int, m: re.Match[str]) -> bool:
+    return " again," not in m[0] and not visible(run, m[1])[max(run.trace.frames - 200, 0) : frame - 5].any()
+
+
+@claim(r"the ego (?:sees|loses sight of) ('[^']+')(?: \([^)]*\))?(?: again)?(?:, METRES away)?")
 def _sees(run: Run, frame: int, m: re.Match[str]) -> bool:
     return m[2] is None or near(m[2], run.gaps(run.column(m[1]))[frame])
 
@@ -211,7 +232,7 @@ def _when_it_began(run: Run, _: int, m: re.Match[str]) -> bool:
     )
 
 
-@claim(r"(?:last )?sees it NUMBER s before the contact")
+@claim(r"(?:last )?sees it (?:again )?NUMBER s before the contact")
 def _seen_before(run: Run, _: int, m: re.Match[str]) -> bool:
     kind = "unseen" if m[0].startswith("last") else "appears"
     appears = run.began(kind, run.story.opponent)
@@ -282,9 +303,10 @@ def _times(run: Run, _: int, m: re.Match[str]) -> bool:
     return any(near(m[1], now / was) for _, was, now in changes(run, "timing"))
 
 
-@claim(r"starts NUMBER s (?:later|earlier)")
-def _delay(run: Run, _: int, m: re.Match[str]) -> bool:
-    return any(near(m[1], abs(now - was)) for _, was, now in changes(run, "delay"))
+@claim(r"('[^']+') (?:starts|goes on) NUMBER s (?:later|earlier)")
+def _starts(run: Run, _: int, m: re.Match[str]) -> bool:
+    walks = run.trace.states[0, run.column(m[1]), SPEED] > STANDS_MPS  # when the clip begins
+    return ("goes on" in m[0]) == walks and any(near(m[2], abs(now - was)) for _, was, now in changes(run, "delay"))
 
 
 @claim(r"keeps NUMBER m farther")

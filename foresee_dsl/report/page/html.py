@@ -16,6 +16,7 @@ from foresee_dsl.report.drawing.ground import Layer
 from foresee_dsl.report.drawing.palette import custom_properties
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import family_title, options_of
+from foresee_dsl.report.page.playback import MEASURES
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.show.panels import Role
@@ -35,7 +36,7 @@ PAINTS = (
     *(f"{role}-halo" for role in Role if role is not Role.GHOST),
 )
 """The paints with which the page's canvas draws."""
-_DRAWING = {"paints": PAINTS, "limits": LIMITS}
+_DRAWING = {"paints": PAINTS, "limits": LIMITS, "measures": MEASURES}
 
 
 def write_report(folders: Sequence[Path], file: Path) -> Contents:

@@ -18,6 +18,9 @@ from foresee_dsl.report.drawing.data import CM, as_data, line
 from foresee_dsl.report.drawing.ground import with_patches
 from foresee_dsl.report.drawing.shapes import Shape, body_shapes, ground_shapes
 from foresee_dsl.report.show.panels import Role, role_of
+from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.near_misses import times_between
+from foresee_dsl.simulate.rules.infraction import infractions_in
 from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
@@ -33,6 +36,13 @@ APART_M = 0.3
 
 MRAD = 1000.0
 """Headings are rounded to 1 mrad (an error of 3 mm at a bus's bumper, 6 m from its centre), speeds to 1 cm/s."""
+
+PET = "pet_s"
+MEASURES = (
+    *((m.value, m.words, m.unit or "share", m.decimals) for m in Measure),
+    (PET, "time between both at a spot", "s", 2),
+)
+"""The curves of criticality that a page offers: name, words, unit, decimals."""
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -91,6 +101,12 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
         "gap": _gap(trace, frames, marks.opponent),
         "contact": None,
         "forecast": None,
+        "curves": curves(trace, frames, marks.opponent),
+        "rules": [
+            [round(r.time_s, 2), round(r.until_s, 2), r.clause]
+            for r in infractions_in(trace.meta)
+            if r.actor == trace.actors[0].id
+        ],
         "ghosts": [],
         "ghost_gap": [],
         "differs": None,
@@ -179,6 +195,28 @@ def _gap(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
         return []
     away = pairwise_box_distance(trace.boxes(0)[frames], trace.boxes(other)[frames])
     return [-1 if np.isnan(value) else round(float(value) * CM) for value in away]
+
+
+def curves(trace: Trace, frames: IntArray, opponent: str) -> dict[str, list[list[Any]]]:
+    """Return the criticality of ego and opponent, without the measures that never have a value.
+
+    Each measure of `MEASURES` is a list of stretches with values, [first frame, [value, difference, ...]], in units of
+    its last decimal.
+    """
+    other = next((k for k, info in enumerate(trace.actors) if info.id == opponent and k), None)
+    if other is None:
+        return {}
+    series: dict[str, FloatArray] = {m.value: values for m, values in criticality(trace, other).items()}
+    series[PET] = times_between(trace, other)
+    stretches = {name: _stretches(series[name][frames], decimals) for name, _, _, decimals in MEASURES}
+    return {name: parts for name, parts in stretches.items() if parts}
+
+
+def _stretches(values: FloatArray, decimals: int) -> list[list[Any]]:
+    there = np.isfinite(values)
+    edges = [*toggles(there), len(there)]
+    return [[first, deltas(values[first:beyond], 10.0**decimals)]
+            for first, beyond in zip(edges[::2], edges[1::2], strict=False)]  # fmt: skip
 
 
 def _ghosts(trace: Trace, frames: IntArray, columns: list[int], parent: Parent, opponent: str) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -27,11 +27,13 @@ from foresee_dsl.report.drawing.ground import ground_of
 from foresee_dsl.report.drawing.shapes import ground_shapes
 from foresee_dsl.report.page.playback import Marks, Parent, playback
 from foresee_dsl.report.page.recorded import Anticipation, Minimised, Preventability, Reference
+from foresee_dsl.report.page.thumbnail import Thumbnail, thumbnail
 from foresee_dsl.report.strip import strip_svg
 from foresee_dsl.simulate.results.outcome import contact_of, touched_at
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace, X, Y
 from foresee_dsl.story import Moment, Story, tell
+from foresee_dsl.story.wording import quoted
 
 _CACHED_PARENTS = 4
 """Number of test cases' traces that are kept in memory; children are read in the order of their test cases."""
@@ -96,6 +98,9 @@ class Run:
     note: str = ""
     commands: tuple[tuple[str, str], ...] = ()
     missing: tuple[str, ...] = ()
+    thumbnail: Thumbnail | None = None
+    grounds: tuple[str, ...] = ()
+    """The facts on which the judgement rests, in words."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -191,10 +196,12 @@ class Reader:
     ) -> Run:
         """Return a run, with its story and its playback if its test case and its trace are available."""
         notes = list(missing)
-        story, playback_id = None, ""
+        story, playback_id, small_picture = None, "", None
         if trace is not None and case is not None and (bundle := self._bundle(case, trace, notes)) is not None:
             story = tell(trace, case, bundle)
-            playback_id = self._played(trace, case, bundle, story, parent) if self.plays else ""
+            if self.plays:
+                playback_id = self._played(trace, case, bundle, story, parent)
+                small_picture = thumbnail(trace, bundle, story.opponent)
         risk = case.clip.risk if case is not None and case.clip is not None else None
         small, large, note = _changes(outcome, case)
         return Run(
@@ -210,6 +217,8 @@ class Reader:
             note=note,
             commands=_commands(outcome),
             missing=tuple(notes),
+            thumbnail=small_picture,
+            grounds=tuple(_grounds(story)) if story else (),
         )
 
     def _played(self, trace: Trace, case: TestCase, bundle: SumoBundle, story: Story, parent: Parent | None) -> str:
@@ -267,6 +276,36 @@ class Reader:
             return None
         trace = self._load(outcome.parent_trace, missing)
         return Parent(trace, case.clip.start_s) if trace is not None else None
+
+
+def _grounds(story: Story) -> Iterator[str]:
+    """Yield the facts on which the judgement of a run rests, in words."""
+    if not story.opponent:
+        return
+    grounds, other = story.grounds, quoted(story.opponent)
+    if grounds.steered:
+        yield f"the mutation steers {other} into the ego"
+    if grounds.breaks_rule:
+        yield f"{other} {grounds.breaks_rule}"
+    if grounds.gives_way:
+        yield grounds.gives_way
+    if grounds.signal:
+        junction, _, colour = grounds.signal.rpartition(" ")
+        yield f"the ego entered {quoted(junction)} on {colour}"
+    if grounds.seen_s:
+        yield f"the ego's sensors see {other} for the last {grounds.seen_s:.1f} s"
+    else:
+        yield f"the ego's sensors do not see {other} at the end"
+    if grounds.hidden_by:
+        yield f"{other} was hidden by {grounds.hidden_by} before"
+    if grounds.acts_s is not None:
+        yield f"{other} begins its last manoeuvre {grounds.acts_s:.1f} s before the end"
+    if grounds.stood_s:
+        yield f"the ego has stood for {grounds.stood_s:.1f} s"
+    elif grounds.braked_s:
+        yield f"the ego brakes for the last {grounds.braked_s:.1f} s"
+    else:
+        yield "the ego does not brake"
 
 
 def _marks(trace: Trace, case: TestCase, opponent: str) -> Marks:

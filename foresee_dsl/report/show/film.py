@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,12 +14,11 @@ from foresee_dsl.report.drawing import svg
 from foresee_dsl.report.drawing.png import MISSING, png_of_svg
 from foresee_dsl.report.drawing.sheet import PAD, DrawnPart, Sheet, Words
 from foresee_dsl.report.safe_text import shortened
-from foresee_dsl.report.show.measures import Measures, measure
+from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.moments import Snapshot
-from foresee_dsl.report.show.panels import SIDES_M, TOGETHER_M, Panel, PanelWindow, strip_panels, windows_around
+from foresee_dsl.report.show.panels import Panel, key_frame, strip_panels, window_before
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.strip import SIZES, map_of, opponent_of
-from foresee_dsl.simulate.results.outcome import contact_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.story import Moment
 
@@ -30,8 +28,6 @@ HOLD_S = 1.5
 """Time for which the last picture stays before the film begins again, s. Ours: long enough to read its caption."""
 BEFORE_S, AFTER_S = 7.0, 2.0
 """Part of the run that is filmed before and after its most critical moment, s. Ours: the length of most clips."""
-VIEW_S = 3.0
-"""The view holds ego and opponent from this long before the most critical moment, s: as the page's playback does."""
 SIDE_PX = 440.0
 """Side of the picture, px. Ours: a car in the widest view is 20 px long."""
 COLOURS = 64
@@ -54,7 +50,7 @@ def film(run: ShownRun, from_s: float | None = None, to_s: float | None = None) 
     """
     trace, opponent = run.trace, opponent_of(run.trace, run.story)
     measures = measure(trace, run.bundle, opponent)
-    key = _key_frame(run, measures)
+    key = key_frame(trace, measures.gap_m)
     first = trace.time_s[key] - BEFORE_S if from_s is None else from_s
     last = trace.time_s[key] + AFTER_S if to_s is None else to_s
     at = np.arange(0, trace.frames, round(EVERY_S / STEP_S))
@@ -62,38 +58,12 @@ def film(run: ShownRun, from_s: float | None = None, to_s: float | None = None) 
     frames = at[(trace.time_s[at] >= first - 1e-9) & (trace.time_s[at] <= last + 1e-9)]
     if not frames.size:
         raise ForeseeError(f"there is no moment from {first:g} s to {last:g} s: the run has {trace.duration_s:.2f} s")
-    window = _window(run, opponent, key)
+    window = window_before(trace, run.bundle, opponent, key)
     moments = [Snapshot("", frame, float(trace.time_s[frame]), _event_at(run.story.moments, float(trace.time_s[frame])))
                for frame in frames.tolist()]  # fmt: skip
     panels = strip_panels(trace, run.bundle, measures, opponent, moments, windows=[window] * len(moments))
     title = shortened(run.story.title, _LETTERS)
     return _gif([png_of_svg(_picture(panel, title), zoom=_ZOOM) for panel in panels], frames)
-
-
-def _key_frame(run: ShownRun, measures: Measures) -> int:
-    """Return the frame of the contact, else of the smallest gap, else the last one."""
-    if contact_of(run.trace) or np.isnan(measures.gap_m).all():
-        return run.trace.frames - 1
-    return int(np.nanargmin(measures.gap_m))
-
-
-def _window(run: ShownRun, opponent: str, key: int) -> PanelWindow:
-    """Return the smallest window around ego and opponent during the seconds before a frame."""
-    frames = range(max(key - round(VIEW_S / STEP_S), 0), key + 1)
-    moments = [Snapshot("", frame, 0.0, "") for frame in frames]
-    windows = windows_around(run.trace, run.bundle, opponent, moments, "ego")
-    states = run.trace.states[list(frames)][:, :, :2]
-    columns = [0] + ([run.trace.index(opponent)] if opponent else [])
-    places = states[:, columns].reshape(-1, 2)
-    near = np.hypot(*(places - states[-1, 0]).T) <= TOGETHER_M
-    turned = replace(windows[-1], x=0.0, y=0.0).points(places[near])
-    if len(turned) < 2:
-        return windows[-1]
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    side = next((side for side in SIDES_M if side >= float((high - low).max()) + 10.0), SIDES_M[-1])
-    x, y = ((low + high) / 2).tolist()
-    cos, sin = math.cos(windows[-1].turn_rad), math.sin(windows[-1].turn_rad)
-    return replace(windows[-1], x=cos * x + sin * y, y=-sin * x + cos * y, side_m=side)
 
 
 def _event_at(moments: Sequence[Moment], time_s: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Literal
 
@@ -20,7 +20,8 @@ from foresee_dsl.report.drawing.sheet import DrawnPart
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.measures import Measures
 from foresee_dsl.report.show.moments import Snapshot
-from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
+from foresee_dsl.simulate.results.outcome import contact_of
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -36,6 +37,9 @@ TOGETHER_M = 80.0
 AHEAD_SHARE = 0.2
 """Without an opponent, the ego is this share of the window's side behind its middle, so that more of the road ahead is
 visible (ours)."""
+VIEW_S = 3.0
+"""A fixed view holds ego and opponent from this long before the most critical moment, s (ours), as `fitted` in
+`templates/report/scene.js`."""
 _LONGEST_TITLE = 60
 """Maximum length of an actor's name in a tooltip, characters."""
 
@@ -176,7 +180,7 @@ def strip_panels(
     around = np.array([window.bounds for window in windows])
     bounds = (*around[:, :2].min(axis=0).tolist(), *around[:, 2:].max(axis=0).tolist())
     ground = with_patches(ground_of(bundle.network, within(bounds)), bundle.scene.slippery)
-    cuts = {window: _cut(ground, window) for window in dict.fromkeys(windows)}
+    cuts = {window: cut(ground, window) for window in dict.fromkeys(windows)}
     return tuple(
         Panel(
             snapshot=moment,
@@ -219,6 +223,32 @@ def windows_around(
     return tuple(_window(trace, opponent, moment.frame, turn) for moment in moments)
 
 
+def key_frame(trace: Trace, gap_m: FloatArray) -> int:
+    """Return the most critical frame of a run: the contact, else the smallest gap, else the last frame.
+
+    Args:
+        trace: the run. gap_m: [T] gap between ego and opponent, NaN where there is none.
+    """
+    if contact_of(trace) or np.isnan(gap_m).all():
+        return trace.frames - 1
+    return int(np.nanargmin(gap_m))
+
+
+def window_before(trace: Trace, bundle: SumoBundle, opponent: str, frame: int) -> PanelWindow:
+    """Return the smallest window around ego and opponent during the `VIEW_S` before a frame, with the ego's way up."""
+    frames = np.arange(max(frame - round(VIEW_S / STEP_S), 0), frame + 1)
+    last = _window(trace, opponent, frame, math.pi / 2 - _way(trace, bundle, frame))
+    columns = [0, trace.index(opponent)] if opponent else [0]
+    places = trace.states[frames][:, columns][:, :, [X, Y]].reshape(-1, 2)
+    near = places[np.hypot(*(places - trace.states[frame, 0, [X, Y]]).T) <= TOGETHER_M]  # False where absent
+    turned = replace(last, x=0.0, y=0.0).points(near)
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    side = next((side for side in SIDES_M if side >= float((high - low).max()) + 2 * MARGIN_M), SIDES_M[-1])
+    back = PanelWindow(0.0, 0.0, 0.0, -last.turn_rad)
+    x, y = back.points(((low + high) / 2)[None])[0].tolist()
+    return replace(last, x=x, y=y, side_m=side)
+
+
 def _way(trace: Trace, bundle: SumoBundle, frame: int) -> float:
     """Return the heading of the ego's lane, so that roads are vertical; in a junction, the ego's own heading, rad."""
     x, y, heading = trace.states[frame, 0, [X, Y, HEADING]].tolist()
@@ -228,7 +258,8 @@ def _way(trace: Trace, bundle: SumoBundle, frame: int) -> float:
     return near.lane.line.at(near.pos_m)[2]
 
 
-def _cut(ground: Ground, window: PanelWindow) -> Ground:
+def cut(ground: Ground, window: PanelWindow) -> Ground:
+    """Return the shapes of a ground that are in a window, in its coordinates."""
     shapes = {layer: window.shape(shape) for layer, shape in ground.items()}
     return {layer: shape for layer, shape in shapes.items() if not shape.is_empty}
 
