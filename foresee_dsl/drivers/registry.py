@@ -200,7 +200,8 @@ def _describe(name: str) -> DriverInfo:
         return DriverInfo(name, "", str(err), package, isinstance(err, DriverUnavailableError))
     kind = driver if isinstance(driver, type) else type(driver)
     doc = (kind.__doc__ or "").strip().splitlines()
-    return DriverInfo(name, driver.version, doc[0] if doc else "", package)
+    version = getattr(driver, "version", "")  # a class whose objects have one need not have it itself
+    return DriverInfo(name, version if isinstance(version, str) else "", doc[0] if doc else "", package)
 
 
 def _made_from_text(entry: EntryPoint) -> Any:  # noqa: ANN401  a driver's class, or None

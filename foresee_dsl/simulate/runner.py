@@ -76,7 +76,7 @@ def run(
     with Part.LOOP, DriverWatch(deadlines, bundle.scene.end_s) as watch:
         try:
             with Part.PLACING:
-                prepared = _Run(bundle, driver, seed, dict(meta or {}), sensors, watch, rules)
+                prepared = Run(bundle, driver, seed, dict(meta or {}), sensors, watch, rules)
                 prepared.idealise(ideal, futures)
             result = prepared.go()
         finally:
@@ -101,17 +101,19 @@ def _closed(driver: Driver, watch: DriverWatch) -> DriverFault | None:
     return None
 
 
-class _Run:
-    """One run's state."""
+class Run:
+    """One run, as the steps that `go` takes in turn; a caller that moves the ego itself takes them one by one."""
 
     def __init__(
         self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any], sensors: SensorSettings,
         watch: DriverWatch, rules: RulesMode,
     ) -> None:  # fmt: skip
+        """Set the scene up in this process's SUMO; raises `SimulationError` if SUMO refuses it."""
         self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
         self._watch = watch
         self._notes = DriverNotes()
         self._world = World.shared(bundle)
+        self._number = self._world.runs
         self._simulation = Simulation(bundle, self._world)
         self._recorder = Recorder(bundle.scene.actors, self._simulation.state_table, bundle.signals)
         for patch in bundle.scene.slippery:  # a clip needs their positions
@@ -129,6 +131,12 @@ class _Run:
         self._rules = self._conditions.rules(self._simulation.ego) if rules is not RulesMode.OFF else None
         self._ideal: frozenset[DriverPart] = frozenset()
         self._truth: GroundTruth | None = None
+        self._steps = 0
+
+    @property
+    def has_the_world(self) -> bool:
+        """Whether this process's SUMO still simulates this run: a later run in the process takes it over."""
+        return self._world.is_shared and self._world.runs == self._number
 
     def idealise(self, ideal: frozenset[DriverPart], futures: Trace | None) -> None:
         """Replace parts of the driver by ideal ones from its `reset` on."""
@@ -137,23 +145,26 @@ class _Run:
 
     def go(self) -> RunResult:
         """Take frame after frame through the parts of a run, in this order, until one decides that the run ends."""
-        decision, steps = self._reset(), 0
+        decision = self.reset()
         while decision is None:
-            frame = Frame(self._simulation.time_s)
-            self._order()
-            self._record(frame)
-            self._sense(frame)
-            self._judge(frame)
+            frame = self.next_frame()
             if frame.decision is None:
                 self._drive(frame)
             if frame.decision is None:
-                self._move(frame)
-            if frame.decision is None:
-                steps += 1
+                self.move(frame)
             decision = frame.decision
-        return self._finish(decision, steps)
+        return self.finish(decision)
 
-    def _reset(self) -> Decision | None:
+    def next_frame(self) -> Frame:
+        """Return the next frame: recorded, sensed and judged, without a control."""
+        frame = Frame(self._simulation.time_s)
+        self._order()
+        self._record(frame)
+        self._sense(frame)
+        self._judge(frame)
+        return frame
+
+    def reset(self) -> Decision | None:
         """Reset the driver; return the run's end if that fails."""
         try:
             with self._watch.call("reset"):
@@ -217,8 +228,8 @@ class _Run:
         ego.follow_at_once(control)
         return control
 
-    def _move(self, frame: Frame) -> None:
-        """Move all actors to the next frame with the control; set the decision if SUMO fails."""
+    def move(self, frame: Frame) -> None:
+        """Move all actors to the next frame with the frame's control; set the decision if SUMO fails."""
         try:
             with Part.ACTORS:
                 left = self._simulation.step(frame.control)
@@ -226,6 +237,7 @@ class _Run:
             World.close_shared()  # the next run begins with a fresh SUMO
             frame.decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator broke: {err}")
             return
+        self._steps += 1
         for name in left:
             self._recorder.event(self._simulation.time_s, name, "arrived")
 
@@ -244,7 +256,8 @@ class _Run:
             return Decision(Verdict.TIMEOUT, time_s, "", reason)
         return Decision(Verdict.CRASH, time_s, "", fault.text)
 
-    def _finish(self, decision: Decision, steps: int) -> RunResult:
+    def finish(self, decision: Decision) -> RunResult:
+        """Return the run's result, with the trace, after the end that a frame or `reset` decided."""
         infractions = self._rules.end(decision) if self._rules is not None else ()
         if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):
             self._recorder.event(decision.time_s, "ego", "arrived")
@@ -278,7 +291,7 @@ class _Run:
             with_=decision.with_,
             reason=reason,
             duration_s=trace.duration_s,
-            steps=steps,
+            steps=self._steps,
             trace=trace,
             expectations=expectations,
             infractions=infractions,

@@ -101,6 +101,8 @@ class World:
         self._errors: tuple[type[Exception], ...] = (self._sumo.TraCIException, self._sumo.FatalTraCIError)
         self.signals = Signals(self._sumo, bundle)
         self.key = bundle.key
+        self.runs = 0
+        """Number of runs that this SUMO has begun."""
         self._vehicles: dict[str, _Vehicle] = {}
         self._on_road: tuple[str, ...] = ()
         self._names: tuple[str, ...] = ()
@@ -130,7 +132,13 @@ class World:
             with Part.START:
                 world = cls._current = cls(bundle)
         world.reset(bundle)
+        world.runs += 1
         return world
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether this is the process's SUMO now; after `close_shared` it is not."""
+        return World._current is self
 
     @classmethod
     def close_shared(cls) -> None:

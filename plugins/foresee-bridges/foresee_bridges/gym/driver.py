@@ -1,0 +1,153 @@
+"""The driver `gym`: a trained policy drives, `--driver gym:policy.onnx`, `gym:policy.zip` or `gym:policy.py:FUNCTION`.
+
+Policies that Stable-Baselines3 wrote, and functions of a module, are programs: a file that names one starts it only
+with the user's consent, like any driver with a colon in its address.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_bridges.gym.observations import ObjectList, control_of
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.errors import DriverError, DriverUnavailableError
+
+Policy = Callable[[NDArray[np.float32]], NDArray[np.floating]]
+"""A policy: from the vector of `ObjectList`, [SIZE] float32, to an action, [2]."""
+USAGE = "write gym:POLICY.onnx, gym:POLICY.zip (Stable-Baselines3), gym:FILE.py:FUNCTION or gym:MODULE:FUNCTION"
+_WRITTEN = 12
+"""Number of hexadecimal digits of a file's SHA-256 in the version. Ours: as in the files of mutants."""
+
+
+class PolicyDriver:
+    """A policy trained on foresee_bridges.gym: --driver gym:policy.onnx, gym:policy.zip or gym:policy.py:FUNCTION."""
+
+    name, version = "gym", "1"
+
+    def __init__(self, policy: Policy, name: str, version: str) -> None:
+        self.name, self.version = name, version
+        self._policy = policy
+
+    @classmethod
+    def from_argument(cls, argument: str) -> Self:
+        """Create the driver of the address `gym:ARGUMENT`.
+
+        Raises:
+            DriverError: there is no such file, module or function, it is not a policy for this observation, or a
+                package that it needs is not installed.
+        """
+        file = Path(argument)
+        readers = {".onnx": _onnx, ".zip": _stable_baselines}
+        if file.suffix not in readers:
+            return cls(_function(argument), f"gym:{argument}", "function")
+        try:
+            content = file.read_bytes()
+        except OSError as err:
+            raise DriverError(f"gym:{argument}: {err.strerror or err}; {USAGE}") from err
+        version = hashlib.sha256(content).hexdigest()[:_WRITTEN]
+        return cls(readers[file.suffix](file), f"gym:{argument}", version)
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Start at the beginning of the mission; a policy with `reset(seed)` forgets what it remembers."""
+        self._objects = ObjectList(mission, vehicle)
+        self._place_s: float | None = None
+        forget = getattr(self._policy, "reset", None)
+        if forget is not None:
+            forget(seed)
+
+    def step(self, observation: Observation) -> Control:
+        """Return the control of the policy's action."""
+        self._place_s = self._objects.place(observation, self._place_s)
+        return control_of(self._policy(self._objects.vector(observation, self._place_s)))
+
+
+def _onnx(file: Path) -> Policy:
+    """Return the policy of a network with one input [1, SIZE] and, as its first output, an action [1, 2]."""
+    try:
+        import onnxruntime
+    except ModuleNotFoundError as err:
+        raise DriverUnavailableError(f"gym:{file} needs onnxruntime: pip install 'foresee-bridges[onnx]'") from err
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1  # sums in one order: the same bits in every process
+    options.use_deterministic_compute = True
+    try:
+        session: Any = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    except Exception as err:  # onnxruntime has a class for each of its codes, without a common one
+        raise DriverError(
+            f"gym:{file} is not a network that onnxruntime can read: {' '.join(str(err).split())}"
+        ) from err
+    inputs, outputs = session.get_inputs(), session.get_outputs()
+    width = inputs[0].shape[-1] if inputs and inputs[0].shape else None
+    if len(inputs) != 1 or (isinstance(width, int) and width != ObjectList.SIZE):
+        raise DriverError(
+            f"gym:{file} has {len(inputs)} inputs, the first with {width} numbers; a policy for "
+            f"foresee_bridges.gym has one input of [1, {ObjectList.SIZE}] numbers"
+        )
+
+    def policy(vector: NDArray[np.float32]) -> NDArray[np.floating]:
+        return np.asarray(session.run([outputs[0].name], {inputs[0].name: vector[None]})[0])
+
+    return policy
+
+
+def _stable_baselines(file: Path) -> Policy:
+    """Return the policy that Stable-Baselines3 saved, of any of its algorithms; its most probable action is taken."""
+    try:
+        from stable_baselines3.common.save_util import load_from_zip_file
+    except ModuleNotFoundError as err:
+        raise DriverUnavailableError(f"gym:{file} needs Stable-Baselines3: pip install 'foresee-bridges[sb3]'") from err
+    try:
+        data, parameters, _ = load_from_zip_file(str(file), device="cpu")
+        policy = data["policy_class"](
+            data["observation_space"], data["action_space"], lambda _: 0.0, **(data["policy_kwargs"] or {})
+        )
+        policy.load_state_dict(parameters["policy"])
+    except Exception as err:  # the file may be anything
+        raise DriverError(
+            f"gym:{file} is not a model that Stable-Baselines3 saved: {type(err).__name__}: {err}"
+        ) from err
+    if policy.observation_space.shape != (ObjectList.SIZE,):
+        raise DriverError(
+            f"gym:{file} takes observations of shape {policy.observation_space.shape}; a policy for "
+            f"foresee_bridges.gym takes {ObjectList.SIZE} numbers"
+        )
+    policy.set_training_mode(False)
+
+    def predict(vector: NDArray[np.float32]) -> NDArray[np.floating]:
+        return np.asarray(policy.predict(vector, deterministic=True)[0])
+
+    return predict
+
+
+def _function(argument: str) -> Policy:
+    module, _, name = argument.rpartition(":")
+    if not module or not name.isidentifier():
+        raise DriverError(f"gym:{argument} names no policy; {USAGE}")
+    try:
+        policy = getattr(_module(module), name)
+    except Exception as err:  # the module may raise anything
+        raise DriverError(f"gym:{argument} cannot be loaded: {type(err).__name__}: {err}; {USAGE}") from err
+    if not callable(policy):
+        raise DriverError(f"gym:{argument} is not a function; {USAGE}")
+    ready: Policy = policy() if isinstance(policy, type) else policy
+    return ready
+
+
+def _module(name: str) -> ModuleType:
+    """Return an installed module by its name, or one in a file that ends with `.py`."""
+    if not name.endswith(".py"):
+        return importlib.import_module(name)
+    spec = importlib.util.spec_from_file_location(Path(name).stem, name)
+    if spec is None or spec.loader is None:
+        raise ImportError(name)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
