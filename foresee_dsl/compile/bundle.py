@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.compile.roads.polyline import XY, Points
+from foresee_dsl.compile.styles import STYLES
 from foresee_dsl.documents import every_field
 from foresee_dsl.language.model import AtStop, Expect, MeetsState, Place, When
 
@@ -204,10 +205,19 @@ class PlacedActor:
     meets: tuple[MeetsState, ...] = ()
     passes: bool = False
     """It passes vehicles within its lane (`passes in lane`)."""
+    style: str = ""
+    """Its driving style, a name in `compile.styles.STYLES`; "" for its model's."""
     sublanes: bool = False
     """SUMO decides where in its lane it drives: it, or another actor of the scenario, passes within its lane."""
     walk_stops: tuple[tuple[float, float, str, int], ...] = ()
     """Crossings on its path that a pedestrian enters only on green: (begin and end along the path, m; tls; link)."""
+
+    @property
+    def accelerates_mps2(self) -> float:
+        """Its largest acceleration, with its style and its timing, m/s^2."""
+        limit = STYLES[self.style].acceleration_mps2 if self.style else None
+        most = self.model.acceleration_mps2 if limit is None else min(limit, self.model.acceleration_mps2)
+        return most * min(self.timing, 1.0) ** 2
 
     @property
     def sumo_type(self) -> str:

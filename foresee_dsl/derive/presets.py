@@ -190,12 +190,22 @@ FOCUSED = Preset(
 AVOIDABLE = replace(FOCUSED, name="avoidable", search=CarefulSettings())
 """Ours: first changes that hit the recorded ego and that a careful driver could have avoided; then as `focused`."""
 
+LAWFUL = replace(
+    FOCUSED,
+    name="lawful",
+    recipes=(("style",), ("style", "timing"), ("style", "delay"), ("timing",), ("delay",), ("line",)),
+    timing=TimingSettings(high=1.0),  # no faster than in the recorded run, which kept to the limits
+)
+"""Ours: opponents that keep the law and react to the ego; none is steered, swapped or faster than it was."""
+
 HEAVY_WEATHER = Preset(
     name="heavy_weather", recipes=(("heavy_weather",),), targets="letter", farthest_m=None, steer=SteerSettings()
 )
 """One child: heavy weather, without other changes (paper, section 4.4, RQ5)."""
 
-PRESETS: Mapping[str, Preset] = MappingProxyType({p.name: p for p in (FOCUSED, PAPER, AVOIDABLE, HEAVY_WEATHER)})
+PRESETS: Mapping[str, Preset] = MappingProxyType(
+    {p.name: p for p in (FOCUSED, PAPER, AVOIDABLE, LAWFUL, HEAVY_WEATHER)}
+)
 """All presets by name. A study derives its own with `dataclasses.replace` and passes the object."""
 
 

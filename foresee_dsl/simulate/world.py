@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
+from foresee_dsl.compile.styles import STYLES
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.measuring import Part
@@ -112,6 +113,7 @@ class World:
         self._changed_limits: dict[str, float] = {}  # original limits of changed lanes
         self._rates: dict[str, tuple[float, float, float]] = {}  # own rates of vehicles that were on slippery ground
         self._usual: dict[str, tuple[float, float]] = {}  # own headway and gap of vehicles with an order to keep a gap
+        self._styled: set[str] = set()  # types of vehicles with a style
         self.bodies = MovedBodies(self._sumo, self._errors, self._route)
         try:
             self._sumo.simulation.start(["sumo", *options(bundle)])
@@ -166,6 +168,7 @@ class World:
             self._limits.pop(lane.rpartition("_")[0], None)
         self._changed_limits.clear()
         self._usual.clear()
+        self._styled.clear()
         self._rates.clear()
         self.bodies.clear()
         self.signals = Signals(self._sumo, bundle, begins_s)
@@ -194,7 +197,10 @@ class World:
             SimulationError: SUMO refused the route or the position.
         """
         try:
-            vehicle = self._add(actor.id, actor.sumo_type, actor.route)
+            vehicle = self._add(actor.id, self._type_of(actor), actor.route)
+            if actor.style:
+                assertive = str(STYLES[actor.style].assertive)
+                self._sumo.vehicle.setParameter(actor.id, "laneChangeModel.lcAssertive", assertive)
             if actor.lane and not actor.lane.startswith(":"):
                 vehicle.edge = actor.lane[: actor.lane.rindex("_") + 1]
             vehicle.cruise_mps = actor.cruise_mps
@@ -382,6 +388,28 @@ class World:
             self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{key}", value)
         state = self._vehicles[vehicle] = _Vehicle(edge=f"{route[0]}_")
         return state
+
+    def _type_of(self, actor: PlacedActor) -> str:
+        """Return the vehicle type of an actor; for one with a style, a copy of its model's that is made once a run.
+
+        SUMO 1.28 does not use an impatience that is set for a single vehicle at junctions, only that of its type.
+        """
+        if not actor.style:
+            return actor.sumo_type
+        name, style, api = f"{actor.sumo_type}-{actor.style}", STYLES[actor.style], self._sumo.vehicletype
+        if name not in self._styled:
+            self._styled.add(name)
+            api.copy(actor.sumo_type, name)
+            api.setImpatience(name, style.impatience)
+            if style.acceleration_mps2 is not None:
+                api.setAccel(name, min(style.acceleration_mps2, actor.model.acceleration_mps2))
+            if style.braking_mps2 is not None:
+                braking_mps2 = max(
+                    min(style.braking_mps2, actor.model.emergency_braking_mps2), actor.model.braking_mps2
+                )
+                api.setDecel(name, braking_mps2)
+                api.setApparentDecel(name, braking_mps2)
+        return name
 
     def _route(self, edges: tuple[str, ...]) -> str:
         name = self._routes.get(edges)

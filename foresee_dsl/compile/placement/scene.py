@@ -356,6 +356,7 @@ class SceneBuilder:
         """Return an actor with the values of statements that apply to routes and paths alike."""
         delay, timing, line = item(actor, m.Delay), item(actor, m.Timing), item(actor, m.Line)
         state, steers, brakes = actor.state, item(actor, m.Steers), item(actor, m.Brakes)
+        style = item(actor, m.Style)
         later = line is not None and placed.control == "sumo" and (line.start is not None or line.duration is not None)
         return replace(
             placed,
@@ -376,6 +377,7 @@ class SceneBuilder:
             ),
             meets=items(actor, m.MeetsState),
             passes=placed.control == "sumo" and item(actor, m.PassesInLane) is not None,
+            style=style.manner if style is not None and placed.control == "sumo" else "",
         )
 
     def _journey(self, placed: Iterable[PlacedActor]) -> tuple[float, float]:

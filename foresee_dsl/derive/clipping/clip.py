@@ -277,7 +277,7 @@ class _Beginning:
     def _carried(self, item: m.ActorItem, info: ActorInfo, orders: ActorOrders) -> tuple[m.ActorItem, ...]:
         """Return a statement of the author or of a mutation about an actor, with times from the clip's beginning."""
         match item:
-            case m.Timing() | m.PassesInLane():
+            case m.Timing() | m.PassesInLane() | m.Style():
                 return (item,)
             case m.Line(start=None, duration=None):
                 return () if info.path or orders.line_m is not None else (item,)  # the points of a path contain it

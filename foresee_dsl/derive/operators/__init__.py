@@ -1,4 +1,4 @@
-"""The mutation operators: model swap and steering (paper, section 3.4); timing, delay, head start and line (ours)."""
+"""The mutation operators: model swap and steering (paper, section 3.4); ours: timing, delay, head start, line, style."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.derive.operators.model_swap import ModelSwap
-from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, HeavyWeather, LineShift, TimingShift
+from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, HeavyWeather, LineShift, StyleChange, TimingShift
 from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Operator, Situation
 from foresee_dsl.derive.operators.steer import Steer
 from foresee_dsl.errors import ForeseeError
@@ -28,7 +28,7 @@ OPERATORS = PluginGroup("foresee_dsl.operators", "operator", ForeseeError)
 an object with a `name` and `changes`."""
 
 _OURS: tuple[BuiltIn, ...] = (
-    ModelSwap(), Steer(), TimingShift(), DelayShift(), HeadStart(), LineShift(), HeavyWeather()
+    ModelSwap(), Steer(), TimingShift(), DelayShift(), HeadStart(), LineShift(), StyleChange(), HeavyWeather()
 )  # fmt: skip
 _BY_PROPERTY = {operator.property: operator for operator in _OURS}
 

@@ -1,4 +1,4 @@
-"""Our operators (timing, delay, head start, line), which the paper does not have; and its heavy weather (RQ5)."""
+"""Our operators (timing, delay, head start, line, style), which are not the paper's; and its heavy weather (RQ5)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.random import Generator
 
 from foresee_dsl.compile.placement.paths import LINE_OVER_M
 from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.compile.styles import STYLES, DrivingStyle
 from foresee_dsl.derive.operators.situation import (
     ActorsRun,
     BuiltIn,
@@ -24,7 +25,8 @@ from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS, SIDEWAYS_SHARE
-from foresee_dsl.language.model import Change, Quantity
+from foresee_dsl.language.model import Change, Quantity, Style
+from foresee_dsl.language.model.derived import USUAL
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 
@@ -173,6 +175,38 @@ class LineShift(_Added):
         return changed
 
 
+class StyleChange(BuiltIn):
+    """Another driving style of a vehicle or bicycle that SUMO drives along lanes; it obeys all rules, as before.
+
+    The roll-out knows only the slower acceleration of `creeps`; what another style does depends on the ego."""
+
+    name = property = "style"
+
+    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+        """Draw one of the other styles."""
+        if not situation.on_lanes(target) or situation.driven_m(target) < preset.timing.least_way_m:
+            return ()
+        body = situation.actors[target].body
+        was = next((item.manner for item in body if isinstance(item, Style)), USUAL)
+        others = [name for name in (USUAL, *STYLES) if name != was]
+        now = others[int(rng.integers(len(others)))]
+        return (Change(actor=target, property=self.property, was=was, now=now),)
+
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
+        """Let an actor that creeps fall behind on its track wherever it accelerated more."""
+        style = STYLES.get(str(change.now), DrivingStyle())
+        if style.acceleration_mps2 is None:
+            return boxes
+        track = boxes[~np.isnan(boxes[:, 0])]
+        if len(track) < 2:
+            return boxes
+        slower = np.nan_to_num(run.trace.states[:, run.actor, SPEED])
+        for frame in range(1, len(slower)):
+            slower[frame] = min(slower[frame], slower[frame - 1] + style.acceleration_mps2 * STEP_S)
+        rolled: FloatArray = _at(track, _along(track), np.r_[0.0, np.cumsum(slower[1:]) * STEP_S][None])[0]
+        return rolled
+
+
 def _moves_on_path(situation: Situation, target: str, preset: Preset) -> bool:
     return situation.follows_path(target) and situation.driven_m(target) >= preset.timing.least_way_m
 
@@ -191,11 +225,20 @@ def retimed(
     count = max(len(factor), len(delay_s), len(ahead_m))
     if len(track) < 2:
         return np.repeat(boxes[None], count, axis=0)
-    track[:, 2] = np.unwrap(track[:, 2])
-    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))]
+    along = _along(track)
     time_s = np.arange(len(boxes)) * STEP_S
     later_s = np.maximum(time_s - delay_s[:, None], 0.0)
-    wanted = ahead_m[:, None] + factor[:, None] * np.interp(later_s, time_s[: len(along)], along)
+    return _at(track, along, ahead_m[:, None] + factor[:, None] * np.interp(later_s, time_s[: len(along)], along))
+
+
+def _along(track: FloatArray) -> FloatArray:
+    """Return the length along a track ([T, 5]) at each frame, m."""
+    return np.r_[0.0, np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))]
+
+
+def _at(track: FloatArray, along: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return the footprints at lengths along a track: `wanted` is [N, T], m; the result [N, T, 5]."""
+    track[:, 2] = np.unwrap(track[:, 2])
     # np.interp needs increasing places: a little is added at each step, as an actor that stands repeats its place.
     marks = along + np.arange(len(along)) * 1e-9
     beyond = np.maximum(wanted - along[-1], 0.0)

@@ -45,6 +45,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
         _check_recorded(findings, actor)
         _check_class(findings, actor, parameters, cases)
         _check_passes(findings, actor, parameters, cases, body)
+        _check_style(findings, actor)
     for group in groups:
         for k, model in enumerate(group.models):
             _known_class(findings, group, f"models.{k}", model)
@@ -100,6 +101,20 @@ def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
                 "the ego cannot have `brakes`, because its driver decides when it brakes",
                 "move it to another actor, or " + remove("remove it"),
             )
+
+
+def _check_style(findings: Findings, actor: m.Ego | m.Actor) -> None:
+    """Report a style of an actor that SUMO does not drive along lanes."""
+    for item in actor.body:
+        if not isinstance(item, m.Style):
+            continue
+        if isinstance(actor, m.Ego):
+            message = "the ego cannot have a `style`: its driver drives it"
+        elif not any(isinstance(other, m.Route | m.EdgeRoute) for other in actor.body):
+            message = f"'{actor.name}' does not drive along a route, so it cannot have a `style`"
+        else:
+            continue
+        findings.add(item, "", "FS042", message, "move it to a vehicle on a route, or " + remove("remove it"))
 
 
 def _check_passes(

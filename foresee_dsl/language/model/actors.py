@@ -257,6 +257,19 @@ class PassesInLane(Item):
     """
 
 
+class Style(Item):
+    """`style takes_gap`: a vehicle or bicycle on a route obeys all rules, but drives in this way.
+
+    `takes_gap`: it enters smaller gaps at junctions and in lane changes. `brakes_late`: it plans its stops with harder
+    braking. `creeps`: it accelerates slowly. SUMO drives it, and reacts to the ego as always.
+    """
+
+    pattern = "style {manner}"
+    words = "style (statement): how an actor drives that obeys all rules | style takes_gap"
+
+    manner: Literal["takes_gap", "brakes_late", "creeps"]
+
+
 class State(Phrase, kind=""):
     """`at (61.90 m, 101.55 m) heading 0.3 deg speed 17.22 m/s`: an exact state at the beginning.
 
@@ -314,6 +327,7 @@ ActorItem = Annotated[
     | Line
     | Brakes
     | PassesInLane
+    | Style
     | Recorded,
     ONE_OF,
 ]

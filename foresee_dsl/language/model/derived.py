@@ -36,6 +36,8 @@ from foresee_dsl.language.units import Dimension
 
 NOTHING = "nothing"
 """The value of `ignores` for an actor that obeys all rules."""
+USUAL = "usual"
+"""The value of `style` for an actor that drives as its model says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +114,7 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
             (a.Brakes, "braking"), 0, lambda b: 0 <= b <= HARDEST_MPS2, "braking is from 0 to 12 m/s^2", timed=True
         ),
         "ignores": Property((a.IgnoresRule, "what"), words=(NOTHING, "signals", "priority")),
+        "style": Property((a.Style, "manner"), words=(USUAL, "takes_gap", "brakes_late", "creeps")),
         "moving": Property(
             (a.Walked, "along"), None, lambda along: along >= 0, "how far it has come along its path is zero or more"
         ),
@@ -142,7 +145,8 @@ class Change(Item):
     the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
     its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of
     its way, on a lane from `start` for `duration`); `brakes` (so hard, from `start` for `duration`); `ignores`
-    (`nothing`, `signals`, `priority`); `moving` (a length: where on its path it begins). `weather.rain` and the like;
+    (`nothing`, `signals`, `priority`); `moving` (a length: where on its path it begins); `style` (`usual`,
+    `takes_gap`, `brakes_late`, `creeps`). `weather.rain` and the like;
     `expect.NAME`, the number that a named expectation compares with. In a scenario that extends another also
     `param.NAME`, a parameter's default, and `end.after`.
     """

@@ -126,8 +126,8 @@ class Insertion:
             return
         placed = before[actor.id]
         self._world.add_vehicle(placed)
-        if placed.timing < 1.0:
-            self._world.set_acceleration(actor.id, placed.model.acceleration_mps2 * placed.timing**2)
+        if placed.accelerates_mps2 < placed.model.acceleration_mps2:
+            self._world.set_acceleration(actor.id, placed.accelerates_mps2)
 
     def _hold(self, actors: Iterable[SimulatedActor], before: Mapping[str, PlacedActor]) -> None:
         for actor in actors:
@@ -149,7 +149,7 @@ class Insertion:
 
 def _accelerates_freely(actor: SimulatedActor) -> bool:
     """Return whether a vehicle accelerates as if nothing were in its way."""
-    return actor.acceleration >= GAINS_SHARE * actor.placed.model.acceleration_mps2 * min(actor.placed.timing, 1.0) ** 2
+    return actor.acceleration >= GAINS_SHARE * actor.placed.accelerates_mps2
 
 
 def _drives_freely(actor: SimulatedActor, at_speed: bool) -> bool:

@@ -230,6 +230,7 @@ class _Board:
         for what, items in (("rules that actors ignore", actor.ignores), ("meetings", actor.meets)):
             self.left_out[what] += len(items)
         self.left_out["`passes in lane`"] += actor.passes
+        self.left_out["`style`"] += bool(actor.style)
         self.left_out["steering perturbations"] += actor.steering is not None
         self.left_out["`brakes`, and `line` for a time"] += actor.brakes is not None or actor.strays is not None
         self.left_out["`line` and `timing`"] += abs(actor.line_m) > 0 or actor.timing != 1.0
