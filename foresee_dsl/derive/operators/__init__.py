@@ -1,4 +1,4 @@
-"""The mutation operators: model swap and steering (paper, section 3.4); ours: timing, delay, head start, line, style."""
+"""The mutation operators: model swap and steering (paper, 3.4); ours: timing, delay, head start, line and style."""
 
 from __future__ import annotations
 
