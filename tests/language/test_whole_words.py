@@ -39,6 +39,7 @@ scenario e {
   slippery oil at (1 m, 2 m) radius 3 m friction 0.2
   require not 3 > 4
   when a.speed < 3 m/s for 2 s since 1 s { a stops; a leads b gap 2 s }
+  vehicle b: car.sedan { route [a]; style creeps }
   expected "b" fails
   expect never ego runs red
   expect always ego yields to b at crossing

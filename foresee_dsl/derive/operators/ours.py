@@ -233,7 +233,8 @@ def retimed(
 
 def _along(track: FloatArray) -> FloatArray:
     """Return the length along a track ([T, 5]) at each frame, m."""
-    return np.r_[0.0, np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))]
+    along: FloatArray = np.r_[0.0, np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))]
+    return along
 
 
 def _at(track: FloatArray, along: FloatArray, wanted: FloatArray) -> FloatArray:
