@@ -40,6 +40,8 @@ scenario e {
   require not 3 > 4
   when a.speed < 3 m/s for 2 s since 1 s { a stops; a leads b gap 2 s }
   vehicle b: car.sedan { route [a]; style creeps }
+  vehicle c: car.sedan { route [a]; style takes_gap }
+  vehicle d: car.sedan { route [a]; style brakes_late }
   expected "b" fails
   expect never ego runs red
   expect always ego yields to b at crossing

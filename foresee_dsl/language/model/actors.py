@@ -265,7 +265,12 @@ class Style(Item):
     """
 
     pattern = "style {manner}"
-    words = "style (statement): how an actor drives that obeys all rules | style takes_gap"
+    words = """
+        style (statement): how an actor drives that obeys all rules | style takes_gap
+        takes_gap (constant): a style: it enters smaller gaps | style takes_gap
+        brakes_late (constant): a style: it plans its stops with harder braking | style brakes_late
+        creeps (constant): a style: it accelerates slowly | style creeps
+    """
 
     manner: Literal["takes_gap", "brakes_late", "creeps"]
 
