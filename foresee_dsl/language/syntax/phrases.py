@@ -149,6 +149,12 @@ PHRASES = (
     ),
     _phrase(
         _ACTION,
+        r"^[a-z]\w*\s+(?P<place>ignores\s+(?:the\s+)?(?:right\s+of\s+way|rules?|yield\w*))",
+        "an actor ignores `priority` or `signals`",
+        meant_code("ignores priority"),
+    ),
+    _phrase(
+        _ACTION,
         rf"^(?P<a>[a-z]\w*)\s+(?P<place>waits)(?:\s+(?:for\s+)?{_VALUE})?{_END}",
         "`waits` is not an action",
         meant_code("stops"),
@@ -174,9 +180,21 @@ PHRASES = (
     ),
     _phrase(
         _ACTOR,
+        r"^(?P<place>(?P<what>start\s+(?:at|speed)|route|path|speed|goal|delay)\s*:)",
+        r"`\g<what>` takes no `:`",
+        meant_code(r"\g<what>"),
+    ),
+    _phrase(
+        _ACTOR,
         r"^(?P<place>(?:position|pos|location|spawn(?:\s+at)?|starts\s+at)\s*[:=]?)\s*\S",
         r"the place at the beginning is written with two words",
         meant_code("start at"),
+    ),
+    _phrase(
+        _ACTOR,
+        r"^start\s+at\b.*?\b(?P<place>(?:(?:on|in)\s+)?(?:the\s+)?(?:(?:left|right|middle)\s+)?lane(?:\s+\w+)?)\s*$",
+        "a place names no lane, but its distance to the left of the road or route",
+        "write " + write("offset 3.3 m") + " for a lane farther left",
     ),
     _phrase(
         _ACTOR,
@@ -263,6 +281,13 @@ PHRASES = (
         r"\bin\s+(?P<place>\[(?P<r>[^\[\],]+\.\.[^\[\],]+)\])",
         "write a range without brackets",
         meant_code(r"\g<r>"),
+    ),
+    _phrase(
+        TOP,
+        r"^param\b.*?(?P<place>\b(?:between|from)\s+(?P<a>-?[0-9][^{}]*?)\s+(?:and|to)"
+        r"\s+(?P<b>-?[0-9][^{}\s]*(?:\s+[a-z/^0-9]+)?))\s*$",
+        "a range is written with `in` and two dots",
+        meant_code(r"in \g<a>..\g<b>"),
     ),
     _phrase(
         TOP,
